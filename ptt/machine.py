@@ -1,0 +1,297 @@
+"""machine.toml <-> typed objects: one schema for a bare machine and for a fitted model."""
+
+import difflib
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pydantic
+import tomlkit
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, NonNegativeFloat, PositiveFloat
+
+from ptt.errors import MachineError
+from ptt.files import read_text, write_text
+
+Triple = tuple[float, float, float]
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class ThreePttSpec(_Frozen):
+    """The drawing of a 3-PTT machine; units are in the key names."""
+
+    kind: Literal["three-ptt"]
+    name: str = "machine"
+    base_radius_mm: PositiveFloat
+    platform_radius_mm: PositiveFloat
+    link_length_mm: PositiveFloat
+    slider_azimuth_deg: Triple = (0.0, 120.0, 240.0)
+    slider_travel_mm: tuple[float, float]
+    screw_lead_mm: PositiveFloat | None = None
+    sliders: Literal["above", "below"] = "above"
+    joint_height_mm: float = 0.0
+    slider_lean_deg: Triple = (0.0, 0.0, 0.0)
+    moves: Literal["sliders", "straight"] = "sliders"
+    reference_temp_c: float = 20.0
+    reflector_mm: Triple = (0.0, 0.0, 0.0)
+    platform_mass_kg: NonNegativeFloat = 0.0
+
+    @pydantic.model_validator(mode="after")
+    def _check_geometry(self) -> "ThreePttSpec":
+        if self.slider_travel_mm[0] >= self.slider_travel_mm[1]:
+            raise ValueError("slider_travel_mm: the lower end must come first and be smaller than the upper end")
+        if abs(self.base_radius_mm - self.platform_radius_mm) >= self.link_length_mm:
+            raise ValueError("link_length_mm: the links are too short to reach from the sliders to the platform")
+        return self
+
+
+class JointSpec(_Frozen):
+    """One revolute joint of a serial arm, Denavit-Hartenberg."""
+
+    a_mm: float = 0.0
+    alpha_deg: float = 0.0
+    d_mm: float = 0.0
+    theta_offset_deg: float = 0.0
+    limits_deg: tuple[float, float] | None = None
+    mass_kg: NonNegativeFloat | None = None
+    com_mm: Triple | None = None
+
+
+class SerialSpec(_Frozen):
+    """The drawing of a serial arm of revolute joints."""
+
+    kind: Literal["serial"]
+    name: str = "arm"
+    convention: Literal["standard", "modified"]
+    tool_mm: Triple = (0.0, 0.0, 0.0)
+    joint: tuple[JointSpec, ...] = Field(min_length=1)
+    moves: Literal["sliders", "straight"] = "sliders"
+    reference_temp_c: float = 20.0
+    gear_period_rad: PositiveFloat | None = None
+
+
+MachineSpec = Annotated[ThreePttSpec | SerialSpec, Discriminator("kind")]
+
+
+class ControllerSpec(_Frozen):
+    """What the controller corrects by itself already; the program never adds it twice."""
+
+    compensates: tuple[str, ...] = ()
+
+
+class BasePoint(_Frozen):
+    """A reflector fixed to the base whose place in the base frame is known."""
+
+    name: str
+    xyz_mm: Triple
+    sigma_mm: PositiveFloat = 0.005
+
+
+class TrackerSpec(_Frozen):
+    """How readings relate to the base frame, and how well one coordinate is read."""
+
+    frame: Literal["fitted", "trusted", "fitted-per-run", "measured"] = "fitted"
+    sigma_mm: PositiveFloat | None = None
+    tool: Literal["fitted", "fitted-per-run", "trusted"] = "trusted"
+    base_point: tuple[BasePoint, ...] = ()
+
+    @pydantic.model_validator(mode="after")
+    def _check_base(self) -> "TrackerSpec":
+        if self.frame == "measured" and len(self.base_point) < 3:
+            raise ValueError('frame = "measured" needs at least three [[tracker.base_point]] entries')
+        return self
+
+
+class ParameterEntry(_Frozen):
+    """A fitted parameter: value and standard deviation, a number or one per leg, joint or knot."""
+
+    value: float | tuple[float, ...]
+    std: float | tuple[float | None, ...] | None = None
+    measured: bool | tuple[bool, ...] | None = None
+    fixed: bool = False
+
+
+class EffectEntry(_Frozen):
+    """One effect of a fitted model."""
+
+    name: str
+    label: str = ""
+    parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
+
+
+class _Document(_Frozen):
+    machine: MachineSpec
+    controller: ControllerSpec = ControllerSpec()
+    tracker: TrackerSpec = TrackerSpec()
+    effect: tuple[EffectEntry, ...] = ()
+    history: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class MachineFile:
+    """A machine.toml in memory.
+
+    Attributes:
+        machine: the drawing.
+        controller: what the controller compensates by itself.
+        tracker: how readings relate to the base frame.
+        effect: fitted effects, none for a bare machine.
+        history: one entry per step that led here, oldest first.
+        text: the text it was read from, so that a person's comments survive a rewrite.
+        source: the file's name for messages.
+    """
+
+    machine: ThreePttSpec | SerialSpec
+    controller: ControllerSpec = ControllerSpec()
+    tracker: TrackerSpec = TrackerSpec()
+    effect: tuple[EffectEntry, ...] = ()
+    history: tuple[dict[str, Any], ...] = ()
+    text: str = field(default="", repr=False, compare=False)
+    source: str = field(default="machine.toml", compare=False)
+
+
+def load_machine(path: str | Path) -> MachineFile:
+    """Read a machine.toml.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The machine with its fitted effects and history.
+
+    Raises:
+        MachineError: the file is missing, not TOML, or not a machine.
+    """
+    return parse_machine(read_text(path, MachineError), str(path))
+
+
+def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
+    """Parse the text of a machine.toml.
+
+    Args:
+        text: TOML.
+        where: name of the file for messages.
+
+    Returns:
+        The machine with its fitted effects and history.
+
+    Raises:
+        MachineError: not TOML, a key that is unknown or missing, a value out of bounds.
+    """
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise MachineError(f"not valid TOML: {error}", where=where) from error
+    try:
+        document = _Document.model_validate(raw)
+    except pydantic.ValidationError as error:
+        raise _explain(error, where) from None
+    return MachineFile(
+        document.machine, document.controller, document.tracker, document.effect, document.history, text, where
+    )
+
+
+def format_machine(file: MachineFile) -> str:
+    """Write a machine as TOML, a person's comments in the head kept.
+
+    Args:
+        file: the machine.
+
+    Returns:
+        TOML text that `parse_machine` reads back to an equal value.
+    """
+    document = tomlkit.parse(file.text) if file.text else _bare(file)
+    for key in ("effect", "history"):
+        document.pop(key, None)
+    if file.effect:
+        document["effect"] = _effects(file.effect)
+    if file.history:
+        document["history"] = _tables(file.history)
+    return tomlkit.dumps(document)
+
+
+def save_machine(file: MachineFile, path: str | Path) -> None:
+    """Write a machine.toml whole or not at all.
+
+    Args:
+        file: the machine.
+        path: where to.
+    """
+    write_text(path, format_machine(file))
+
+
+def _bare(file: MachineFile) -> tomlkit.TOMLDocument:
+    document = tomlkit.document()
+    for key in ("machine", "controller", "tracker"):
+        spec: BaseModel = getattr(file, key)
+        values = spec.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+        if key == "machine":
+            values = {"kind": file.machine.kind, **values}
+        if values:
+            document[key] = values
+    return document
+
+
+def _effects(entries: tuple[EffectEntry, ...]) -> Any:
+    tables = tomlkit.aot()
+    for entry in entries:
+        table = tomlkit.table()
+        table["name"] = entry.name
+        if entry.label:
+            table["label"] = entry.label
+        parameters = tomlkit.table()
+        for name, parameter in entry.parameters.items():
+            inline = tomlkit.inline_table()
+            inline.update(_inline(parameter))
+            parameters[name] = inline
+        table["parameters"] = parameters
+        tables.append(table)
+    return tables
+
+
+def _inline(parameter: ParameterEntry) -> dict[str, Any]:
+    values = parameter.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    std = values.get("std")
+    if isinstance(std, list) and any(item is None for item in std):
+        # TOML knows no null: a deviation that was never found is written as nan by nobody, so the list is left out.
+        values.pop("std")
+    return {"value": values.pop("value"), **values}
+
+
+def _tables(rows: tuple[dict[str, Any], ...]) -> Any:
+    tables = tomlkit.aot()
+    for row in rows:
+        table = tomlkit.table()
+        table.update(row)
+        tables.append(table)
+    return tables
+
+
+def _explain(error: pydantic.ValidationError, where: str) -> MachineError:
+    """Turn the first of pydantic's findings into one line."""
+    first = error.errors()[0]
+    path = [str(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
+    place = f"{where} key {'.'.join(path)}" if path else where
+    if first["type"] == "extra_forbidden":
+        guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
+        fix = f"did you mean '{guess[0]}'?" if guess else "remove it"
+        return MachineError(f"unknown key '{path[-1]}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})")
+    if first["type"] == "missing":
+        return MachineError("missing", where=place, fix="add it; README lists the keys of a machine file")
+    if first["type"].startswith("union_tag"):
+        return MachineError(
+            f"kind {first['input'].get('kind') if isinstance(first['input'], dict) else first['input']!r} is not known",
+            where=place,
+            fix='use kind = "three-ptt" or kind = "serial"',
+        )
+    message = first["msg"].removeprefix("Value error, ")
+    shown = "" if isinstance(first["input"], dict) else f" (found {first['input']!r})"
+    return MachineError(f"{message[0].lower()}{message[1:]}{shown}", where=place)
+
+
+def _known_keys() -> list[str]:
+    models = (_Document, ThreePttSpec, SerialSpec, JointSpec, ControllerSpec, TrackerSpec, BasePoint, EffectEntry)
+    return [name for model in models for name in model.model_fields] + list(ParameterEntry.model_fields)
