@@ -1,0 +1,26 @@
+"""Mechanisms: forward and inverse kinematics behind one protocol."""
+
+from ptt.machine import SerialSpec, ThreePttSpec
+from ptt.mechanisms.protocol import Mechanism, reachable, require_assembled, require_reachable
+from ptt.mechanisms.three_ptt import ThreePtt
+
+__all__ = ["Mechanism", "ThreePtt", "build_mechanism", "reachable", "require_assembled", "require_reachable"]
+
+
+def build_mechanism(spec: ThreePttSpec | SerialSpec) -> Mechanism:
+    """Build the mechanism that a machine file's [machine] section describes.
+
+    Args:
+        spec: the section, by `ptt.machine.load_machine`.
+
+    Returns:
+        The mechanism.
+
+    Raises:
+        MachineError: its dimensions cannot be built.
+    """
+    if isinstance(spec, ThreePttSpec):
+        return ThreePtt.from_spec(spec)
+    from ptt.mechanisms.serial import Serial
+
+    return Serial.from_spec(spec)

@@ -1,0 +1,48 @@
+"""Forward kinematics with its exact derivatives by joint values and geometry slots."""
+
+import torch
+from torch import Tensor
+
+from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.three_ptt import LEG_SLOTS, LEGS, ThreePtt
+
+
+def sensitivity(mechanism: Mechanism, q: Tensor, geometry: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Tool position and its derivatives.
+
+    Args:
+        mechanism: the machine.
+        q: (n, k) mm or rad, joint values.
+        geometry: (n, G) or (1, G), shift of each geometry slot.
+
+    Returns:
+        p (n, 3) mm, dp/dq (n, 3, k), dp/dgeometry (n, 3, G).
+    """
+    if isinstance(mechanism, ThreePtt):
+        return _three_ptt(mechanism, q, geometry)
+    whole = geometry.expand(len(q), -1)
+    inputs = torch.cat([q, whole], dim=1)
+    k = q.shape[1]
+    directions = torch.eye(inputs.shape[1], dtype=q.dtype)[:, None, :].expand(-1, len(q), -1)
+
+    def forward(x: Tensor) -> Tensor:
+        return mechanism.forward(x[:, :k], x[:, k:])
+
+    columns = torch.func.vmap(lambda t: torch.func.jvp(forward, (inputs,), (t,))[1])(directions).permute(1, 2, 0)
+    return forward(inputs), columns[..., :k], columns[..., k:]
+
+
+def _three_ptt(mechanism: ThreePtt, q: Tensor, geometry: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Closed form: s_i . (dp - dc_i) = L_i dL_i and s_i . rail_i dq_i = s_i . dc_i for a slide along the rail."""
+    p = mechanism.forward(q, geometry)
+    by_joint = mechanism.jacobian(q, geometry)
+    shift = geometry.expand(len(q), -1)
+    legs = shift[:, : LEGS * len(LEG_SLOTS)].unflatten(1, (LEGS, len(LEG_SLOTS)))
+    centre = mechanism.foot + q[..., None] * mechanism.rail + legs[..., :3]
+    link = (p - shift[:, LEGS * len(LEG_SLOTS) :])[:, None, :] - centre  # shape: (n, leg, xyz)
+    along = (link * mechanism.rail).sum(dim=-1, keepdim=True)
+    length = (mechanism.link + legs[..., 3])[..., None]
+    equivalent = torch.cat([link, length], dim=-1) / along  # slider travel per unit of each slot, (n, leg, 4)
+    by_leg = torch.einsum("ncl,lns->ncls", by_joint, equivalent.transpose(0, 1))
+    tool = torch.eye(3, dtype=q.dtype).expand(len(q), 3, 3)
+    return p, by_joint, torch.cat([by_leg.flatten(2), tool], dim=-1)
