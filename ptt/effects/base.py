@@ -1,0 +1,225 @@
+"""What an effect is: a stage, parameters, and an additive shift that is linear in its amplitudes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import torch
+from torch import Tensor
+
+from ptt.view import View
+
+Stage = Literal["drive", "geometry", "structure", "metrology"]
+STAGES: tuple[Stage, ...] = ("drive", "geometry", "structure", "metrology")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Attributes:
+        stem: name without its unit.
+        unit: unit on a 3-PTT; for an axis quantity `mm` becomes `rad` on a serial arm.
+        usual: size it usually has; scales the fit and holds what the data cannot see, bounds nothing.
+        meaning: one line.
+        per_joint: one value (or `count` values) for each joint or leg.
+        count: values, for each joint where `per_joint`.
+        lower: physical lower bound.
+        upper: physical upper bound.
+        role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, not fitted).
+        axis: measured along the axis, so its unit follows the joint's.
+        usual_rad: usual size on a serial arm, where it differs.
+    """
+
+    stem: str
+    unit: str
+    usual: float
+    meaning: str
+    per_joint: bool = False
+    count: int = 1
+    lower: float = -float("inf")
+    upper: float = float("inf")
+    role: Literal["linear", "searched", "given"] = "linear"
+    axis: bool = False
+    usual_rad: float | None = None
+
+    def size(self, joints: int) -> int:
+        """Number of values on a mechanism with k joints."""
+        return self.count * joints if self.per_joint else self.count
+
+    def on(self, kind: str) -> "Parameter":
+        """The parameter as it is on a mechanism family.
+
+        Args:
+            kind: 'three-ptt' or 'serial'.
+
+        Returns:
+            The same parameter with the unit and usual size of that family.
+        """
+        if kind == "three-ptt" or not self.axis:
+            return self
+        unit = self.unit.replace("mm", "rad").replace("N", "Nmm") if "N" in self.unit else self.unit.replace("mm", "rad")
+        values = {**self.__dict__, "unit": unit, "axis": False}
+        return Parameter(**(values | {"usual": self.usual if self.usual_rad is None else self.usual_rad}))
+
+    @property
+    def name(self) -> str:
+        """Key in files and JSON: stem and unit, as in `gap_mm` or `growth_per_k`."""
+        suffix = self.unit.lower().replace(" ", "").replace("/", "_per_").removeprefix("1_")
+        return self.stem if suffix in ("", "1") else f"{self.stem}_{suffix}"
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Base of all effects. A library effect or a user's own overrides `basis`, or `shift` where it is not linear.
+
+    Class attributes:
+        name: as in machine.toml.
+        stage: where in the causal chain the shift is added.
+        mechanisms: families it fits.
+        parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
+        requires: contexts of `View.varies` without which the data cannot test it.
+        follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
+
+    Attributes:
+        label: tells two of a kind apart, as in two knocks.
+    """
+
+    name: ClassVar[str] = ""
+    stage: ClassVar[Stage] = "structure"
+    mechanisms: ClassVar[tuple[str, ...]] = ("three-ptt", "serial")
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    requires: ClassVar[tuple[str, ...]] = ()
+    follows_clock: ClassVar[bool] = False
+
+    label: str = ""
+
+    @property
+    def key(self) -> str:
+        """Name, with the label in brackets where there is one."""
+        return f"{self.name}[{self.label}]" if self.label else self.name
+
+    def needs(self, view: View) -> str | None:
+        """What the data lack for this effect to be tested.
+
+        Args:
+            view: n rows.
+
+        Returns:
+            One line for the user, or None where the data can test it.
+        """
+        wanting = [_WANTED[context] for context in self.requires if context not in view.varies]
+        return "; ".join(wanting) or None
+
+    def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
+        """Values of the searched and given parameters that are worth trying.
+
+        Args:
+            view: n rows.
+
+        Returns:
+            One mapping from parameter stem to its values per trial; a single empty one where nothing is searched.
+        """
+        return ({},)
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Shift per unit of each linear parameter.
+
+        Args:
+            view: n rows at the stage's input.
+            shape: values of the searched and given parameters by stem.
+
+        Returns:
+            (n, out, P): out = k (drive), the mechanism's slots (geometry) or 3 (structure, metrology).
+        """
+        raise NotImplementedError
+
+    def shift(self, theta: Tensor, view: View) -> Tensor:
+        """Additive shift at the stage's output.
+
+        Args:
+            theta: all parameters, flat, in declared order.
+            view: n rows at the stage's input.
+
+        Returns:
+            (n, out) in the stage's unit; zero where theta's linear part is zero.
+        """
+        linear = linear_size(self, view.joints)
+        return self.basis(view, shape_of(self, theta, view.joints)) @ theta[:linear]
+
+
+_WANTED = {
+    "payload": "column payload_kg with at least two loads",
+    "temperature": "column temp_c with a change of temperature",
+    "time": "column time_s over more than an instant",
+    "speed": "readings at two or more speeds (feed_mm_s, or time_s while moving)",
+    "direction": "poses reached from both directions",
+}
+
+
+def sizes(effect: Effect, joints: int) -> tuple[int, ...]:
+    """Number of values of each parameter of an effect on k joints."""
+    return tuple(parameter.size(joints) for parameter in effect.parameters)
+
+
+def linear_size(effect: Effect, joints: int) -> int:
+    """Number of linear values of an effect on k joints."""
+    return sum(parameter.size(joints) for parameter in effect.parameters if parameter.role == "linear")
+
+
+def total_size(effect: Effect, joints: int) -> int:
+    """Number of all values of an effect on k joints."""
+    return sum(sizes(effect, joints))
+
+
+def shape_of(effect: Effect, theta: Tensor, joints: int) -> dict[str, Tensor]:
+    """Cut the searched and given parameters out of the flat vector.
+
+    Args:
+        effect: the effect.
+        theta: all its parameters, flat.
+        joints: k.
+
+    Returns:
+        Stem -> values, (size,).
+    """
+    parts = torch.split(theta, sizes(effect, joints))
+    return {p.stem: part for p, part in zip(effect.parameters, parts, strict=True) if p.role != "linear"}
+
+
+def flatten(effect: Effect, shape: Mapping[str, Tensor], joints: int) -> Tensor:
+    """Zero amplitudes with the given shape: the point at which an effect is screened.
+
+    Args:
+        effect: the effect.
+        shape: stem -> values of the searched and given parameters.
+        joints: k.
+
+    Returns:
+        Flat theta.
+    """
+    parts = [
+        torch.zeros(parameter.size(joints), dtype=torch.float64)
+        if parameter.role == "linear"
+        else torch.as_tensor(shape[parameter.stem], dtype=torch.float64).reshape(-1).expand(parameter.size(joints))
+        for parameter in effect.parameters
+    ]
+    return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+
+
+def per_joint(*columns: Tensor) -> Tensor:
+    """Basis of parameters that each act on their own joint.
+
+    Args:
+        columns: one (n, k) or (n, k, c) tensor per parameter, the shift of joint i per unit of its own value.
+
+    Returns:
+        (n, k, P), the parameters side by side.
+    """
+    blocks = []
+    for column in columns:
+        values = column.unsqueeze(-1) if column.dim() == 2 else column  # shape: (n, k, c)
+        k, c = values.shape[1:]
+        eye = torch.eye(k, dtype=values.dtype)
+        blocks.append(torch.einsum("nkc,kj->nkjc", values, eye).reshape(-1, k, k * c))
+    return torch.cat(blocks, dim=-1)

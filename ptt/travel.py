@@ -1,0 +1,146 @@
+"""Travel: from which side each joint arrives, where it turned on the way, and how fast it was."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.mechanisms.protocol import Mechanism
+
+if TYPE_CHECKING:
+    from ptt.table import Table
+
+STANDSTILL = 1e-6  # mm or rad: less than this is no move
+OVERTRAVEL = 1.0  # mm or rad: how far past a pose an arrival that the table states, but the rows do not show, began
+TRANSIT_STEPS = 12  # points along a straight tool move at which the joints are looked at
+
+
+@dataclass(frozen=True)
+class Travel:
+    """How the joints got to each row.
+
+    Attributes:
+        direction: (n, k), +1 or -1; standstill keeps the last one, a run's first row arrives as the second moves.
+        turning: (n, k) joint value at the last turn on the way from the row before; the row's own value if none.
+        velocity: (n, k) mm/s or rad/s at the row, zero where nothing tells.
+        starts: (n,) bool, the first row of each run.
+    """
+
+    direction: Tensor
+    turning: Tensor
+    velocity: Tensor
+    starts: Tensor
+
+    @property
+    def joints(self) -> int:
+        """Number of joints k."""
+        return self.direction.shape[1]
+
+
+def read_travel(mechanism: Mechanism, q: Tensor, p: Tensor, table: "Table", *, straight: bool) -> Travel:
+    """Read the travel from the order of the rows.
+
+    Base reflectors are fixed to the base, so the machine stands still while they are read.
+
+    Args:
+        mechanism: the nominal mechanism.
+        q: joint commands, (n, k).
+        p: nominal tool positions, (n, 3) mm.
+        table: n rows in travel order.
+        straight: the tool runs straight between rows, so a joint may turn on the way.
+
+    Returns:
+        The travel.
+    """
+    starts = run_starts(table.run)
+    turning = _turnings(mechanism, q, p, starts) if straight else q.numpy().copy()
+    stated = table.direction
+    if stated is not None:
+        known = np.isfinite(stated) & (stated != 0)
+        moved = np.diff(q.numpy(), axis=0, prepend=q.numpy()[:1])
+        against = known & (np.sign(np.where(starts[:, None], 0.0, moved)) != stated)
+        turning = np.where(against, q.numpy() - np.nan_to_num(stated) * OVERTRAVEL, turning)
+    direction = arrival_direction(q.numpy(), turning, starts)
+    if stated is not None:
+        direction = np.where(known, stated, direction)
+    return Travel(
+        torch.as_tensor(direction),
+        torch.as_tensor(turning),
+        torch.as_tensor(_velocity(q.numpy(), p.numpy(), starts, table)),
+        torch.as_tensor(starts),
+    )
+
+
+def run_starts(run: np.ndarray) -> np.ndarray:
+    """Mark the first row of each run.
+
+    Args:
+        run: (n,) run codes in travel order.
+
+    Returns:
+        (n,) bool.
+    """
+    return np.concatenate([[True], run[1:] != run[:-1]]) if len(run) else np.zeros(0, dtype=bool)
+
+
+def arrival_direction(q: np.ndarray, turning: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Direction in which each joint arrives at each row.
+
+    Args:
+        q: joint values, (n, k).
+        turning: value at the last turn on the way, (n, k); equal to q where there is none.
+        starts: (n,) bool, first rows of runs.
+
+    Returns:
+        (n, k), +1 or -1. Standstill keeps the last direction; a run's first row arrives as the next one moves;
+        a joint that never moves counts as +1.
+    """
+    rows = np.arange(len(q))[:, None]
+    step = np.diff(q, axis=0, prepend=q[:1])
+    step = np.where(np.abs(q - turning) > STANDSTILL, q - turning, step)
+    sign = np.where(np.abs(step) > STANDSTILL, np.sign(step), 0.0)
+    sign[starts & (np.abs(q - turning) <= STANDSTILL).all(axis=1)] = 0.0
+    first = np.maximum.accumulate(np.where(starts, np.arange(len(q)), 0))[:, None]
+    last_move = np.maximum.accumulate(np.where(sign != 0, rows, -1), axis=0)
+    next_move = np.minimum.accumulate(np.where(sign != 0, rows, len(q))[::-1], axis=0)[::-1]
+    kept = np.take_along_axis(sign, np.maximum(last_move, 0), axis=0)
+    coming = np.take_along_axis(sign, np.minimum(next_move, len(q) - 1), axis=0)
+    direction = np.where(last_move >= first, kept, coming)
+    return np.where(direction == 0, 1.0, direction)
+
+
+def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) -> np.ndarray:
+    """Where each joint turned last while the tool ran straight from the row before."""
+    part = torch.linspace(0.0, 1.0, TRANSIT_STEPS + 1, dtype=torch.float64)[1:-1]
+    before = torch.cat([p[:1], p[:-1]])
+    way = before[:, None, :] + part[None, :, None] * (p - before)[:, None, :]  # shape: (n, s, 3)
+    inner = mechanism.inverse(way.reshape(-1, 3)).reshape(len(p), len(part), -1)
+    joints = torch.cat([torch.cat([q[:1], q[:-1]])[:, None], inner, q[:, None]], dim=1).numpy()  # shape: (n, s + 2, k)
+    step = np.diff(joints, axis=1)
+    final = np.sign(step[:, -1])[:, None]
+    against = (np.sign(step) != final) & (np.abs(step) > STANDSTILL)  # moves other than the arrival's
+    last = step.shape[1] - 1 - np.argmax(against[:, ::-1], axis=1)  # shape: (n, k)
+    turned = against.any(axis=1) & ~starts[:, None]
+    value = np.take_along_axis(joints, last[:, None] + 1, axis=1)[:, 0]
+    return np.where(turned & np.isfinite(value), value, q.numpy())
+
+
+def _velocity(q: np.ndarray, p: np.ndarray, starts: np.ndarray, table: "Table") -> np.ndarray:
+    """Mean of the velocities of arrival and departure; along a smooth path this is the central difference."""
+    moved = np.diff(q, axis=0)
+    if table.feed_mm_s is not None and np.nanmax(table.feed_mm_s) > 0:
+        length = np.linalg.norm(np.diff(p, axis=0), axis=1)
+        feed = np.asarray(table.feed_mm_s, dtype=float)
+        rate = np.divide(moved * feed[1:, None], length[:, None], out=np.zeros_like(moved), where=length[:, None] > 1e-9)
+    elif table.time_s is not None:
+        lasts = np.diff(np.asarray(table.time_s, dtype=float))
+        rate = np.divide(moved, lasts[:, None], out=np.zeros_like(moved), where=lasts[:, None] > 1e-9)
+    else:
+        return np.zeros_like(q)
+    rate[starts[1:]] = 0.0
+    arrival = np.concatenate([np.full((1, q.shape[1]), np.nan), np.where(starts[1:, None], np.nan, rate)])
+    departure = np.concatenate([np.where(starts[1:, None], np.nan, rate), np.full((1, q.shape[1]), np.nan)])
+    count = np.isfinite(arrival).astype(float) + np.isfinite(departure)
+    return (np.nan_to_num(arrival) + np.nan_to_num(departure)) / np.maximum(count, 1.0)
