@@ -1,0 +1,70 @@
+"""Held-out rows: whole blocks of travel, all repeats of a pose together, never random rows."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ptt.table import Table
+
+BLOCKS = 10
+SAME_POSE = 1e-3  # mm: targets closer than this are one pose
+
+
+def pose_groups(table: "Table") -> np.ndarray:
+    """Number the poses of a table.
+
+    Args:
+        table: n rows.
+
+    Returns:
+        (n,) int: equal for rows with the same target (the same commands where there is no target), numbered in
+        order of first appearance; -1 for base reflectors.
+    """
+    place = np.where(np.isfinite(table.target), table.target, 0.0)
+    if table.command is not None and not np.isfinite(table.target).any():
+        place = np.asarray(table.command)
+    keys = np.round(place / SAME_POSE).astype(np.int64)
+    groups = _number(keys)
+    groups[table.role == "base"] = -1
+    return _renumber(groups)
+
+
+def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
+    """Cut a table into blocks of travel that hold all repeats of each of their poses.
+
+    Args:
+        table: n rows in travel order.
+        count: how many blocks, at most.
+
+    Returns:
+        (n,) int from 0; -1 for base reflectors, which are never held out.
+    """
+    group = pose_groups(table)
+    used = group >= 0
+    if not used.any():
+        return group
+    size = np.bincount(group[used])
+    before = np.cumsum(size) - size
+    count = max(1, min(count, len(size)))
+    block_of_group = np.minimum((before + size / 2.0) * count // size.sum(), count - 1).astype(int)
+    return np.where(used, block_of_group[np.maximum(group, 0)], -1)
+
+
+def _number(keys: np.ndarray) -> np.ndarray:
+    """Equal rows get equal numbers."""
+    packed = np.ascontiguousarray(keys).view([("", keys.dtype)] * keys.shape[1]).ravel()
+    return np.unique(packed, return_inverse=True)[1].reshape(-1)
+
+
+def _renumber(groups: np.ndarray) -> np.ndarray:
+    """Number groups in order of first appearance, leaving -1 alone."""
+    used = groups >= 0
+    if not used.any():
+        return groups
+    values, first, inverse = np.unique(groups[used], return_index=True, return_inverse=True)
+    rank = np.empty(len(values), dtype=int)
+    rank[np.argsort(first)] = np.arange(len(values))
+    result = groups.copy()
+    result[used] = rank[inverse]
+    return result
