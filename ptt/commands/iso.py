@@ -1,0 +1,125 @@
+"""`ptt iso`: ISO 230-2 figures of axis runs, ISO 9283 figures of a tracker run."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from ptt.iso import IsoPoses
+    from ptt.mechanisms.protocol import Mechanism
+    from ptt.table import Table
+
+
+def iso(
+    run: Annotated[Path, typer.Argument(help="Tracker run, or axis runs with direction, target_mm, measured_mm.")],
+    model: Annotated[Path | None, typer.Option(help="Machine file or compensator folder.")] = None,
+    also: Annotated[list[Path] | None, typer.Option(help="Another run; repeatable.")] = None,
+    targets: Annotated[Path | None, typer.Option(help="Targets of an export that holds readings only.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="One value for all rows: payload_kg=2.")] = None,
+    map_: Annotated[Path | None, typer.Option("--map", help="Saved answers on columns and units.")] = None,
+    any_direction: Annotated[bool, typer.Option(help="Do not tell the approaches of a pose apart.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Work out ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
+    from ptt.iso import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
+
+    result: IsoAxes | IsoPoses
+    if is_axis_file(run):
+        result = read_axis_figures(run)
+    else:
+        reading = {"also": also or (), "targets": targets, "set_values": _values(set_ or []), "mapping": map_}
+        table, per_run = _run_table(run, model, reading)
+        result = iso_of_poses(table, per_run, not any_direction)
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(result.to_dict(), allow_nan=False))
+    else:
+        typer.echo(_text(result.to_dict()))
+
+
+def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple[Table, bool]":
+    """The run, with targets from its commands where it has none, and whether every run has its own tracker set-up."""
+    from ptt.table import read_table
+
+    if model is None:
+        return read_table(run, **reading), False
+    from ptt.machine import load_machine
+    from ptt.mechanisms import build_mechanism
+
+    file = load_machine(model / "model.toml" if model.is_dir() else model)
+    mechanism = build_mechanism(file.machine)
+    prefix = "q" if file.machine.kind == "serial" else "b"
+    table = read_table(run, joints=mechanism.joints, joint_prefix=prefix, **reading)
+    return _with_targets(table, mechanism), file.tracker.frame == "fitted-per-run"
+
+
+def _with_targets(table: "Table", mechanism: "Mechanism") -> "Table":
+    """Fill missing targets from the joint commands."""
+    import numpy as np
+    import torch
+
+    if table.command is None:
+        return table
+    reached = mechanism.forward(torch.as_tensor(table.command)).numpy()
+    return table.replace(target=np.where(np.isnan(table.target), reached, table.target))
+
+
+def _values(pairs: list[str]) -> dict[str, float]:
+    """`payload_kg=2` as a dictionary."""
+    from ptt.errors import InputError
+
+    values = {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            raise InputError(f"cannot read {pair!r}", where="--set", fix="write it as payload_kg=2") from None
+    return values
+
+
+def _text(figures: dict[str, Any]) -> str:
+    """The figures as a person reads them, um."""
+    return "\n".join(_axes_lines(figures) if "axes" in figures else _pose_lines(figures))
+
+
+def _axes_lines(figures: dict[str, Any]) -> list[str]:
+    lines = []
+    for axis in figures["axes"]:
+        lines.append(
+            f"{axis['axis']}: {axis['standard']}, {len(axis['targets'])} targets, {axis['runs']} runs each way"
+        )
+        lines.append(f"  {'um':<30}{'up':>9}{'down':>9}{'both':>9}")
+        for name, key in (("repeatability R", "R_um"), ("systematic deviation E", "E_um"), ("accuracy A", "A_um")):
+            lines.append(f"  {name:<30}" + "".join(_cell(axis[key][way]) for way in ("up", "down", "both")))
+        for name, key in (("reversal B", "B_um"), ("mean reversal", "B_mean_um"), ("mean deviation M", "M_um")):
+            lines.append(f"  {name:<30}{'':>18}{_cell(axis[key])}")
+    return lines
+
+
+def _pose_lines(figures: dict[str, Any]) -> list[str]:
+    before, after = figures["as_measured"], figures["aligned"]
+    lines = [
+        f"{figures['standard']}: {len(after['poses'])} poses repeated, {after['single_poses']} measured once left out",
+        f"  {'um':<30}{'mean':>9}{'worst':>9}",
+    ]
+    rows = (
+        ("accuracy AP, as measured", before["AP_um"]),
+        ("accuracy AP, aligned", after["AP_um"]),
+        ("repeatability RP", after["RP_um"]),
+        ("variation by direction vAP", after["vAP_um"]),
+        ("distance accuracy AD", after["AD_um"]),
+        ("distance repeatability RD", after["RD_um"]),
+        ("drift of AP, aligned", after["dAP_um"]),
+        ("drift of RP", after["dRP_um"]),
+    )
+    for name, pair in rows:
+        mean, worst = (pair["mean"], pair["worst"]) if pair else (None, None)
+        lines.append(f"  {name:<30}{_cell(mean)}{_cell(worst)}")
+    return lines
+
+
+def _cell(value: float | None) -> str:
+    return f"{'-':>9}" if value is None else f"{value:9.1f}"

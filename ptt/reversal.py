@@ -1,0 +1,108 @@
+"""What a command must carry so that a joint with play ends where it was told: direction of travel and reversal.
+
+A joint with play of width e follows the play operator y = clip(y_before, x - e/2, x + e/2) of its command x. Sending
+x = q + (e/2) dir, dir the direction of travel, keeps the flank in contact that pushes, so y = q at every row. With that
+the commands stay in the order of q: at a reversal the step grows by e in the new direction. (Tao & Kokotovic, Adaptive
+Control of Systems with Actuator and Sensor Nonlinearities, 1996: the backlash inverse.)
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ptt.errors import TableError
+
+Array = NDArray[np.float64]
+
+STANDSTILL = 1e-6  # mm or rad; a smaller move of a command is rounding
+
+
+def travel_direction(q: Array, starts: ArrayLike | None = None, tolerance: float = STANDSTILL) -> NDArray[np.int8]:
+    """Direction in which each joint arrives at each row.
+
+    Standstill keeps the last direction; the rows of a run before its first move, the first row always among them, are
+    taken to arrive as that move does; a joint that never moves in a run counts as +1. A row with NaN was not sent and
+    is passed over.
+
+    Args:
+        q: (n, k) joint commands in travel order, already corrected, mm or rad.
+        starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
+        tolerance: a move of at most this size is standstill, unit of q.
+
+    Returns:
+        (n, k) directions, +1 or -1.
+    """
+    q = np.asarray(q, dtype=np.float64)
+    if not len(q):
+        return np.empty(q.shape, dtype=np.int8)
+    rows = np.arange(len(q))[:, None]
+    first, end = _run_bounds(len(q), starts)
+    held = _last_before(np.isfinite(q))
+    sent = np.where(held >= first, np.take_along_axis(q, np.maximum(held, 0), axis=0), np.nan)
+    move = np.diff(sent, axis=0, prepend=np.nan)
+    moved = (np.abs(move) > tolerance) & (rows > first)
+    last = _last_before(moved)
+    upcoming = len(q) - 1 - _last_before(moved[::-1])[::-1]  # n where none follows
+    source = np.where(last >= first, last, np.where(upcoming <= end, upcoming, -1))
+    negative = np.take_along_axis(moved & (move < 0.0), np.maximum(source, 0), axis=0) & (source >= 0)
+    return np.where(negative, -1, 1).astype(np.int8)
+
+
+def reversal_compensation(
+    q: Array, gap: ArrayLike, starts: ArrayLike | None = None, tolerance: float = STANDSTILL
+) -> Array:
+    """What to add to the commands so that joints with play end at q: +(gap/2) dir.
+
+    Exact from the first row on where each run is entered as its first move goes on, else from the row by which the gap
+    has been taken up.
+
+    Args:
+        q: (n, k) joint commands in travel order, already corrected for everything else, mm or rad.
+        gap: (k,) or one figure for all, play of each joint, unit of q, at least 0.
+        starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
+        tolerance: a move of at most this size is standstill, unit of q.
+
+    Returns:
+        (n, k) shift, unit of q.
+
+    Raises:
+        TableError: a gap that is negative, not a number, or not one per joint.
+    """
+    width = np.asarray(gap, dtype=np.float64)
+    if width.size not in (1, np.shape(q)[1]) or not np.all(width >= 0.0):
+        raise TableError(f"backlash gaps {width.tolist()}", fix=f"give {np.shape(q)[1]} figures of 0 or more")
+    return 0.5 * width.reshape(1, -1) * travel_direction(q, starts, tolerance)
+
+
+def as_reversal_amount(compensation: Array, starts: ArrayLike | None = None) -> Array:
+    """The same compensation as a controller counts it: 0 in a run's first direction, the whole -+gap after a reversal.
+
+    It differs from `reversal_compensation` by one constant per run and joint, as from a zero taken in that direction.
+
+    Args:
+        compensation: (n, k) from `reversal_compensation`.
+        starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
+
+    Returns:
+        (n, k) shift, same unit.
+    """
+    if not len(compensation):
+        return compensation.copy()
+    return compensation - compensation[_run_bounds(len(compensation), starts)[0][:, 0]]
+
+
+def _run_bounds(rows: int, starts: ArrayLike | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First and last row of the run that each row belongs to, (n, 1) each."""
+    begins = np.zeros(rows, dtype=bool)
+    begins[0] = True
+    if starts is not None:
+        begins[np.asarray(starts)] = True
+    heads = np.flatnonzero(begins)
+    run = np.cumsum(begins) - 1
+    tails = np.append(heads[1:], rows) - 1
+    return heads[run][:, None], tails[run][:, None]
+
+
+def _last_before(flag: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Index (n, k) of the last row up to and with this one where `flag` (n, k) is set, -1 where there is none."""
+    rows = np.arange(len(flag))[:, None]
+    return np.maximum.accumulate(np.where(flag, rows, -1), axis=0)

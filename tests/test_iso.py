@@ -1,0 +1,327 @@
+"""ISO 230-2 and ISO 9283 figures against hand-computed cases, a plain loop, and what must not change them."""
+
+import csv
+import json
+import statistics
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from ptt.axis_accuracy import axis_figures
+from ptt.errors import TableError
+from ptt.iso import align_to_targets, is_axis_file, iso_of_poses, read_axis_figures
+from ptt.pose_accuracy import accuracy_and_repeatability, distance_figures, group_rows, pose_report
+from ptt.table import make_table
+
+SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "iso230" / "iso230_points.csv"
+
+
+def runs(deviations):
+    """{(target, direction): deviations} -> target, direction, measured, (n,) each."""
+    rows = [(t, d, t + e) for (t, d), errors in deviations.items() for e in errors]
+    return tuple(np.array(column, dtype=float) for column in zip(*rows, strict=True))
+
+
+HAND = {  # s = 0.001 sqrt(2) for a pair 0.002 apart
+    (0.0, 1): (0.001, 0.003),
+    (0.0, -1): (-0.001, -0.001),
+    (100.0, 1): (0.010, 0.010),
+    (100.0, -1): (0.003, 0.009),
+}
+
+
+def test_axis_figures_by_hand():
+    figures = axis_figures(*runs(HAND), axis="x")
+    s = 0.001 * np.sqrt(2)
+    np.testing.assert_allclose(figures.mean, [[0.002, 0.010], [-0.001, 0.006]], atol=1e-12)
+    np.testing.assert_allclose(figures.std, [[s, 0.0], [0.0, 3 * s]], atol=1e-12)
+    np.testing.assert_allclose(figures.reversal, [0.003, 0.004], atol=1e-12)
+    assert figures.reversal_max == pytest.approx(0.004)
+    assert figures.reversal_mean == pytest.approx(0.0035)
+    assert (figures.repeatability.up, figures.repeatability.down) == pytest.approx((4 * s, 12 * s))
+    assert figures.repeatability.both == pytest.approx(max(2 * s + 0.003, 6 * s + 0.004, 12 * s))
+    assert (figures.systematic.up, figures.systematic.down) == pytest.approx((0.008, 0.007))
+    assert figures.systematic.both == pytest.approx(0.011)
+    assert figures.mean_deviation == pytest.approx(0.008 - 0.0005)
+    assert figures.accuracy.up == pytest.approx(0.010 - (0.002 - 2 * s))
+    assert figures.accuracy.down == pytest.approx(0.006 + 6 * s - min(-0.001, 0.006 - 6 * s))
+    high, low = max(0.010, 0.006 + 6 * s), min(-0.001, 0.002 - 2 * s, 0.006 - 6 * s)
+    assert figures.accuracy.both == pytest.approx(high - low)
+    assert figures.standard == "ISO style, n = 2"
+
+
+def test_reversal_term_rules_where_it_is_the_larger():
+    figures = axis_figures(*runs({(0.0, 1): (0.0, 0.001), (0.0, -1): (0.05, 0.05)}))
+    assert figures.repeatability.both == pytest.approx(2 * 0.001 / np.sqrt(2) + 0.0495)
+
+
+def test_one_direction_alone_leaves_the_rest_unsaid():
+    target, direction, measured = runs({k: v for k, v in HAND.items() if k[1] == 1})
+    figures = axis_figures(target, direction, measured)
+    answer = figures.to_dict()
+    assert answer["R_um"]["up"] == pytest.approx(4 * np.sqrt(2))
+    assert answer["R_um"]["down"] is answer["R_um"]["both"] is answer["B_um"] is answer["M_um"] is None
+    json.dumps(answer, allow_nan=False)
+
+
+def test_a_reading_that_is_missing_is_left_out():
+    target, direction, measured = runs({k: (*v, np.nan) for k, v in HAND.items()})
+    assert axis_figures(target, direction, measured).to_dict() == axis_figures(*runs(HAND)).to_dict()
+
+
+def test_a_target_without_scatter_is_refused():
+    with pytest.raises(TableError, match=r"x: target 100 mm has 1 run\(s\) downward"):
+        axis_figures(*runs(HAND | {(100.0, -1): (0.003,)}), axis="x")
+
+
+@given(st.integers(0, 10_000), st.floats(-5.0, 5.0))
+@settings(max_examples=40)
+def test_axis_figures_ignore_a_shift_and_follow_a_mirror(seed, shift):
+    random = np.random.default_rng(seed)
+    target, direction = np.repeat([0.0, 10.0, 30.0], 10), np.tile([1.0, -1.0], 15)
+    measured = target + random.normal(0.0, 0.01, 30)
+    one = axis_figures(target, direction, measured)
+    moved = axis_figures(target, direction, measured + shift)
+    turned = axis_figures(-target, -direction, -measured)
+    for figure in ("repeatability", "systematic", "accuracy"):
+        a, b, c = (getattr(x, figure) for x in (one, moved, turned))
+        assert (a.up, a.down, a.both) == pytest.approx((b.up, b.down, b.both), abs=1e-9)
+        assert (a.up, a.down, a.both) == pytest.approx((c.down, c.up, c.both), abs=1e-9)
+    assert one.reversal_max == pytest.approx(moved.reversal_max, abs=1e-9)
+    assert one.accuracy.both >= max(one.accuracy.up, one.accuracy.down, one.systematic.both)
+    assert one.repeatability.both >= one.reversal_max
+    assert one.standard == "ISO 230-2:2014"
+
+
+def loop_figures(rows):
+    """B, R, E, M, A both ways in mm from (direction, target, measured) strings, by the standard's text."""
+    groups = {}
+    for row in rows:
+        key = (float(row["target_mm"]), row["direction"])
+        groups.setdefault(key, []).append(float(row["measured_mm"]) - float(row["target_mm"]))
+    mean = {key: statistics.fmean(values) for key, values in groups.items()}
+    s = {key: statistics.stdev(values) for key, values in groups.items()}
+    targets = sorted({key[0] for key in groups})
+    gap = {t: mean[t, "fwd"] - mean[t, "bwd"] for t in targets}
+    r = [max(2 * s[t, "fwd"] + 2 * s[t, "bwd"] + abs(gap[t]), 4 * s[t, "fwd"], 4 * s[t, "bwd"]) for t in targets]
+    middle = [(mean[t, "fwd"] + mean[t, "bwd"]) / 2 for t in targets]
+    return (
+        max(abs(g) for g in gap.values()),
+        max(r),
+        max(mean.values()) - min(mean.values()),
+        max(middle) - min(middle),
+        max(mean[k] + 2 * s[k] for k in mean) - min(mean[k] - 2 * s[k] for k in mean),
+    )
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the measured axis runs are not on this machine")
+def test_measured_axes_agree_with_a_plain_loop():
+    result = read_axis_figures(SHARED)
+    with SHARED.open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(result.axes) == len({row["file"] for row in rows}) == 7
+    for axis in result.axes:
+        expected = loop_figures([row for row in rows if row["file"] == axis.axis])
+        found = (
+            axis.reversal_max,
+            axis.repeatability.both,
+            axis.systematic.both,
+            axis.mean_deviation,
+            axis.accuracy.both,
+        )
+        assert found == pytest.approx(expected, abs=1e-12)
+        assert axis.standard == "ISO 230-2:2014"
+
+
+HEAD = "direction,target_mm,measured_mm\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("direction,target_mm\nup,0\n", "no column measured"),
+        (HEAD, "no rows"),
+        (HEAD + "up,0,0\nsideways,0,0\n", "row 3, column direction: unknown direction 'sideways'"),
+        (HEAD + "up,0,0\nup,0,a\n", r"row 3, column measured: not a number \('a'\)"),
+        (HEAD + "up,,0\n", r"row 2, column target: not a number \(''\)"),
+        (HEAD + "up,0,\nup,0,\n", "no readings with a direction"),
+        (HEAD + "up,0,0\n", r"1 run\(s\) upward"),
+    ],
+)
+def test_bad_axis_files_are_one_clear_line(tmp_path, text, message):
+    path = tmp_path / "axis.csv"
+    path.write_text(text)
+    with pytest.raises(TableError, match=message):
+        read_axis_figures(path)
+
+
+def test_pose_figures_by_hand():
+    measured = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, -2.0, 0.0]]) + np.array(
+        [10.0, 0.0, 3.0]
+    )
+    offset, accuracy, repeatability = accuracy_and_repeatability(np.array([10.0, -4.0, 0.0]), measured)
+    np.testing.assert_allclose(offset, [0.0, 4.0, 3.0], atol=1e-12)
+    assert accuracy == pytest.approx(5.0)
+    assert repeatability == pytest.approx(1.5 + 3.0 * np.sqrt(4 * 0.25 / 3))  # l = 1, 1, 2, 2
+
+
+def test_distance_figures_by_hand():
+    first, second = np.zeros((3, 3)), np.array([[0.0, 0.0, 10.1], [0.0, 0.0, 10.2], [0.0, 0.0, 10.3]])
+    figures = distance_figures(first, np.vstack([second, [[0.0, 0.0, 99.0]]]), first[0], np.array([6.0, 0.0, 8.0]))
+    assert figures.commanded == pytest.approx(10.0)
+    assert figures.accuracy == pytest.approx(0.2)
+    assert figures.repeatability == pytest.approx(0.3)
+    assert figures.cycles == 3
+
+
+def test_rows_are_grouped_by_target_direction_and_payload():
+    target = np.tile([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], (8, 1))
+    direction = np.repeat([[1], [-1]], 8, axis=0)
+    payload = np.tile(np.repeat([0.0, 2.0], 4), 2)
+    measured = target + 0.01 * direction * [0.0, 1.0, 0.0] + payload[:, None] * [0.0, 0.0, 1.0]
+    report = pose_report(target, measured, direction, payload)
+    assert len(report.poses) == 8
+    assert [len(pose.rows) for pose in report.poses] == [2] * 8
+    np.testing.assert_array_equal(report.poses[0].rows, [0, 2])
+    assert [one.variation for one in report.variations] == pytest.approx([0.02] * 4)
+    assert all(pose.repeatability == pytest.approx(0.0, abs=1e-12) for pose in report.poses)
+    together = pose_report(target, measured, None, payload)
+    assert len(together.poses) == 4
+    assert together.variations == ()
+    assert together.poses[0].repeatability == pytest.approx(0.01)
+
+
+def test_groups_come_in_the_order_of_first_visit():
+    groups = group_rows(np.array([[5.0], [1.0], [5.0], [3.0], [1.0]]))
+    assert [rows.tolist() for rows in groups] == [[0, 2], [1, 4], [3]]
+
+
+def test_drift_is_the_change_between_groups_of_ten():
+    target = np.zeros((30, 3))
+    measured = np.zeros((30, 3))
+    measured[:, 0] = np.repeat([0.1, 0.4, 0.2], 10)
+    drift = pose_report(target, measured).drifts[0]
+    assert drift.group == 10
+    assert drift.accuracy == pytest.approx(0.3)
+    assert drift.repeatability == pytest.approx(0.0, abs=1e-12)
+    assert pose_report(target[:8], measured[:8]).drifts[0].group == 4
+
+
+@pytest.mark.parametrize(("cycles", "name"), [(29, "ISO style, n = 29"), (30, "ISO 9283:1998")])
+def test_fewer_than_thirty_cycles_are_iso_style(cycles, name):
+    report = pose_report(np.zeros((cycles, 3)), np.random.default_rng(0).normal(size=(cycles, 3)))
+    assert report.standard == name
+    assert report.to_dict()["standard"] == name
+
+
+def test_poses_measured_once_are_left_out_and_counted():
+    target = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0], [2, 0, 0]])
+    measured = target + np.array([0.0, 0.1, 0.0])
+    measured[1] = np.nan
+    report = pose_report(target, measured)
+    assert (len(report.poses), report.single) == (1, 1)
+    with pytest.raises(TableError, match="no pose was measured twice"):
+        pose_report(target[1:], measured[1:])
+
+
+def rigid(random):
+    """A rotation (3, 3) and a translation (3,)."""
+    q, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    return q * np.sign(np.linalg.det(q)), random.normal(size=3) * 1000.0
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=40)
+def test_a_rigid_frame_changes_only_ap_and_alignment_undoes_it(seed):
+    random = np.random.default_rng(seed)
+    target = np.tile(random.uniform(-50.0, 50.0, (4, 3)), (6, 1))
+    measured = target + random.normal(0.0, 0.01, (24, 3))
+    rotation, shift = rigid(random)
+    one, other = pose_report(target, measured), pose_report(target, measured @ rotation.T + shift)
+    for a, b in zip(one.poses, other.poses, strict=True):
+        assert a.repeatability == pytest.approx(b.repeatability, abs=1e-9)
+    for a, b in zip(one.distances, other.distances, strict=True):
+        assert a.accuracy == pytest.approx(b.accuracy, abs=1e-9)
+    np.testing.assert_allclose(align_to_targets(target @ rotation.T + shift, target), target, atol=1e-9)
+    np.testing.assert_allclose(
+        align_to_targets(measured @ rotation.T + shift, target), align_to_targets(measured, target), atol=1e-9
+    )
+
+
+def test_alignment_never_mirrors():
+    target = np.random.default_rng(3).normal(size=(10, 3))
+    mirrored = target * [1.0, 1.0, -1.0]
+    assert np.abs(align_to_targets(mirrored, target) - target).max() > 0.1
+
+
+def test_arrival_comes_from_the_commands_unless_it_is_stated():
+    path = np.tile([0.0, 1.0, 2.0, 1.0], 4)
+    target = np.column_stack([path, 2.0 * path, np.zeros(16)])
+    side = np.where(np.diff(path, prepend=-1.0) > 0, 1.0, -1.0)
+    side[0] = 1.0
+    measured = target + side[:, None] * [0.0, 0.0, 0.005]
+    found = iso_of_poses(make_table(target, measured=measured))
+    assert {len(pose.direction) for pose in found.as_measured.poses} == {3}
+    assert [v.variation for v in found.as_measured.variations] == pytest.approx([0.01])  # at 1, reached both ways
+    by_joint = iso_of_poses(make_table(target, command=path[:, None], measured=measured))
+    assert [v.variation for v in by_joint.as_measured.variations] == pytest.approx([0.01])
+    stated = iso_of_poses(make_table(target, measured=measured, direction=np.ones((16, 1))))
+    assert stated.as_measured.variations == ()
+    assert iso_of_poses(make_table(target, measured=measured), by_direction=False).as_measured.variations == ()
+
+
+def test_frames_per_run_are_aligned_run_by_run():
+    random = np.random.default_rng(5)
+    target = np.tile(random.uniform(-50.0, 50.0, (5, 3)), (4, 1))
+    run = np.repeat([0, 1], 10)
+    measured = np.where(run[:, None] == 0, target, target + np.array([100.0, 0.0, 0.0]))
+    table = make_table(target, measured=measured, run=run)
+    assert max(p.repeatability for p in iso_of_poses(table, False, False).aligned.poses) > 1.0
+    assert max(p.repeatability for p in iso_of_poses(table, True, False).aligned.poses) < 1e-9
+
+
+def test_a_run_without_targets_is_refused():
+    with pytest.raises(TableError, match="no targets"):
+        iso_of_poses(make_table(None, command=np.ones((4, 3)), measured=np.ones((4, 3))))
+
+
+@pytest.fixture
+def app():
+    from ptt.commands.iso import iso
+
+    app = typer.Typer()
+    app.command()(iso)
+    return app
+
+
+def test_command_on_a_tracker_run(app, tmp_path):
+    random = np.random.default_rng(2)
+    target = np.tile(random.uniform(-50.0, 50.0, (4, 3)), (5, 1))
+    rows = np.column_stack([target, target + np.array([10.0, 0.0, 0.0]) + random.normal(0.0, 0.003, (20, 3))])
+    path = tmp_path / "run.csv"
+    lines = [",".join(repr(float(v)) for v in row) for row in rows]
+    path.write_text("x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas\n" + "\n".join(lines) + "\n")
+    assert not is_axis_file(path)
+    outcome = CliRunner().invoke(app, [str(path), "--json", "--any-direction", "--set", "payload_kg=2"])
+    assert outcome.exit_code == 0, outcome.output
+    answer = json.loads(outcome.stdout)
+    assert answer["standard"] == "ISO style, n = 5"
+    assert answer["as_measured"]["AP_um"]["mean"] == pytest.approx(10_000.0, rel=1e-3)
+    assert answer["aligned"]["AP_um"]["worst"] < 10.0
+    assert answer["aligned"]["poses"][0]["payload_kg"] == 2.0
+    assert "repeatability RP" in CliRunner().invoke(app, [str(path)]).stdout
+
+
+def test_command_on_axis_runs(app, tmp_path):
+    path = tmp_path / "axis.csv"
+    lines = [f"{'up' if d > 0 else 'down'},{t},{t + e}" for (t, d), errors in HAND.items() for e in errors]
+    path.write_text(HEAD + "\n".join(lines) + "\n")
+    assert is_axis_file(path)
+    answer = json.loads(CliRunner().invoke(app, [str(path), "--json"]).stdout)
+    assert answer["axes"][0]["B_um"] == pytest.approx(4.0)
+    assert "reversal B" in CliRunner().invoke(app, [str(path)]).stdout
