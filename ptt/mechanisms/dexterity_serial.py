@@ -1,0 +1,184 @@
+"""How well a serial arm moves: condition number, manipulability, singular and isotropic configurations.
+
+Source: Hu Mingwei et al., motion performance of a collaborative robot: condition number k = |J| |J^-1|, manipulability
+w = sqrt(det(J J^T)). With a Jacobian that is not square both are read from its min(m, k) singular values, so that an
+arm of four joints is judged on its four motions.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from scipy.optimize import minimize
+from torch import Tensor
+
+from ptt.mechanisms.dexterity import condition_number, manipulability, singular_values
+from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.serial_inverse import middle, spread
+
+Part = Literal["position", "orientation", "pose"]
+SINGULAR = 1e-9  # smallest over largest singular value from which on a configuration counts as singular
+NEWTON_STEPS = 60
+POWERS = (2.0, 8.0, 32.0)
+LONGEST_STEP_RAD = 0.2
+
+
+def scaled_jacobian(arm: Serial, q: Tensor, part: Part = "pose", length_mm: float | None = None) -> Tensor:
+    """Bring the geometric Jacobian to one unit.
+
+    Args:
+        arm: the arm.
+        q: (n, k) joint values, rad.
+        part: which rows: the tool's position, its orientation, or both.
+        length_mm: characteristic length that the position rows are divided by; None for `Serial.length_mm`.
+
+    Returns:
+        (n, 3 or 6, k) rad/rad.
+    """
+    length = arm.length_mm if length_mm is None else length_mm
+    jacobian = arm.pose_jacobian(q)
+    position, orientation = jacobian[..., :3, :] / length, jacobian[..., 3:, :]
+    if part == "pose":
+        return torch.cat([position, orientation], -2)
+    return position if part == "position" else orientation
+
+
+def nearest_singular(arm: Serial, q: Tensor, part: Part = "pose") -> tuple[Tensor, Tensor]:
+    """Walk from joint values to singular ones nearby: Newton's method on the smallest singular value.
+
+    Limits are kept, so a row may end at a limit without having found any.
+
+    Args:
+        arm: the arm.
+        q: (n, k) where to start, rad.
+        part: which rows of the Jacobian.
+
+    Returns:
+        (n, k) joint values, rad, and (n,) smallest over largest singular value there, 0 where singular.
+    """
+    low, high = arm.limits()
+    best, best_ratio = q.detach(), torch.full_like(q[:, 0], torch.inf)
+    here = best
+    for _ in range(NEWTON_STEPS):
+        leaf = here.clone().requires_grad_()
+        values = singular_values(scaled_jacobian(arm, leaf, part))
+        (slope,) = torch.autograd.grad(values[:, -1].sum(), leaf)
+        ratio = (values[:, -1] / values[:, 0]).detach()
+        better = ratio < best_ratio
+        best, best_ratio = torch.where(better[:, None], here, best), torch.minimum(ratio, best_ratio)
+        step = -values[:, -1:].detach() * slope / slope.square().sum(-1, keepdim=True).clamp(min=1e-12)
+        step = step * (LONGEST_STEP_RAD / step.abs().amax(-1, keepdim=True).clamp(min=LONGEST_STEP_RAD))
+        here = torch.clamp(here + torch.where(ratio[:, None] > SINGULAR, step.nan_to_num(0.0), 0.0), low, high)
+    return best, best_ratio
+
+
+def most_isotropic(arm: Serial, part: Part = "pose", starts: int = 8, samples: int = 4096) -> tuple[Tensor, float]:
+    """Find the joint values whose motion is the most alike in all directions.
+
+    Args:
+        arm: the arm.
+        part: which rows of the Jacobian.
+        starts: how many of the best samples are refined.
+        samples: how many joint values are looked at first.
+
+    Returns:
+        (k,) joint values, rad, and their condition number, 1 where isotropic.
+    """
+    candidates = spread(arm, samples)
+    order = condition_number(scaled_jacobian(arm, candidates, part)).argsort()[:starts]
+    found = [_refine(arm, candidates[row], part) for row in order]
+    return min(found, key=lambda item: item[1])
+
+
+@dataclass(frozen=True)
+class DexterityMap:
+    """Dexterity over a half plane through axis 1, which holds the whole workspace since joint 1 changes neither figure.
+
+    Attributes:
+        radius_mm: (c + 1,) edges of the cells' distance from axis 1.
+        height_mm: (c + 1,) edges of the cells' height.
+        condition: (c, c) smallest condition number found in a cell, height by radius; NaN where nothing was.
+        manipulability: (c, c) largest manipulability found in a cell, unit-free; NaN where nothing was.
+    """
+
+    radius_mm: np.ndarray
+    height_mm: np.ndarray
+    condition: np.ndarray
+    manipulability: np.ndarray
+
+
+def dexterity_map(arm: Serial, part: Part = "pose", samples: int = 200_000, cells: int = 60) -> DexterityMap:
+    """Map the best dexterity an arm can have at each place.
+
+    Args:
+        arm: the arm; axis 1 is the base's z, as in all standard tables.
+        part: which rows of the Jacobian.
+        samples: joint values to try, spread over the limits.
+        cells: cells along each side of the map.
+
+    Returns:
+        The map.
+    """
+    q = spread(arm, samples)
+    jacobian = scaled_jacobian(arm, q, part)
+    p = arm.forward(q).numpy()
+    radius, height = np.hypot(p[:, 0], p[:, 1]), p[:, 2]
+    across, up = (np.linspace(axis.min(), axis.max() + 1e-9, cells + 1) for axis in (radius, height))
+    cell = (np.digitize(height, up) - 1) * cells + np.digitize(radius, across) - 1
+    best = [
+        _best_in_cell(cell, -condition_number(jacobian).numpy(), cells),
+        _best_in_cell(cell, manipulability(jacobian).numpy(), cells),
+    ]
+    return DexterityMap(across, up, -best[0], best[1])
+
+
+def joint_map(arm: Serial, first: int, second: int, part: Part = "pose", cells: int = 61) -> DexterityMap:
+    """Map dexterity over two joints, the others at the bent middle of their limits.
+
+    Args:
+        arm: the arm.
+        first: zero-based joint across.
+        second: zero-based joint upward.
+        part: which rows of the Jacobian.
+        cells: joint values along each side.
+
+    Returns:
+        A map whose `radius_mm` and `height_mm` hold the (c,) values of the two joints, rad.
+    """
+    low, high = (limit.clamp(-torch.pi, torch.pi) for limit in arm.limits())
+    across, up = (torch.linspace(float(low[i]), float(high[i]), cells, dtype=torch.float64) for i in (first, second))
+    grid_up, grid_across = torch.meshgrid(up, across, indexing="ij")
+    columns = [
+        grid_across if i == first else grid_up if i == second else value.expand(cells, cells)
+        for i, value in enumerate(middle(arm))
+    ]
+    jacobian = scaled_jacobian(arm, torch.stack(columns, -1), part)
+    return DexterityMap(
+        across.numpy(), up.numpy(), condition_number(jacobian).numpy(), manipulability(jacobian).numpy()
+    )
+
+
+def _best_in_cell(cell: np.ndarray, score: np.ndarray, cells: int) -> np.ndarray:
+    best = np.full(cells * cells, -np.inf)
+    np.maximum.at(best, cell, score)
+    filled = np.zeros(cells * cells, dtype=bool)
+    filled[cell] = True
+    return np.where(filled, best, np.nan).reshape(cells, cells)
+
+
+def _refine(arm: Serial, start: Tensor, part: Part) -> tuple[Tensor, float]:
+    """Polish one start; sums of powers of singular values stand in for the largest, smooth where values meet."""
+    q = start.numpy()
+    for power in POWERS:
+        q = minimize(_unevenness, q, (arm, part, power), jac=True, method="L-BFGS-B", bounds=arm.limits_rad).x
+    found = torch.from_numpy(q)
+    return found, float(condition_number(scaled_jacobian(arm, found[None], part)))
+
+
+def _unevenness(values: np.ndarray, arm: Serial, part: Part, power: float) -> tuple[float, np.ndarray]:
+    q = torch.from_numpy(values.copy()).requires_grad_()
+    logs = singular_values(scaled_jacobian(arm, q[None], part))[0].clamp(min=1e-30).log()
+    value = (torch.logsumexp(power * logs, 0) + torch.logsumexp(-power * logs, 0)) / power
+    (slope,) = torch.autograd.grad(value, q)
+    return float(value.detach()), slope.numpy()

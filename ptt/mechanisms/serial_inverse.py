@@ -1,0 +1,156 @@
+"""Inverse kinematics of serial arms: damped least squares on all rows at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from ptt.mechanisms.serial_descent import TOLERANCE_MM, Task, descend, length
+from ptt.mechanisms.serial_redundancy import Redundancy, settle
+
+if TYPE_CHECKING:
+    from ptt.mechanisms.serial import Serial
+
+STARTS = 12  # further tries for rows that the first start does not bring home
+CANDIDATES = 1024  # joint values spread over the limits, from which the further starts are chosen
+BENT_RAD = 0.4  # the middle of the limits is often a stretched, singular arm
+ROWS_AT_ONCE = 20_000
+
+
+@dataclass(frozen=True)
+class InverseResult:
+    """What an inverse found.
+
+    Attributes:
+        q: (n, k) joint values, rad; NaN rows where the target was not reached.
+        converged: (n,) bool.
+        error_mm: (n,) distance left at the best joint values; an orientation error counts times `Serial.length_mm`.
+    """
+
+    q: Tensor
+    converged: Tensor
+    error_mm: Tensor
+
+
+@torch.no_grad()
+def solve_inverse(
+    arm: Serial,
+    p: Tensor,
+    *,
+    rotation: Tensor | None = None,
+    geometry: Tensor | None = None,
+    near: Tensor | None = None,
+    redundancy: Redundancy = "near",
+    starts: int = STARTS,
+) -> InverseResult:
+    """Find joint values within the limits that reach tool positions or poses.
+
+    Levenberg's damped least squares from `near`, then, for the rows that did not arrive, from those of a spread of
+    joint values whose poses lie closest. Where joints are to spare the answer then slides along the self-motion.
+
+    Args:
+        arm: the arm.
+        p: (n, 3) tool positions, mm.
+        rotation: (n, 3, 3) tool orientations; None leaves the orientation free.
+        geometry: (n, G) or (1, G) errors of the geometry slots; None for the drawing.
+        near: (n, k) or (1, k) joint values to start from, rad; None for the bent middle of the limits.
+        redundancy: what decides where joints are to spare: "near" stays as close to `near` as it can (a local optimum),
+            "manipulability" climbs to where w = sqrt(det J J^T) of the task is largest.
+        starts: how many further starts a row gets.
+
+    Returns:
+        Joint values, mask and what was left to go.
+    """
+    task = Task(arm, p, rotation, geometry)
+    first = (middle(arm)[None] if near is None else near).expand(len(p), -1)
+    parts = torch.arange(len(p)).split(ROWS_AT_ONCE)
+    solved = [_solve(task.rows(rows), first[rows], redundancy, starts) for rows in parts] or [
+        _solve(task, first, redundancy, 0)
+    ]
+    q, error = (torch.cat(items) for items in zip(*solved, strict=True))
+    converged = error < TOLERANCE_MM
+    return InverseResult(torch.where(converged[:, None], q, math.nan), converged, error)
+
+
+def middle(arm: Serial) -> Tensor:
+    """Joint values to start from when nothing better is known: the limits' middle, every joint a little bent.
+
+    Args:
+        arm: the arm.
+
+    Returns:
+        (k,) rad, within the limits.
+    """
+    low, high = _finite_limits(arm)
+    return torch.minimum((low + high) / 2 + BENT_RAD, high)
+
+
+def spread(arm: Serial, count: int) -> Tensor:
+    """Spread joint values evenly over the limits (a Sobol sequence; one turn where a joint has no limit).
+
+    Args:
+        arm: the arm.
+        count: how many.
+
+    Returns:
+        (count, k) rad, the same at every call.
+    """
+    low, high = _finite_limits(arm)
+    engine = torch.quasirandom.SobolEngine(arm.joints, scramble=True, seed=0)
+    return low + (high - low) * engine.draw(count, dtype=torch.float64)
+
+
+def _solve(task: Task, first: Tensor, redundancy: Redundancy, starts: int) -> tuple[Tensor, Tensor]:
+    q, error = first.clone(), torch.full_like(task.p[:, 0], math.inf)
+    inside = torch.isfinite(task.p).all(-1) & torch.isfinite(first).all(-1) & (length(task.p) <= _farthest(task))
+    rows = torch.nonzero(inside).flatten()
+    if not len(rows):
+        return q, error
+    q[rows], error[rows] = descend(task.rows(rows), first[rows])
+    _retry(task, q, error, rows[error[rows] >= TOLERANCE_MM], starts)
+    done = torch.nonzero(error < TOLERANCE_MM).flatten()
+    if len(done) and task.arm.joints > (3 if task.rotation is None else 6):
+        q[done], error[done] = settle(task.rows(done), q[done], first[done], redundancy)
+    return q, error
+
+
+def _retry(task: Task, q: Tensor, error: Tensor, rows: Tensor, starts: int) -> None:
+    """Start the given rows again from joint values whose poses are close; better answers go into `q` and `error`."""
+    if not len(rows) or not starts:
+        return
+    candidates = spread(task.arm, CANDIDATES)
+    order = _closest(task.rows(rows), candidates, starts)
+    for start in order.T:
+        left = error[rows] >= TOLERANCE_MM
+        if not left.any():
+            return
+        again = rows[left]
+        trial, trial_error = descend(task.rows(again), candidates[start[left]])
+        better = trial_error < error[again]
+        q[again[better]], error[again[better]] = trial[better], trial_error[better]
+
+
+def _closest(task: Task, candidates: Tensor, count: int) -> Tensor:
+    """Numbers (n, count) of the candidates whose poses lie closest to the task's, the closest first."""
+    p, rotation = task.arm.pose(candidates)
+    if task.rotation is None:
+        return torch.cdist(task.p, p).topk(count, largest=False).indices
+    here = torch.cat([p, task.arm.length_mm * rotation.flatten(1)], -1)
+    there = torch.cat([task.p, task.arm.length_mm * task.rotation.flatten(1)], -1)
+    return torch.cdist(there, here).topk(count, largest=False).indices
+
+
+def _finite_limits(arm: Serial) -> tuple[Tensor, Tensor]:
+    low, high = arm.limits()
+    open_ = torch.isinf(low) | torch.isinf(high)
+    return torch.where(open_, -math.pi, low), torch.where(open_, math.pi, high)
+
+
+def _farthest(task: Task) -> float | Tensor:
+    """How far from the base the tool may be at most, with room for geometry errors."""
+    spare = 0.0 if task.geometry is None else task.geometry.abs().sum(-1)
+    return task.arm.reach_mm + spare
