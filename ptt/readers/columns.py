@@ -1,0 +1,100 @@
+"""The columns a tracker CSV may have: their names, dimensions and units.
+
+Inside the program a column is known by its quantity, the name without a unit (`x_meas`, `q1_cmd`, `time`), and is kept
+in mm, rad, s, kg, deg C and mm/s. In a file a suffix says another unit: `x_meas_um`, `q1_cmd_deg`, `time_ms`.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+UNITS: dict[str, dict[str, tuple[float, float]]] = {
+    "length": {"mm": (1.0, 0.0), "um": (1e-3, 0.0), "cm": (10.0, 0.0), "m": (1000.0, 0.0), "in": (25.4, 0.0)},
+    "angle": {"rad": (1.0, 0.0), "deg": (np.pi / 180.0, 0.0), "mrad": (1e-3, 0.0)},
+    "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (3600.0, 0.0), "stamp": (1.0, 0.0)},
+    "mass": {"kg": (1.0, 0.0), "g": (1e-3, 0.0)},
+    "temperature": {"c": (1.0, 0.0), "k": (1.0, -273.15)},
+    "speed": {"mm_s": (1.0, 0.0), "mm_min": (1.0 / 60.0, 0.0), "m_s": (1000.0, 0.0), "m_min": (1000.0 / 60.0, 0.0)},
+    "number": {"": (1.0, 0.0)},
+    "text": {"": (1.0, 0.0)},
+}
+"""Per dimension: unit -> (factor, offset), standard value = factor * value + offset; the standard unit comes first."""
+
+UNSTATED_IS_ASKED = ("angle", "speed")
+"""Dimensions whose unit must be written: rad and deg, mm/s and mm/min are equally common in the field."""
+
+_QUANTITIES = (
+    (re.compile(r"[xyz]_(cmd|meas|std)|b[1-9]\d*_cmd"), "length", True),
+    (re.compile(r"q[1-9]\d*_cmd"), "angle", False),
+    (re.compile(r"q[xyzw]_(cmd|meas)|dir[1-9]\d*|tau[1-9]\d*|repeat"), "number", True),
+    (re.compile(r"time"), "time", False),
+    (re.compile(r"payload"), "mass", False),
+    (re.compile(r"temp"), "temperature", False),
+    (re.compile(r"feed"), "speed", False),
+    (re.compile(r"name|role|run"), "text", True),
+)
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a column holds.
+
+    Attributes:
+        quantity: name without unit, for instance `x_meas`.
+        unit: a key of `UNITS[dimension]`; None where the file does not say.
+        note: how the unit is known, where it is not written.
+    """
+
+    quantity: str
+    unit: str | None
+    note: str = ""
+
+
+def dimension_of(quantity: str) -> str:
+    """Dimension of a quantity, a key of `UNITS`; '' for a name that is no quantity."""
+    return next((dimension for pattern, dimension, _ in _QUANTITIES if pattern.fullmatch(quantity)), "")
+
+
+def standard_unit(quantity: str) -> str:
+    """Unit that the program keeps a quantity in."""
+    return next(iter(UNITS[dimension_of(quantity)]))
+
+
+def file_title(quantity: str) -> str:
+    """Column name that a written file uses: `x_meas`, `q1_cmd_rad`, `time_s`."""
+    bare = next(plain for pattern, _, plain in _QUANTITIES if pattern.fullmatch(quantity))
+    return quantity if bare else f"{quantity}_{standard_unit(quantity)}"
+
+
+def canonical(title: str) -> Meaning | None:
+    """Meaning of a column named as the file format prescribes; None for any other name."""
+    if dimension_of(title):
+        return Meaning(title, standard_unit(title) if file_title(title) == title else None)
+    for units in UNITS.values():
+        for unit in units:
+            quantity = title.removesuffix(f"_{unit}") if unit else title
+            if quantity != title and unit in UNITS.get(dimension_of(quantity), {}) and unit != "stamp":
+                return Meaning(quantity, unit)
+    return None
+
+
+def to_standard(values: np.ndarray, quantity: str, unit: str) -> np.ndarray:
+    """Values in the program's unit.
+
+    Args:
+        values: (n,) in `unit`.
+        quantity: what they are.
+        unit: a key of `UNITS[dimension_of(quantity)]`.
+
+    Returns:
+        (n,) in `standard_unit(quantity)`.
+    """
+    factor, offset = UNITS[dimension_of(quantity)][unit]
+    return values if (factor, offset) == (1.0, 0.0) else values * factor + offset
+
+
+def split_joint(quantity: str) -> tuple[str, int] | None:
+    """`b2_cmd` -> ('b', 2); None for anything that is not a joint command."""
+    match = re.fullmatch(r"([bq])([1-9]\d*)_cmd", quantity)
+    return (match[1], int(match[2])) if match else None

@@ -1,0 +1,194 @@
+r"""Answers about a file's columns and units, kept in a TOML file so that they are given once.
+
+Every key may be left out; what is absent is worked out from the file, and asked where that is ambiguous::
+
+    encoding = "gbk"         # any Python codec name
+    delimiter = ";"          # "," ";" "|" "\t" or "space"
+    decimal = ","            # "." or ","
+    dates = "day-first"      # or "month-first", for stamps such as 02/12/25
+    pairing = "name"         # or "number" (ids are row numbers of the targets), "order"
+
+    [columns]                # title in the file -> column of the tracker CSV without its unit, or "ignore"
+    "Goal x" = "x_cmd"       # a file without titles has "column 1", "column 2", ...
+    "Goal roll" = "ignore"
+
+    [units]                  # title in the file -> unit
+    "Goal x" = "m"
+
+    [targets]                # the same for the file given with --targets: targets.columns, targets.units ...
+"""
+
+import os
+import tempfile
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from ptt.errors import TableError
+
+Ask = Callable[[str, Sequence[str]], str]
+"""Asks a person: (question, choices) -> one of the choices."""
+
+IGNORE = "ignore"
+ALLOWED = {
+    "delimiter": ("\t", ";", ",", "|", "space"),
+    "decimal": (".", ","),
+    "dates": ("day-first", "month-first"),
+    "pairing": ("name", "number", "order"),
+}
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """Answers on one layout of files; None or a missing key means not answered.
+
+    Attributes:
+        encoding: codec name.
+        delimiter: character between cells, or 'space'.
+        decimal: '.' or ','.
+        dates: 'day-first' or 'month-first'.
+        pairing: 'name', 'number' or 'order'.
+        columns: title -> quantity or 'ignore'.
+        units: title -> unit.
+        targets: answers on the file of the targets that an export is paired with.
+    """
+
+    encoding: str | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+    dates: str | None = None
+    pairing: str | None = None
+    columns: dict[str, str] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    targets: "Mapping | None" = None
+
+
+@dataclass(frozen=True)
+class Understood:
+    """What was made of a file, for a person to check.
+
+    Attributes:
+        lines: one finding a line: encoding, delimiter, column -> meaning and unit, pairing, warnings.
+        ignored: titles of the columns that were not used.
+        mapping: the same as answers that can be saved and reused.
+    """
+
+    lines: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
+    mapping: Mapping = field(default_factory=Mapping)
+
+    def __str__(self) -> str:
+        """All lines as one text."""
+        return "\n".join(self.lines)
+
+
+def load_mapping(path: str | Path) -> Mapping:
+    """Read saved answers.
+
+    Args:
+        path: TOML file as in the module's description.
+
+    Returns:
+        The answers.
+
+    Raises:
+        TableError: no such file, no TOML, an unknown key or a value of the wrong kind.
+    """
+    try:
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TableError(f"cannot be read ({error.strerror})", where=str(path), fix="check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise TableError(f"not a TOML file ({error})", where=str(path), fix="mend or delete it") from None
+    return _mapping_from(data, str(path))
+
+
+def _mapping_from(data: dict[str, Any], where: str) -> Mapping:
+    kinds = {entry.name: dict if entry.name in ("columns", "units", "targets") else str for entry in fields(Mapping)}
+    for key, value in data.items():
+        if key not in kinds:
+            raise TableError(f"unknown key '{key}'", where=where, fix=f"known keys: {', '.join(kinds)}")
+        texts = list(value.values()) if isinstance(value, dict) and key != "targets" else []
+        if not isinstance(value, kinds[key]) or not all(isinstance(text, str) for text in texts):
+            kind = "a table of texts" if kinds[key] is dict else "a text"
+            raise TableError(f"key '{key}' is not {kind}", where=where, fix="write texts between quotes")
+        if value not in ALLOWED.get(key, (value,)):
+            raise TableError(f"{key} = '{value}' is not known", where=where, fix=f"use one of {ALLOWED[key]}")
+    inner = _mapping_from(data["targets"], where) if "targets" in data else None
+    return Mapping(**{**data, "targets": inner})
+
+
+def save_mapping(mapping: Mapping, path: str | Path) -> None:
+    """Write answers so that `load_mapping` gives them back; the file appears whole or not at all.
+
+    Args:
+        mapping: the answers, for instance `table.understood.mapping`.
+        path: where to.
+    """
+    document = tomlkit.document()
+    document.add(tomlkit.comment("What the columns of such files hold and in which units; edit freely."))
+    document.update(_plain(mapping))
+    write_whole(path, tomlkit.dumps(document))
+
+
+def _plain(mapping: Mapping) -> dict[str, Any]:
+    values = {entry.name: getattr(mapping, entry.name) for entry in fields(mapping)}
+    if mapping.targets is not None:
+        values["targets"] = _plain(mapping.targets)
+    return {name: value for name, value in values.items() if value}
+
+
+def write_whole(path: str | Path, text: str) -> None:
+    """Write UTF-8 text through a temporary file beside the target, so that a half-written file never shows.
+
+    Args:
+        path: where to.
+        text: content, written as it is.
+
+    Raises:
+        TableError: the folder does not exist or cannot be written.
+    """
+    path = Path(path)
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise TableError(f"cannot be written ({error.strerror})", where=str(path), fix="check the folder") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
+            file.write(text)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def answer(question: str, choices: Sequence[str], ask: Ask | None, where: str, key: str) -> str:
+    """Ask what the file leaves open; without anybody to ask, an error that says how to answer.
+
+    Args:
+        question: what is open.
+        choices: the possible answers.
+        ask: who answers, or None.
+        where: file and column.
+        key: key of the mapping file that answers it.
+
+    Returns:
+        One of the choices.
+
+    Raises:
+        TableError: nobody to ask, or an answer that is no choice.
+    """
+    listed = ", ".join(f"'{choice}'" for choice in choices)
+    if ask is None:
+        raise TableError(question, where=where, fix=f"answer with --map FILE.toml, {key} = one of {listed}")
+    given = ask(f"{where}: {question}", choices)
+    if given not in choices:
+        raise TableError(f"'{given}' does not answer: {question}", where=where, fix=f"choose one of {listed}")
+    return given

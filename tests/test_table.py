@@ -1,0 +1,358 @@
+"""The tracker CSV: what is read, what is refused and with which words, and that writing loses nothing."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+from ptt.errors import TableError
+from ptt.table import Table, concat_tables, make_table, read_table, table_to_frame, unit_hint, write_table
+
+HEADER = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
+ROWS = ["0,0,300,0.1,0.2,300.3", "10,0,300,10.1,0.2,300.3", "10,20,310,10.1,20.2,310.3"]
+
+
+def write(folder: Path, text: str, name: str = "run.csv") -> Path:
+    path = folder / name
+    path.write_bytes(text.encode())
+    return path
+
+
+def csv(*rows: str, header: str = HEADER) -> str:
+    return "\n".join([header, *rows]) + "\n"
+
+
+def test_plain_run(tmp_path: Path) -> None:
+    table = read_table(write(tmp_path, csv(*ROWS)))
+    assert_array_equal(table.target, [[0, 0, 300], [10, 0, 300], [10, 20, 310]])
+    assert_array_equal(table.measured[2], [10.1, 20.2, 310.3])
+    assert table.rows == 3
+    assert table.joints == 0
+    assert table.command is None
+    assert table.observed.all()
+    assert_array_equal(table.line, [2, 3, 4])
+    assert table.run_label == ("",)
+    assert np.isnan(table.repeat).all()
+    assert table.target.dtype == table.measured.dtype == np.float64
+    assert "columns as named" in str(table.understood)
+
+
+def test_every_column(tmp_path: Path) -> None:
+    header = (
+        "name,role,run,repeat,time_s,payload_kg,temp_c,feed_mm_s,dir1,dir2,dir3,tau1,tau2,tau3,x_std,y_std,z_std,"
+        "qx_meas,qy_meas,qz_meas,qw_meas,qx_cmd,qy_cmd,qz_cmd,qw_cmd,b1_cmd,b2_cmd,b3_cmd," + HEADER
+    )
+    rows = [
+        f"P1,pose,late,1,0.5,2,20.5,50,1,-1,,3,4,5,.001,.002,.003,0,0,0,1,0,0,1,0,500,501,502,{ROWS[0]}",
+        f"007,DATUM,early,2,1.5,2,20.6,50,-1,-1,0,3,4,5,.001,.002,.003,0,0,0,1,0,0,1,0,500,501,503,{ROWS[1]}",
+        "NA,base,late,,2.5,2,20.7,50,1,1,1,3,4,5,,,,0,0,0,1,0,0,1,0,,,,,,,1,2,3",
+    ]
+    table = read_table(write(tmp_path, csv(*rows, header=header)))
+    assert table.name.tolist() == ["P1", "007", "NA"]
+    assert table.role.tolist() == ["pose", "datum", "base"]
+    assert table.run.tolist() == [0, 1, 0]
+    assert table.run_label == ("late", "early")
+    assert_array_equal(table.repeat, [1, 2, np.nan])
+    assert_array_equal(table.direction, [[1, -1, np.nan], [-1, -1, np.nan], [1, 1, 1]])
+    assert_array_equal(table.torque[0], [3, 4, 5])
+    assert_array_equal(table.std[:, 0], [0.001, 0.001, np.nan])
+    assert_array_equal(table.command[1], [500, 501, 503])
+    assert np.isnan(table.command[2]).all()
+    assert np.isnan(table.target[2]).all()
+    assert_array_equal(table.orientation_measured[0], [0, 0, 0, 1])
+    assert_array_equal(table.orientation_command[0], [0, 0, 1, 0])
+    assert_array_equal(table.time_s, [0.5, 1.5, 2.5])
+    assert_array_equal(table.temp_c, [20.5, 20.6, 20.7])
+    assert table.joints == 3
+
+
+def test_unit_suffixes(tmp_path: Path) -> None:
+    header = "q1_cmd_deg,q2_cmd_rad,x_meas_um,y_meas_m,z_meas,x_std_um,time_ms,payload_g,temp_k,feed_mm_min"
+    text = csv("180,1,1500,0.002,3,2,500,1500,293.15,600", "90,2,2500,0.003,4,3,600,1500,294.15,600", header=header)
+    table = read_table(write(tmp_path, text), joints=2, joint_prefix="q")
+    np.testing.assert_allclose(table.command, [[np.pi, 1], [np.pi / 2, 2]], rtol=1e-15)
+    np.testing.assert_allclose(table.measured, [[1.5, 2, 3], [2.5, 3, 4]], rtol=1e-15)
+    np.testing.assert_allclose(table.std[:, 0], [0.002, 0.003], rtol=1e-15)
+    np.testing.assert_allclose(table.time_s, [0.5, 0.6], rtol=1e-15)
+    np.testing.assert_allclose(table.payload_kg, 1.5, rtol=1e-15)
+    np.testing.assert_allclose(table.temp_c, [20.0, 21.0], rtol=1e-12)
+    np.testing.assert_allclose(table.feed_mm_s, 10.0, rtol=1e-15)
+    assert np.isnan(table.target).all()
+
+
+def test_empty_reading_keeps_its_place(tmp_path: Path) -> None:
+    rows = [ROWS[0], "10,0,300,,,", "10,5,300,1,,3", ROWS[2]]
+    table = read_table(write(tmp_path, csv(*rows)))
+    assert table.observed.tolist() == [True, False, True, True]
+    assert_array_equal(table.measured[2], [1, np.nan, 3])
+    assert table.rows == 4
+
+
+def test_equal_rows_without_reading_are_travel(tmp_path: Path) -> None:
+    table = read_table(write(tmp_path, csv(ROWS[0], "10,0,300,,,", ROWS[1], "10,0,300,,,")))
+    assert table.observed.tolist() == [True, False, True, False]
+
+
+def test_unknown_columns_are_kept_aside(tmp_path: Path) -> None:
+    text = csv(*[f"{row},{note},1.50" for row, note in zip(ROWS, "abc", strict=True)], header=HEADER + ",operator,rms")
+    table = read_table(write(tmp_path, text))
+    assert table.understood.ignored == ("operator", "rms")
+    assert table.extra["operator"].tolist() == ["a", "b", "c"]
+    assert "not used: operator, rms" in str(table.understood)
+    assert table_to_frame(table)["rms"].tolist() == ["1.50"] * 3
+
+
+def test_comments_blank_lines_and_quotes(tmp_path: Path) -> None:
+    text = f'# made by hand\n\n{HEADER},name\n{ROWS[0]},"a,b"\n\n// later\n{ROWS[1]},"say ""x"""\r\n{ROWS[2]},c\n\n'
+    table = read_table(write(tmp_path, text))
+    assert table.name.tolist() == ["a,b", 'say "x"', "c"]
+    assert_array_equal(table.line, [4, 7, 8])
+
+
+BAD = {
+    "text": (csv(ROWS[0], "1,2,3,--,5,6"), "run.csv row 3, column x_meas: not a number ('--'); remove the row"),
+    "nan": (csv(ROWS[0], "1,2,3,nan,5,6"), "row 3, column x_meas: not a number ('nan')"),
+    "infinite": (csv(ROWS[0], "1,2,3,4,inf,6"), "row 3, column y_meas: not a number ('inf')"),
+    "too large": (csv(ROWS[0], "1,2,3,4,1e999,6"), "row 3, column y_meas: not a number ('1e999')"),
+    "boolean": (csv("1,2,3,True,5,6", "1,2,4,False,5,6"), "row 2, column x_meas: not a number ('True')"),
+    "decimal comma": (
+        csv(ROWS[0], '1,2,3,"4,5",5,6'),
+        "row 3, column x_meas: not a number ('4,5'); write numbers with a",
+    ),
+    "decimal commas": (
+        csv(ROWS[0], "1,2,3,4,5,5,6"),
+        "row 3: 7 cells where 6 are expected; write numbers with a decimal",
+    ),
+    "short row": (csv(ROWS[0], "1,2,3,4,5"), "row 3: 5 cells where 6 are expected"),
+    "missing reading": (
+        csv("1,2,3", "1,2,4", header="x_cmd,y_cmd,z_cmd"),
+        "columns are missing: x_meas, y_meas, z_meas",
+    ),
+    "missing z_meas": (csv("1,2,3,4,5", header=HEADER[:-7]) + "1,2,4,4,5\n", "column is missing: z_meas"),
+    "missing command": (
+        csv("1,2,3", "1,2,4", header="x_meas,y_meas,z_meas"),
+        "x_cmd, y_cmd, z_cmd (neither they nor b1_cmd",
+    ),
+    "part of the target": (csv("1,2,3,4", "1,2,4,4", header="x_cmd,x_meas,y_meas,z_meas"), "missing: y_cmd, z_cmd"),
+    "part of the joints": (
+        csv("1,2,1,2,3", "1,2,1,2,4", header="b1_cmd,b2_cmd,x_meas,y_meas,z_meas"),
+        "column is missing: b3_cmd",
+    ),
+    "too many joints": (
+        csv("1,2,3,4,1,2,3", "1,2,3,4,1,2,4", header="b1_cmd,b2_cmd,b3_cmd,b4_cmd,x_meas,y_meas,z_meas"),
+        "column b4_cmd for a machine of 3 joints",
+    ),
+    "empty file": ("", "run.csv: the file is empty"),
+    "only comments": ("# nothing\n\n", "run.csv: the file is empty"),
+    "header only": (csv(), "run.csv: only a header, no rows"),
+    "one row": (csv(ROWS[0]), "run.csv row 2: only one row"),
+    "copy": (csv(ROWS[0], ROWS[1], ROWS[0]), "run.csv row 4: identical to row 2 in every column"),
+    "empty command": (csv(ROWS[0], "1,,3,4,5,6"), "row 3, column y_cmd: empty command"),
+    "empty joint": (
+        csv("1,,3,1,2,3", "1,2,3,4,1,2", header="b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas"),
+        "row 2, column b2_cmd: empty command",
+    ),
+    "direction": (
+        csv(ROWS[0] + ",1", ROWS[1] + ",2", header=HEADER + ",dir1"),
+        "row 3, column dir1: not a direction (2)",
+    ),
+    "role": (
+        csv(ROWS[0] + ",pose", ROWS[1] + ",home", header=HEADER + ",role"),
+        "row 3, column role: unknown role 'home'",
+    ),
+    "std": (
+        csv(ROWS[0] + ",-1", ROWS[1] + ",1", header=HEADER + ",x_std"),
+        "column x_std: negative standard deviation (-1)",
+    ),
+    "twice": (csv(ROWS[0] + ",1", ROWS[1] + ",1", header=HEADER + ",x_meas"), "column x_meas is there twice"),
+    "metres": (
+        csv("0,0,300,0,0,.3", "99,0,300,.1,0,.3", "0,99,300,0,.1,.3"),
+        "this looks like metres; rename the columns",
+    ),
+    "metres target": (csv("0,0,.3,0,0,300", ".1,0,.3,99,0,300", "0,.1,.3,0,99,300"), "x_cmd, y, z spread over 0.1 mm"),
+    "inches": (csv("0,0,0,0,0,0", "254,0,0,10,0,0", "0,254,0,0,10,0"), "this looks like inches"),
+    "micrometres": (csv("0,0,0,0,0,0", "30,0,0,30000,0,0", "0,30,0,0,30000,0"), "this looks like micrometres"),
+    "binary": ("\x00\x01\x02\x03" * 40, "run.csv: not a text file; export the readings as CSV"),
+}
+
+
+@pytest.mark.parametrize("text, message", BAD.values(), ids=BAD.keys())
+def test_bad_input(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(TableError) as caught:
+        read_table(write(tmp_path, text))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert caught.value.exit_code == 2
+    assert caught.value.fix
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match=r"no\.csv: cannot be read"):
+        read_table(tmp_path / "no.csv")
+
+
+def test_joint_angle_without_unit_is_asked(tmp_path: Path) -> None:
+    path = write(tmp_path, csv("1,1,2,3", "2,1,2,4", header="q1_cmd,x_meas,y_meas,z_meas"))
+    with pytest.raises(TableError, match=r"which unit is q1_cmd in\?; answer with --map FILE.toml"):
+        read_table(path, joints=1, joint_prefix="q")
+    table = read_table(path, joints=1, joint_prefix="q", ask=lambda question, choices: "deg")
+    np.testing.assert_allclose(table.command[:, 0], np.radians([1, 2]), rtol=1e-15)
+
+
+def test_targets_file(tmp_path: Path) -> None:
+    path = write(tmp_path, csv("0,0,300", "0,0,300", header="x,y,z"), "targets.csv")
+    table = read_table(path, purpose="targets")
+    assert_array_equal(table.target, [[0, 0, 300], [0, 0, 300]])
+    assert not table.observed.any()
+    assert read_table(write(tmp_path, csv("1,2,3", header="x_cmd,y_cmd,z_cmd")), purpose="targets").rows == 1
+
+
+def test_sliders_file_sends_the_corrected_commands(tmp_path: Path) -> None:
+    header = "x_cmd,y_cmd,z_cmd,b1_cmd,b2_cmd,b3_cmd,b1,b2,b3,status"
+    text = csv("0,0,300,1,2,3,1.1,2.1,3.1,ok", "0,0,301,2,3,4,2.1,3.1,4.1,ok", header=header)
+    path = write(tmp_path, text, "sliders.csv")
+    assert_array_equal(read_table(path, purpose="sliders").command[0], [1.1, 2.1, 3.1])
+    assert_array_equal(read_table(path, purpose="targets").command[0], [1, 2, 3])
+    angles = write(tmp_path, csv("1.5,2", header="q1,q2"), "angles.csv")
+    assert_array_equal(read_table(angles, 2, joint_prefix="q", purpose="sliders").command[0], [1.5, 2])
+    with pytest.raises(TableError, match="missing: b1, b2, b3"):
+        read_table(write(tmp_path, csv("1,2,3", header="x_cmd,y_cmd,z_cmd")), purpose="sliders")
+
+
+def test_run_with_two_kinds_of_commands_is_asked(tmp_path: Path) -> None:
+    header = "b1_cmd,b2_cmd,b3_cmd,b1,b2,b3,x_meas,y_meas,z_meas"
+    path = write(tmp_path, csv("1,2,3,1.1,2.1,3.1,4,5,6", "2,3,4,2.1,3.1,4.1,5,6,7", header=header))
+    with pytest.raises(TableError, match="which columns were sent to the machine"):
+        read_table(path)
+    assert read_table(path, ask=lambda question, choices: choices[1]).command[0, 0] == 1.1
+    assert read_table(path, ask=lambda question, choices: choices[0]).command[0, 0] == 1.0
+
+
+def test_set_values(tmp_path: Path) -> None:
+    table = read_table(write(tmp_path, csv(*ROWS)), set_values={"payload_kg": 2})
+    assert_array_equal(table.payload_kg, [2, 2, 2])
+    assert "payload_kg set to 2 in every row" in str(table.understood)
+    with pytest.raises(TableError, match="--set: 'colour' cannot be set; settable: payload_kg"):
+        read_table(tmp_path / "run.csv", set_values={"colour": 2})
+
+
+def test_also_keeps_runs_apart(tmp_path: Path) -> None:
+    first = write(tmp_path, csv(ROWS[0] + ",a", ROWS[1] + ",b", header=HEADER + ",run"), "first.csv")
+    second = write(tmp_path, csv(*ROWS, header=HEADER), "second.csv")
+    table = read_table(first, also=[second, second])
+    assert table.rows == 8
+    assert table.run.tolist() == [0, 1, 2, 2, 2, 3, 3, 3]
+    assert table.run_label == (f"{first}:a", f"{first}:b", str(second), f"{second}#2")
+    assert table.place(3, "x_meas") == f"{second} row 3, column x_meas"
+    again = tmp_path / "again.csv"
+    write_table(table, again)
+    assert read_table(again).run.tolist() == table.run.tolist()
+
+
+def test_concat_fills_and_refuses() -> None:
+    plain = make_table(np.eye(3), measured=np.eye(3))
+    loaded = make_table(np.eye(3), measured=np.eye(3), payload_kg=2.0)
+    assert_array_equal(concat_tables([plain, loaded]).payload_kg, [np.nan] * 3 + [2.0] * 3)
+    assert concat_tables([plain]) is plain
+    other = plain.replace(source="other", run_label=("a",))
+    nested = concat_tables([concat_tables([plain, other]), plain])
+    assert nested.run_label == concat_tables([plain, other, plain]).run_label == ("table", "other:a", "table#2")
+    assert nested.run.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    with pytest.raises(TableError, match="no joint commands while the other files have them"):
+        concat_tables([plain, make_table(np.eye(3), command=np.eye(3))])
+    with pytest.raises(TableError, match="another machine"):
+        concat_tables([make_table(np.eye(3), command=np.eye(3)), make_table(np.eye(3), command=np.ones((3, 6)))])
+
+
+def test_time_that_goes_back_is_a_warning(tmp_path: Path) -> None:
+    rows = [f"{row},{t},{run}" for row, t, run in zip(ROWS, (5, 1, 0), "aba", strict=True)]
+    table = read_table(write(tmp_path, csv(*rows, header=HEADER + ",time_s,run")))
+    assert "warning: time of run a goes back at row 4" in str(table.understood)
+
+
+def test_unit_hint_against_the_machine() -> None:
+    small = make_table(np.array([[0, 0, 0.3], [0.1, 0, 0.3], [0, 0.1, 0.3]]))
+    assert "this looks like metres" in str(unit_hint(small, 300.0))
+    assert unit_hint(make_table(small.target * 1000), 300.0) is None
+    assert unit_hint(make_table(np.zeros((3, 3))), 300.0) is None
+
+
+def test_make_table_defaults() -> None:
+    table = make_table(np.zeros((4, 3)), time_s=1.0, name=np.array(["a", "b", "c", "d"]))
+    assert table.rows == 4
+    assert table.role.tolist() == ["pose"] * 4
+    assert not table.observed.any()
+    assert_array_equal(table.time_s, np.ones(4))
+    assert make_table(None, command=np.zeros((2, 6))).joints == 6
+    changed = table.replace(source="other")
+    assert isinstance(changed, Table)
+    assert (changed.source, table.source) == ("other", "table")
+    assert make_table(np.zeros((3, 3)), run=np.array([0, 2, 2])).run_label == ("0", "1", "2")
+
+
+def test_write_is_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path, "before\n")
+
+    def fail(*_: object) -> None:
+        raise OSError("disk full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", fail)
+        with pytest.raises(OSError, match="disk full"):
+            write_table(make_table(np.eye(3)), path)
+    assert path.read_text(encoding="utf-8") == "before\n"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
+    with pytest.raises(TableError, match="cannot be written"):
+        write_table(make_table(np.eye(3)), tmp_path / "nowhere" / "run.csv")
+    with pytest.raises(TableError, match="line break in"):
+        write_table(make_table(np.eye(3), name=np.array(["a", "b\nc", "d"])), path)
+
+
+FLOATS = st.floats(-1e300, 1e300)
+NAMES = st.text(st.characters(exclude_categories=("C", "Z")), max_size=6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), n=st.integers(2, 6), joints=st.sampled_from([0, 3, 6]))
+def test_round_trip_is_lossless(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, n: int, joints: int
+) -> None:
+    def block(width: int, elements: st.SearchStrategy[float] = FLOATS) -> np.ndarray:
+        return np.array(data.draw(st.lists(elements, min_size=n * width, max_size=n * width))).reshape(n, width)
+
+    gaps = st.one_of(st.just(np.nan), FLOATS)
+    table = make_table(
+        block(3),
+        command=block(joints) if joints else None,
+        measured=block(3, gaps),
+        name=np.array(data.draw(st.lists(NAMES, min_size=n, max_size=n))),
+        time_s=np.arange(n) + block(1)[0, 0] * 1e-300,
+        temp_c=block(1, gaps)[:, 0],
+        repeat=np.arange(n, dtype=float),
+        joint_prefix="q" if joints == 6 else "b",
+    )
+    table.measured[0] = table.target[0]
+    path = tmp_path_factory.mktemp("trip") / "run.csv"
+    write_table(table, path)
+    again = read_table(path, joints=joints or 3, joint_prefix=table.joint_prefix)
+    for name in ("target", "measured", "command", "name", "role", "run", "repeat", "time_s", "line"):
+        assert_array_equal(getattr(again, name), getattr(table, name), err_msg=name)
+    if not np.isnan(table.temp_c).all():
+        assert_array_equal(again.temp_c, table.temp_c)
+
+
+def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    line = [",".join(map(repr, row)) for row in random.normal(size=(1000, 9)).round(6).tolist()]
+    head = "x_cmd,y_cmd,z_cmd,b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas,time_s"
+    body = "\n".join(f"{line[i % 1000]},{i}" for i in range(1_000_000))
+    path = write(tmp_path, f"{head}\n{body}\n")
+    start = time.process_time()
+    table = read_table(path)
+    assert table.rows == 1_000_000
+    assert time.process_time() - start < 20.0
