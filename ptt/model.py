@@ -11,7 +11,6 @@ from ptt.effects.base import STAGES, flatten, linear_size, shape_of, sizes, tota
 from ptt.effects.registry import make_effect
 from ptt.errors import ModelError
 from ptt.machine import EffectEntry, MachineFile, ParameterEntry
-from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.view import View
 
@@ -116,6 +115,27 @@ class Linearised:
 
     prediction: Prediction
     jacobian: Tensor
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The causal chain at a model's present parameters: where a small further shift of each stage would lead.
+
+    Attributes:
+        at_drive: the rows as drive effects see them.
+        at_joints: as geometry effects see them.
+        at_tool: as structure and metrology effects see them.
+        by_joint: d reading / d joint shift, (n, 3, k).
+        by_slot: d reading / d geometry slot, (n, 3, G).
+        reading: (n, 3) mm.
+    """
+
+    at_drive: View
+    at_joints: View
+    at_tool: View
+    by_joint: Tensor
+    by_slot: Tensor
+    reading: Tensor
 
 
 def read_model(file: MachineFile, known: Library | None = None) -> Model:
@@ -273,6 +293,40 @@ def linearise(terms: Shifts, view: View) -> Linearised:
     return Linearised(Prediction(q, geometry, actual, reading), jacobian)
 
 
+def trace(terms: Shifts, view: View) -> Chain:
+    """Follow the chain and keep what each stage sees.
+
+    Args:
+        terms: effects with their flat parameters.
+        view: n rows.
+
+    Returns:
+        The chain.
+    """
+    at = predict(terms, view)
+    at_joints = view.at(q=at.q)
+    _, by_joint, by_slot = sensitivity(view.mechanism, at.q, at.geometry)
+    return Chain(view, at_joints, at_joints.at(p=at.p), by_joint, by_slot, at.reading)
+
+
+def signature(chain: Chain, effect: Effect, shape: Mapping[str, Tensor]) -> Tensor:
+    """Reading shift per unit of each linear parameter of an effect that is not in the model yet.
+
+    Args:
+        chain: the present model's chain.
+        effect: the candidate.
+        shape: its searched and given parameters.
+
+    Returns:
+        (n, 3, P) mm per unit.
+    """
+    if effect.stage == "drive":
+        return chain.by_joint @ effect.basis(chain.at_drive, shape)
+    if effect.stage == "geometry":
+        return chain.by_slot @ effect.basis(chain.at_joints, shape)
+    return effect.basis(chain.at_tool, shape)
+
+
 def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Tensor]:
     """Shift of one effect and its derivative by its own parameters.
 
@@ -402,7 +456,3 @@ def _plain_flags(values: Tensor) -> bool | tuple[bool, ...]:
     flags = tuple(bool(value) for value in values)
     return flags[0] if len(flags) == 1 else flags
 
-
-def mechanism_of(model: Model) -> object:
-    """The nominal mechanism of a model."""
-    return build_mechanism(model.file.machine)

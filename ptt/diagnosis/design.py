@@ -1,0 +1,210 @@
+"""The linearised problem: what every candidate would add to the readings, on top of the present model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.effects import Effect, Library
+from ptt.effects.base import linear_size
+from ptt.effects.metrology import TrackerFrame, rigid_basis
+from ptt.fit import FitResult
+from ptt.holdout import blocks
+from ptt.model import linearise, signature, trace
+from ptt.noise import Noise
+from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
+from ptt.sums import Sums, accumulate, held_out_solutions
+
+BLOCKS = 10
+SECOND = {"once-per-rev": "harmonic 2", "setup-jump": "second"}  # effects of which a machine may well have two
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One shape of one candidate.
+
+    Attributes:
+        effect: the candidate.
+        shape: its searched and given parameters.
+        columns: indices of its columns in the design.
+        trials: how many shapes of this effect are tried.
+    """
+
+    effect: Effect
+    shape: dict[str, object]
+    columns: np.ndarray
+    trials: int
+
+
+@dataclass(frozen=True)
+class Design:
+    """Whitened columns in usual sizes, and the readings that they are to explain.
+
+    `values` are the readings less the nominal part, so any choice of columns, the present model's or others, is a
+    model of them to first order.
+
+    Attributes:
+        columns: (n, 3, P).
+        values: (n, 3).
+        rows: rows that count, (n,) bool.
+        block: (n,) int, held-out block of each row, -1 for none.
+        frame: indices of the tracker frame's columns.
+        present: key -> indices of the columns of each effect in the model.
+        trials: candidates in all their shapes.
+        scale: (P,) usual size of each column.
+        sums: normal sums by block; base reflectors are in the first.
+        noise: the noise floor that whitened it.
+    """
+
+    columns: np.ndarray
+    values: np.ndarray
+    rows: np.ndarray
+    block: np.ndarray
+    frame: np.ndarray
+    present: dict[str, np.ndarray]
+    trials: tuple[Trial, ...]
+    scale: np.ndarray
+    sums: Sums
+    noise: Noise
+
+    @property
+    def base(self) -> np.ndarray:
+        """Indices of the frame and all present effects."""
+        return np.concatenate([self.frame, *self.present.values()])
+
+    def held_out_rms(self, chosen: np.ndarray) -> float:
+        """Error of hidden blocks when the chosen columns are fitted on the others, mm (total of the axes)."""
+        used = np.flatnonzero(np.bincount(self.block[self.rows & (self.block >= 0)], minlength=len(self.sums.count)))
+        color = np.linalg.inv(self.noise.whitener).T
+        squares, count = 0.0, 0
+        for index, solution in zip(used, held_out_solutions(self.sums, chosen, used.tolist()), strict=True):
+            hidden = self.rows & (self.block == index)
+            left = self.values[hidden] - self.columns[hidden][..., chosen] @ solution
+            squares += float(np.square(left @ color).sum())
+            count += int(hidden.sum())
+        return float(np.sqrt(squares / max(count, 1)))
+
+
+def present_candidates(fitted: FitResult, problem: Problem, known: Library) -> tuple[list[Effect], dict[str, str]]:
+    """Effects that could be added, and those that the data cannot test.
+
+    Args:
+        fitted: the present model.
+        problem: the readings.
+        known: effects by name.
+
+    Returns:
+        Candidates, and name -> what it needs.
+    """
+    kind = problem.file.machine.kind
+    candidates, untestable = [], {}
+    for name, cls in known.items():
+        effect = _next_label(cls, fitted.model.keys)
+        if effect is None or kind not in cls.mechanisms:
+            continue
+        if cls is TrackerFrame and problem.file.tracker.frame != "trusted":
+            continue
+        lack = effect.needs(problem.view)
+        if lack:
+            if not effect.label:
+                untestable[name] = lack
+        else:
+            candidates.append(effect)
+    return candidates, untestable
+
+
+def build_design(fitted: FitResult, problem: Problem, candidates: Sequence[Effect], noise: Noise) -> Design:
+    """Linearise the problem around the present model, with every candidate's columns at zero beside it.
+
+    Args:
+        fitted: the present model and its residual.
+        problem: the readings.
+        candidates: effects that may be added.
+        noise: the noise floor.
+
+    Returns:
+        The design.
+    """
+    layout = fitted.layout
+    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(fitted.unknowns), strict=True)]
+    chain = trace(terms, problem.view)
+    parts: list[np.ndarray] = []
+    scales: list[np.ndarray] = []
+    machine = linearise(terms, problem.view).jacobian[..., layout.columns()].numpy()
+    parts.append(machine)
+    scales.append(layout.scale[: machine.shape[-1]])
+    present = {
+        term.effect.key: np.flatnonzero(layout.owner[: machine.shape[-1]] == index)
+        for index, term in enumerate(layout.terms)
+    }
+    rigid = rigid_basis(chain.reading).numpy()
+    start = machine.shape[-1]
+    for index in range(problem.frames):
+        parts.append(np.where((problem.frame == index)[:, None, None], rigid, 0.0))
+        scales.append(np.array([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3))
+    frame = np.arange(start, start + 6 * problem.frames)
+    start += len(frame)
+    trials = []
+    for effect in candidates:
+        usual = usual_sizes(effect, problem)
+        shapes = effect.search(problem.view)
+        for shape in shapes:
+            basis = signature(chain, effect, shape).numpy()
+            parts.append(basis)
+            scales.append(usual)
+            trials.append(Trial(effect, dict(shape), np.arange(start, start + basis.shape[-1]), len(shapes)))
+            start += basis.shape[-1]
+    scale = np.concatenate(scales) if scales else np.zeros(0)
+    columns = np.einsum("ij,njp->nip", noise.whitener, np.concatenate(parts, axis=-1) * scale, optimize=True)
+    values = np.nan_to_num(fitted.residual) @ noise.whitener.T
+    own = np.arange(machine.shape[-1])
+    values = values + columns[..., own] @ fitted.unknowns[own]
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    block = blocks(problem.table, BLOCKS)
+    sums = accumulate(columns[rows], values[rows], block[rows], BLOCKS)
+    sums = _with_base(sums, fitted, problem, frame)
+    return Design(columns, values, rows, block, frame, present, tuple(trials), scale, sums, noise)
+
+
+def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:
+    """Usual size of each linear value of an effect, (P,)."""
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    sizes = [
+        np.full(parameter.size(joints), parameter.on(kind).usual)
+        for parameter in effect.parameters
+        if parameter.role == "linear"
+    ]
+    usual = np.concatenate(sizes)
+    assert len(usual) == linear_size(effect, joints)
+    return usual
+
+
+def _with_base(sums: Sums, fitted: FitResult, problem: Problem, frame: np.ndarray) -> Sums:
+    """Add base reflectors, which tell where the frame is; they are never held out, so every block's rest has them."""
+    base = problem.base
+    if base is None:
+        return sums
+    import torch
+
+    rigid = rigid_basis(torch.as_tensor(base.place)).numpy() * np.array([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3)
+    motion = fitted.unknowns[len(fitted.unknowns) - 6 * problem.frames :].reshape(-1, 6)
+    weight = 1.0 / base.sigma
+    # Frame columns solve for further motion, so what the fit has moved already is taken off the reflectors too.
+    left = base.reading - base.place - np.einsum("mcp,mp->mc", rigid, motion[base.frame])
+    gram, side, square, count = (np.array(part) for part in (sums.gram, sums.side, sums.square, sums.count))
+    extra = np.zeros((len(base.place), 3, gram.shape[-1]))
+    for index in range(problem.frames):
+        here = base.frame == index
+        extra[np.ix_(here, range(3), frame[6 * index : 6 * index + 6])] = rigid[here]
+    joined = accumulate(extra * weight[:, None, None], left * weight[:, None], np.zeros(len(left), dtype=int), 1)
+    # Spread evenly: hiding one of b blocks hides a b-th of the base's weight, which the others make up for.
+    share = 1.0 / len(count)
+    return Sums(gram + share * joined.gram, side + share * joined.side, square + share * joined.square, count)
+
+
+def _next_label(cls: type[Effect], keys: Sequence[str]) -> Effect | None:
+    """The effect itself, or, where it is in the model, a second of its kind if it can have one."""
+    if cls.name not in keys:
+        return cls()
+    label = SECOND.get(cls.name)
+    return cls(label) if label and f"{cls.name}[{label}]" not in keys else None

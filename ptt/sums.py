@@ -1,0 +1,191 @@
+"""Normal equations as sums over rows: what chunks accumulate, what blocks hold out, what a cluster could reduce."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+SEEN = 1.0  # information, in usual sizes, from which a direction counts as seen
+
+
+@dataclass(frozen=True)
+class Sums:
+    """A^T A, A^T y and y^T y of whitened rows, block by block.
+
+    Columns are in units of usual sizes, so an eigenvalue of one means: known as well as the usual size.
+
+    Attributes:
+        gram: (b, P, P).
+        side: (b, P).
+        square: (b,).
+        count: (b,) number of coordinates.
+    """
+
+    gram: np.ndarray
+    side: np.ndarray
+    square: np.ndarray
+    count: np.ndarray
+
+    def __add__(self, other: "Sums") -> "Sums":
+        """Sums over the rows of both: chunks and machines of a cluster join by this."""
+        return Sums(
+            self.gram + other.gram, self.side + other.side, self.square + other.square, self.count + other.count
+        )
+
+    @cached_property
+    def total(self) -> tuple[np.ndarray, np.ndarray, float, int]:
+        """Sums over all blocks."""
+        return self.gram.sum(axis=0), self.side.sum(axis=0), float(self.square.sum()), int(self.count.sum())
+
+
+def accumulate(columns: np.ndarray, values: np.ndarray, block: np.ndarray, blocks: int) -> Sums:
+    """Sum up whitened rows.
+
+    Args:
+        columns: (m, 3, P) whitened, in usual sizes.
+        values: (m, 3) whitened.
+        block: (m,) int, -1 for rows that are never held out; those join the first block's sums.
+        blocks: number of blocks.
+
+    Returns:
+        The sums.
+    """
+    width = columns.shape[-1]
+    gram, side = np.zeros((blocks, width, width)), np.zeros((blocks, width))
+    square, count = np.zeros(blocks), np.zeros(blocks, dtype=int)
+    for index in range(blocks):
+        rows = np.maximum(block, 0) == index
+        flat = columns[rows].reshape(-1, width)
+        value = values[rows].ravel()
+        gram[index], side[index] = flat.T @ flat, flat.T @ value
+        square[index], count[index] = value @ value, len(value)
+    return Sums(gram, side, square, count)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Least squares on a choice of columns.
+
+    Attributes:
+        left: sum of squares that is left.
+        seen: number of directions that the rows see.
+        values: (p,) solution in usual sizes, zero along what is not seen.
+    """
+
+    left: float
+    seen: int
+    values: np.ndarray
+
+
+def solve(gram: np.ndarray, side: np.ndarray, square: float, chosen: np.ndarray) -> Solution:
+    """Least squares on chosen columns; directions that the rows do not see are left at zero.
+
+    Args:
+        gram: (P, P).
+        side: (P,).
+        square: sum of squared values.
+        chosen: indices of the columns.
+
+    Returns:
+        The solution.
+    """
+    if not len(chosen):
+        return Solution(square, 0, np.zeros(0))
+    strength, directions = linalg.eigh(gram[np.ix_(chosen, chosen)])
+    seen = strength > SEEN
+    along = directions[:, seen].T @ side[chosen]
+    values = directions[:, seen] @ (along / strength[seen])
+    return Solution(max(square - float(along @ (along / strength[seen])), 0.0), int(seen.sum()), values)
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Columns with everything the present model explains taken off.
+
+    Attributes:
+        gram: (P, P) of the columns.
+        side: (P,).
+        left: sum of squares that the present model leaves.
+        seen: number of directions that the present model uses.
+    """
+
+    gram: np.ndarray
+    side: np.ndarray
+    left: float
+    seen: int
+
+
+def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray) -> Projected:
+    """Take off what the base columns explain.
+
+    Args:
+        gram: (P, P).
+        side: (P,).
+        square: sum of squared values.
+        base: indices of the present model's columns.
+
+    Returns:
+        The projection, over all columns; those of the base are zero up to rounding.
+    """
+    if not len(base):
+        return Projected(gram, side, square, 0)
+    strength, directions = linalg.eigh(gram[np.ix_(base, base)])
+    seen = strength > SEEN
+    root = directions[:, seen] / np.sqrt(strength[seen])
+    cross = root.T @ gram[base]  # shape: (s, P)
+    along = root.T @ side[base]
+    return Projected(gram - cross.T @ cross, side - cross.T @ along, max(square - float(along @ along), 0.0), int(seen.sum()))
+
+
+def gain(projected: Projected, chosen: np.ndarray) -> tuple[float, int]:
+    """What chosen columns take off the rest.
+
+    Args:
+        projected: columns with the present model taken off.
+        chosen: indices.
+
+    Returns:
+        Reduction of the sum of squares, and the number of seen directions behind it.
+    """
+    strength, directions = linalg.eigh(projected.gram[np.ix_(chosen, chosen)])
+    seen = strength > SEEN
+    along = directions[:, seen].T @ projected.side[chosen]
+    return float(along @ (along / strength[seen])), int(seen.sum())
+
+
+def held_out_solutions(sums: Sums, chosen: np.ndarray, hidden: Sequence[int]) -> list[np.ndarray]:
+    """Solutions on all blocks but one, for each block.
+
+    Args:
+        sums: by block.
+        chosen: indices of the columns.
+        hidden: blocks to be hidden in turn.
+
+    Returns:
+        One (p,) solution for each hidden block.
+    """
+    gram, side, square, _ = sums.total
+    return [
+        solve(gram - sums.gram[index], side - sums.side[index], square - float(sums.square[index]), chosen).values
+        for index in hidden
+    ]
+
+
+def held_out_squares(sums: Sums, chosen: np.ndarray) -> np.ndarray:
+    """Sum of squares of each block when everything was fitted on the others.
+
+    Args:
+        sums: by block.
+        chosen: indices of the columns.
+
+    Returns:
+        (b,).
+    """
+    blocks = [index for index in range(len(sums.count)) if sums.count[index]]
+    result = np.zeros(len(sums.count))
+    for index, values in zip(blocks, held_out_solutions(sums, chosen, blocks), strict=True):
+        gram = sums.gram[index][np.ix_(chosen, chosen)]
+        result[index] = sums.square[index] - 2.0 * values @ sums.side[index][chosen] + values @ gram @ values
+    return result
