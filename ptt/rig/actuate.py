@@ -1,0 +1,73 @@
+"""From commands to unloaded slider heights: temperatures, controller, drives, screws."""
+
+import numpy as np
+
+from ptt.rig import drive, motion, odd
+from ptt.rig.nominal import Array, Drawing
+from ptt.rig.rig import Rig
+from ptt.rig.schedule import Schedule
+from ptt.rig.thermal import Warmth, warm_up
+
+MICRO = 1e-3  # mm per um
+
+
+def follow_warmth(rig: Rig, path: motion.Path, time: Array, rows: int, seed: int | None) -> Warmth:
+    """Temperatures of a run.
+
+    Args:
+        rig: room, lags, heat of duty.
+        path: of the sliders.
+        time: (n,) s.
+        rows: n.
+        seed: of the sensor's noise; None leaves it out.
+
+    Returns:
+        The temperatures.
+    """
+    step = np.abs(np.diff(path.slider, axis=0, prepend=path.slider[:1]))
+    travelled = np.zeros((rows, 3))
+    np.add.at(travelled, path.row, step)
+    sigma = rig.thermal.sensor_sigma_k
+    random = np.random.default_rng([seed, 6]).normal(size=rows) if seed is not None else np.zeros(rows)
+    return warm_up(rig.conditions.room, rig.thermal, time, travelled, sigma * random)
+
+
+def drive_sliders(
+    rig: Rig, drawing: Drawing, path: motion.Path, speed: Array, schedule: Schedule, warmth: Warmth
+) -> Array:
+    """Where the sliders go while nothing pulls at them.
+
+    Args:
+        rig: controller, drives, screws.
+        drawing: the ideal machine.
+        path: m points of commanded heights in travel order.
+        speed: (n, 3) mm/s, of the sliders when the rows are read.
+        schedule: the rows.
+        warmth: temperatures.
+
+    Returns:
+        (n, 3) mm.
+    """
+    faults, spec = rig.drive, rig.spec
+    sent = path.slider + 0.5 * np.asarray(rig.controller.backlash_mm) * motion.travel_direction(path.slider)
+    gap = np.asarray(faults.backlash_mm) + odd.warm_gap(rig.odd, warmth.screw)[path.row]
+    nut = drive.play(sent, gap)
+    late = drive.windup(path.slider, MICRO * np.asarray(faults.windup_um), np.asarray(faults.windup_length_mm))
+    late = late + drive.friction(
+        path.slider, MICRO * np.asarray(faults.friction_um), np.asarray(faults.friction_length_mm)
+    )
+    nut, late, screw = nut[path.last], late[path.last], sent[path.last]
+    lead = spec.screw_lead_mm or np.inf
+    span = faults.curve_span_mm or spec.slider_travel_mm
+    error = drive.screw_error(faults, nut, screw, drawing.home, span, lead)
+    error = error + _homing(rig, schedule)
+    late = late - np.asarray(faults.following_s) * speed
+    warmer = warmth.screw - spec.reference_temp_c
+    growth = 1e-6 * np.asarray(rig.thermal.growth_um_per_m_k) * warmer * (nut - np.asarray(rig.thermal.fixed_end_mm))
+    return nut + error + late + growth
+
+
+def _homing(rig: Rig, schedule: Schedule) -> Array:
+    """Every run is homed anew."""
+    random = np.random.default_rng([rig.seed, 7])
+    return rig.drive.homing_scatter_mm * random.normal(size=(int(schedule.run.max()) + 1, 3))[schedule.run]

@@ -1,0 +1,110 @@
+"""Drives: what play, friction, screw and encoder make of a commanded height."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ptt.rig.nominal import Array
+from ptt.rig.schema import Drive
+
+MICRO = 1e-3  # mm per um
+SLIPS = np.array([0.25, 0.5, 0.75, 1.0])  # where the friction elements of a slider let go, of the full length
+
+
+def play(path: Array, gap: Array) -> Array:
+    """Follow a path through a gap: the nut stays until the screw has crossed what is left of it.
+
+    Source: the play operator, y = min(max(y_before, x - gap/2), x + gap/2).
+
+    Args:
+        path: (m, k) mm in travel order.
+        gap: (k,) or (m, k) mm, not negative.
+
+    Returns:
+        (m, k) mm; the first point lies in the middle of the gap.
+    """
+    half = np.broadcast_to(np.asarray(gap) / 2.0, path.shape)
+    low, high = path - half, path + half
+    if not half.any():
+        return path.copy()
+    out = np.empty_like(path)
+    for leg in range(path.shape[1]):
+        held = float(path[0, leg])
+        column = out[:, leg]
+        for number, (least, most) in enumerate(zip(low[:, leg].tolist(), high[:, leg].tolist(), strict=True)):
+            held = least if held < least else most if held > most else held
+            column[number] = held
+    return out
+
+
+def windup(path: Array, size: Array, length: Array) -> Array:
+    """Elastic lag that changes over gradually after a reversal.
+
+    Source: Dahl's friction model, ds/dx = (size sign(dx) - s) / length, exact over each stretch.
+
+    Args:
+        path: (m, k) mm in travel order.
+        size: (k,) mm.
+        length: (k,) mm.
+
+    Returns:
+        (m, k) mm, by how much the slider is ahead (negative after travelling up for long).
+    """
+    if not np.any(size):
+        return np.zeros_like(path)
+    step = np.diff(path, axis=0, prepend=path[:1])
+    keep = np.exp(-np.abs(step) / length)
+    goal = np.sign(step) * size
+    state = np.zeros_like(path)
+    held = np.zeros(path.shape[1])
+    for number in range(len(path)):
+        held = goal[number] + (held - goal[number]) * keep[number]
+        state[number] = held
+    return -state
+
+
+def friction(path: Array, size: Array, length: Array) -> Array:
+    """Friction hysteresis of many contacts that let go one after another.
+
+    Source: Maxwell-slip (Iwan): parallel elements, each a spring that slips at its own stretch.
+
+    Args:
+        path: (m, k) mm in travel order.
+        size: (k,) mm, lag when every contact slips.
+        length: (k,) mm, stretch at which the last contact slips.
+
+    Returns:
+        (m, k) mm.
+    """
+    if not np.any(size):
+        return np.zeros_like(path)
+    lag = np.zeros_like(path)
+    for slip in SLIPS:
+        stretch = slip * np.asarray(length)
+        # A stop is what a play of twice its stretch leaves over.
+        lag += (path - play(path, 2.0 * stretch)) / stretch
+    return -np.asarray(size) * lag / len(SLIPS)
+
+
+def screw_error(faults: Drive, nut: Array, screw: Array, home: Array, span: tuple[float, float], lead: float) -> Array:
+    """Errors of screw and encoder: homing, scale, curve, map, once and twice per turn.
+
+    Args:
+        faults: sizes per slider.
+        nut: (n, 3) mm, height of the nut.
+        screw: (n, 3) mm, how far the screw has turned.
+        home: (3,) mm, heights the scale is referred to.
+        span: heights between which the curve is stated, mm.
+        lead: mm per turn.
+
+    Returns:
+        (n, 3) mm.
+    """
+    part = (2.0 * nut - span[0] - span[1]) / (span[1] - span[0])
+    error = np.asarray(faults.homing_mm) + 1e-6 * np.asarray(faults.scale_um_per_m) * (nut - home)
+    error = error + MICRO * np.asarray(faults.curve_parabola_um) * (1.5 * part**2 - 0.5)
+    error = error + MICRO * np.asarray(faults.curve_cubic_um) * (2.5 * part**3 - 1.5 * part)
+    for leg, values in enumerate(faults.map_um):
+        error[:, leg] += MICRO * CubicSpline(faults.map_height_mm, values)(nut[:, leg])
+    turn = 2.0 * np.pi * screw / lead
+    error = error + MICRO * np.asarray(faults.turn_um) * np.cos(turn - np.asarray(faults.turn_phase_rad))
+    return error + MICRO * np.asarray(faults.turn2_um) * np.cos(2.0 * turn - np.asarray(faults.turn2_phase_rad))

@@ -1,0 +1,128 @@
+"""From slider heights to the ends of the three chains: rails, guides, joints and links with their faults."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ptt.machine import ThreePttSpec
+from ptt.rig.nominal import Array, Drawing
+from ptt.rig.platform import Legs, rotation_matrix
+from ptt.rig.schema import Geometry
+
+UP = np.array([0.0, 0.0, 1.0])
+MILLI = 1e-3
+
+
+def build_legs(
+    drawing: Drawing,
+    faults: Geometry,
+    slider: Array,
+    *,
+    wander: Array,
+    bend: Array,
+    growth: tuple[Array, Array, Array],
+    stretch: Array,
+) -> Legs:
+    """Place the chains of every row.
+
+    Args:
+        drawing: the ideal machine.
+        faults: of rails, joints, links.
+        slider: (n, 3) mm, actual slider heights.
+        wander: (n, 3, 2) mm, sideways shift of each slider by its guide, radial and tangential.
+        bend: (n, 3, 3) mm, shift of each slider by its column.
+        growth: relative growth of base radius, platform radius and links, (n,) each.
+        stretch: (n, 3) mm, what joint play adds to each link.
+
+    Returns:
+        The chains.
+    """
+    rail, turn = _lean(drawing, faults)
+    base, platform, links = growth
+    foot = drawing.pivot + _sideways(drawing, faults.tower_radial_mm, faults.tower_tangential_mm)
+    along = (slider - drawing.home)[..., None] * rail
+    joint = foot + along + (base * drawing.base_radius)[:, None, None] * drawing.outward + bend
+    joint = joint + wander[..., :1] * drawing.outward + wander[..., 1:] * drawing.sideways
+    # An axis displaced along the rail, towards the platform, cannot be told from a slider that sits lower.
+    joint = joint - drawing.side * np.asarray(faults.joint_offset_rail_mm)[:, None] * rail
+    end = drawing.platform_radius * drawing.outward
+    end = end + _sideways(drawing, faults.platform_joint_radial_mm, faults.platform_joint_tangential_mm)
+    ends = end + (platform * drawing.platform_radius)[:, None, None] * drawing.outward
+    slider_axis = _axes(drawing, faults.slider_axis_radial_mrad, faults.slider_axis_vertical_mrad)
+    if faults.lean_turns_joint_axis:
+        slider_axis = np.einsum("lij,lj->li", turn, slider_axis)
+    return Legs(
+        slider=joint,
+        slider_axis=np.broadcast_to(slider_axis, joint.shape),
+        platform=ends,
+        platform_axis=_axes(drawing, faults.platform_axis_radial_mrad, faults.platform_axis_vertical_mrad),
+        length=(drawing.link + np.asarray(faults.link_mm)) * (1.0 + links[:, None]) + stretch,
+        slider_offset=np.asarray(faults.joint_offset_slider_mm),
+        platform_offset=np.asarray(faults.joint_offset_platform_mm),
+    )
+
+
+def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
+    """Sideways shift of each slider where its guide is not straight.
+
+    A given table is splined; a random guide is a short Fourier series whose constant and slope over the span (the
+    travel, if none is given) are taken out, because those are the rail's place and lean.
+
+    Args:
+        spec: the drawing, for the travel.
+        faults: straightness of the guides.
+        slider: (n, 3) mm.
+
+    Returns:
+        (n, 3, 2) mm, radial and tangential.
+    """
+    shift = np.zeros((*slider.shape, 2))
+    tables = (faults.straightness_radial_um, faults.straightness_tangential_um)
+    for way, table in enumerate(tables):
+        for leg, values in enumerate(table):
+            spline = CubicSpline(faults.straightness_height_mm, values)
+            shift[:, leg, way] += MILLI * spline(slider[:, leg])
+    if any(faults.straightness_um):
+        shift += _random_guides(spec, faults, slider)
+    return shift
+
+
+def _random_guides(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
+    random = np.random.default_rng([faults.straightness_seed, 101])
+    low, high = faults.straightness_span_mm or spec.slider_travel_mm
+    order = np.arange(1, faults.straightness_waves + 1)
+    weight = random.normal(size=(3, 2, len(order), 2)) / order[:, None]
+    fine = (np.arange(400) + 0.5) / 400
+    shift = np.zeros((*slider.shape, 2))
+    for leg in range(3):
+        for way in range(2):
+            reference = _series(fine, weight[leg, way])
+            line = np.polyfit(fine, reference, 1)
+            size = np.std(reference - np.polyval(line, fine))
+            at = (slider[:, leg] - low) / (high - low)
+            value = (_series(at, weight[leg, way]) - np.polyval(line, at)) / size
+            shift[:, leg, way] = MILLI * faults.straightness_um[leg] * value
+    return shift
+
+
+def _series(part: Array, weight: Array) -> Array:
+    angle = np.pi * np.outer(part, np.arange(1, len(weight) + 1))
+    return np.cos(angle) @ weight[:, 0] + np.sin(angle) @ weight[:, 1]
+
+
+def _sideways(drawing: Drawing, radial: tuple[float, ...], tangential: tuple[float, ...]) -> Array:
+    return np.asarray(radial)[:, None] * drawing.outward + np.asarray(tangential)[:, None] * drawing.sideways
+
+
+def _lean(drawing: Drawing, faults: Geometry) -> tuple[Array, Array]:
+    """Rails turned exactly: positive radial leans the upper end outward, positive tangential counter-clockwise."""
+    outward = MILLI * np.asarray(faults.lean_radial_mrad)[:, None] * drawing.sideways
+    across = -MILLI * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.outward
+    turn = rotation_matrix(outward + across)
+    return np.einsum("lij,lj->li", turn, drawing.rail), turn
+
+
+def _axes(drawing: Drawing, radial: tuple[float, ...], vertical: tuple[float, ...]) -> Array:
+    """Joint axes, horizontal and tangential on the drawing, tipped towards outward and up."""
+    axis = drawing.sideways + MILLI * np.asarray(radial)[:, None] * drawing.outward
+    axis = axis + MILLI * np.asarray(vertical)[:, None] * UP
+    return axis / np.linalg.norm(axis, axis=1, keepdims=True)

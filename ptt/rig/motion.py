@@ -1,0 +1,132 @@
+"""How the sliders get from row to row: the path between, the controller's own compensation, speeds."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ptt.rig.nominal import Array, Drawing, nominal_sliders
+
+STANDSTILL = 1e-9  # mm
+SHARP = 0.7  # cosine of the angle at which a path turns so sharply that it is no smooth motion
+TRANSIT = 16  # points looked at while the tool runs straight from one row to the next
+
+
+@dataclass(frozen=True)
+class Path:
+    """Commanded slider heights in the order of travel, the stretches between rows included.
+
+    Attributes:
+        slider: (m, 3) mm.
+        row: (m,) int, the row that each point leads to.
+        last: (n,) int, the point at which each row is read.
+    """
+
+    slider: Array
+    row: Array
+    last: Array
+
+
+def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, straight: bool, lead_in: float) -> Path:
+    """Lay the sliders' path through the rows.
+
+    A run's first row is arrived at in the direction in which the second one moves: the machine leads in.
+
+    Args:
+        drawing: the ideal machine.
+        tool: (n, 3) mm, commanded tool positions.
+        command: (n, 3) mm, commanded slider heights.
+        run: (n,) int.
+        straight: the tool runs straight between rows; otherwise each slider runs monotonically.
+        lead_in: mm, how far each slider travels before a run's first row.
+
+    Returns:
+        The path.
+    """
+    first = np.flatnonzero(np.diff(run, prepend=run[0] - 1))
+    count = np.full(len(command), TRANSIT if straight else 1)
+    count[first] = 2
+    row = np.repeat(np.arange(len(command)), count)
+    last = np.cumsum(count) - 1
+    part = (np.arange(len(row)) - (last - count)[row]) / count[row]
+    before = np.maximum(row - 1, 0)
+    between = tool[before] + part[:, None] * (tool[row] - tool[before])
+    # What compensation adds to the nominal command changes evenly on the way.
+    extra = command - nominal_sliders(drawing, tool)
+    slider = nominal_sliders(drawing, between) + extra[before] + part[:, None] * (extra[row] - extra[before])
+    slider[last] = command
+    slider[last[first] - 1] = command[first] - lead_in * _first_moves(command, first)
+    return Path(slider, row, last)
+
+
+def travel_direction(slider: Array) -> Array:
+    """Direction of travel at each point of a path; standstill keeps the last one.
+
+    Args:
+        slider: (m, 3) mm.
+
+    Returns:
+        (m, 3), +1 or -1; 0 before the first move.
+    """
+    step = np.diff(slider, axis=0, prepend=slider[:1])
+    sign = np.where(np.abs(step) > STANDSTILL, np.sign(step), 0.0)
+    at = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign))[:, None], 0), axis=0)
+    return np.take_along_axis(sign, at, axis=0)
+
+
+def slider_speed(command: Array, tool: Array, time: Array, still: Array) -> Array:
+    """Slider speeds at the rows of a path that is run without stopping.
+
+    Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, the
+    controller rounds off, and the speed is halfway between before and after.
+
+    Args:
+        command: (n, 3) mm.
+        tool: (n, 3) mm.
+        time: (n,) s.
+        still: (n,) bool, rows that are read at standstill.
+
+    Returns:
+        (n, 3) mm/s, zero at standstill.
+    """
+    speed = np.zeros_like(command)
+    if still.all():
+        return speed
+    sides = np.zeros(len(command))
+    ends = [0, *np.flatnonzero(_corners(tool, time, still)), len(command) - 1]
+    for first, last in pairwise(ends):
+        rows = np.arange(first, last + 1)
+        if len(rows) < 2:
+            continue
+        along = CubicSpline(time[rows], command[rows])(time[rows], 1) if len(rows) > 2 else _chord(command, time, first)
+        speed[rows] += along
+        sides[rows] += 1.0
+    return np.where(still[:, None], 0.0, speed / np.maximum(sides, 1.0)[:, None])
+
+
+def _chord(command: Array, time: Array, first: int) -> Array:
+    return np.diff(command[first : first + 2], axis=0) / (time[first + 1] - time[first])
+
+
+def _corners(tool: Array, time: Array, still: Array) -> Array:
+    """(n,) bool, inner rows at which the motion is not smooth: a stop, a sharp turn, a change of feed."""
+    way = np.diff(tool, axis=0)
+    rate = np.linalg.norm(way, axis=1) / np.diff(time)
+    unit = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    sharp = (unit[1:] * unit[:-1]).sum(1) < SHARP
+    change = np.abs(np.diff(rate)) > 0.05 * np.maximum(rate[1:], rate[:-1])
+    return np.concatenate([[False], sharp | change | still[1:-1], [False]])
+
+
+def _first_moves(command: Array, first: Array) -> Array:
+    """(r, 3) direction in which each slider first moves in each run; +1 where it never does."""
+    moves = np.ones((len(first), command.shape[1]))
+    for number, (start, stop) in enumerate(zip(first, [*first[1:], len(command)], strict=True)):
+        step = np.sign(np.diff(command[start:stop], axis=0))
+        step[np.abs(np.diff(command[start:stop], axis=0)) <= 1e-6] = 0.0
+        for leg in range(command.shape[1]):
+            found = np.flatnonzero(step[:, leg])
+            if len(found):
+                moves[number, leg] = step[found[0], leg]
+    return moves

@@ -1,0 +1,104 @@
+"""The drawing as the controller knows it: slider heights of a tool position in closed form."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.machine import ThreePttSpec
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Directions and lengths of the ideal machine.
+
+    Attributes:
+        outward: (3, 3), horizontal unit vector from the centre to each slider.
+        sideways: (3, 3), horizontal unit vector across it, counter-clockwise.
+        rail: (3, 3), unit vector of each rail, upwards.
+        pivot: (3, 3) mm, joint on each slider when the tool is at p = 0; leaning rails turn about it.
+        home: (3,) mm, slider heights at p = 0.
+        base_radius: mm.
+        platform_radius: mm.
+        link: mm.
+        side: +1 where the sliders are above the platform, -1 where below.
+        travel: mm, lowest and highest slider height.
+    """
+
+    outward: Array
+    sideways: Array
+    rail: Array
+    pivot: Array
+    home: Array
+    base_radius: float
+    platform_radius: float
+    link: float
+    side: float
+    travel: tuple[float, float]
+
+
+def draw_machine(spec: ThreePttSpec) -> Drawing:
+    """Work out directions and home heights of a drawing.
+
+    Args:
+        spec: the [machine] section.
+
+    Returns:
+        The ideal machine.
+    """
+    angle, lean = np.radians(spec.slider_azimuth_deg), np.radians(spec.slider_lean_deg)
+    outward = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(3)])
+    sideways = np.column_stack([-np.sin(angle), np.cos(angle), np.zeros(3)])
+    up = np.array([0.0, 0.0, 1.0])
+    side = 1.0 if spec.sliders == "above" else -1.0
+    rise = side * math.sqrt(spec.link_length_mm**2 - (spec.base_radius_mm - spec.platform_radius_mm) ** 2)
+    return Drawing(
+        outward=outward,
+        sideways=sideways,
+        rail=np.sin(lean)[:, None] * outward + np.cos(lean)[:, None] * up,
+        pivot=spec.base_radius_mm * outward + rise * up,
+        home=np.full(3, spec.joint_height_mm + rise),
+        base_radius=spec.base_radius_mm,
+        platform_radius=spec.platform_radius_mm,
+        link=spec.link_length_mm,
+        side=side,
+        travel=spec.slider_travel_mm,
+    )
+
+
+def nominal_sliders(drawing: Drawing, tool: Array) -> Array:
+    """Slider heights that the controller computes for a tool position.
+
+    Source: the link is the hypotenuse over its distance from the rail; b = foot of the perpendicular + the other leg.
+
+    Args:
+        drawing: the ideal machine.
+        tool: (n, 3) mm.
+
+    Returns:
+        (n, 3) mm, NaN where a link is too short.
+    """
+    joint = tool[:, None, :] + drawing.platform_radius * drawing.outward  # shape: (n, leg, xyz)
+    reach = joint - drawing.pivot
+    along = np.einsum("nlx,lx->nl", reach, drawing.rail)
+    distance = np.linalg.norm(reach - along[..., None] * drawing.rail, axis=-1)
+    with np.errstate(invalid="ignore"):
+        drop = np.sqrt(drawing.link**2 - distance**2)
+    return drawing.home + along + drawing.side * drop
+
+
+def can_reach(drawing: Drawing, tool: Array) -> Array:
+    """Whether the sliders' travel and the links reach tool positions.
+
+    Args:
+        drawing: the ideal machine.
+        tool: (n, 3) mm.
+
+    Returns:
+        (n,) bool.
+    """
+    height = nominal_sliders(drawing, tool)
+    inside: Array = (height > drawing.travel[0]) & (height < drawing.travel[1])
+    return np.asarray(inside.all(axis=1))

@@ -1,0 +1,194 @@
+"""RIG.toml <-> the faults, conditions and machine that one simulated run needs."""
+
+import difflib
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pydantic
+import tomlkit
+
+from ptt.errors import InputError
+from ptt.files import read_text
+from ptt.machine import MachineFile, ThreePttSpec, format_machine, load_machine, parse_machine
+from ptt.rig import schema
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A virtual machine and the conditions it is run under.
+
+    Attributes:
+        machine: the drawing and the base reflectors.
+        seed: of every random number of a run.
+        conditions: payload, feed, room, repeats.
+        controller: what the controller compensates by itself.
+        drive: faults between command and slider.
+        thermal: temperatures and growth.
+        geometry: faults of rails, links, joints and platform.
+        structure: bending of the column.
+        odd: faults that are no effect of the library.
+        tracker: metrology.
+        source: the file's name for messages.
+    """
+
+    machine: MachineFile
+    seed: int
+    conditions: schema.Conditions
+    controller: schema.Controller
+    drive: schema.Drive
+    thermal: schema.Thermal
+    geometry: schema.Geometry
+    structure: schema.Structure
+    odd: tuple[schema.Odd, ...]
+    tracker: schema.Tracker
+    source: str = field(compare=False)
+
+    @property
+    def spec(self) -> ThreePttSpec:
+        """The drawing, which is a 3-PTT."""
+        if not isinstance(self.machine.machine, ThreePttSpec):
+            raise InputError(
+                "the virtual machine simulates the 3-PTT only",
+                where=self.source,
+                fix='use a machine of kind "three-ptt"',
+            )
+        return self.machine.machine
+
+
+class _Document(schema.Section):
+    machine: str | dict[str, Any]
+    seed: schema.NonNegativeInt = 0
+    conditions: schema.Conditions = schema.Conditions()
+    controller: schema.Controller = schema.Controller()
+    drive: schema.Drive = schema.Drive()
+    thermal: schema.Thermal = schema.Thermal()
+    geometry: schema.Geometry = schema.Geometry()
+    structure: schema.Structure = schema.Structure()
+    odd: tuple[schema.Odd, ...] = ()
+    tracker: schema.Tracker = schema.Tracker()
+
+
+SECTIONS = ("conditions", "controller", "drive", "thermal", "geometry", "structure", "odd", "tracker")
+
+
+def load_rig(path: str | Path) -> Rig:
+    """Read a RIG.toml.
+
+    Args:
+        path: the file; a `machine = "..."` in it is looked up beside it.
+
+    Returns:
+        The rig.
+
+    Raises:
+        InputError: the file or its machine cannot be read, an unknown key, a value out of bounds.
+    """
+    return parse_rig(read_text(path), str(path))
+
+
+def parse_rig(content: str | dict[str, Any], where: str = "rig.toml") -> Rig:
+    """Parse a rig.
+
+    Args:
+        content: TOML text or the dictionary it stands for. `machine` is a path relative to `where`, a table as the
+            [machine] of a machine file, or a whole machine file as a table.
+        where: name of the file for messages and for the machine's path.
+
+    Returns:
+        The rig.
+
+    Raises:
+        InputError: not TOML, an unknown or missing key, a value out of bounds.
+    """
+    raw = _parse_toml(content, where) if isinstance(content, str) else content
+    try:
+        document = _Document.model_validate(raw)
+    except pydantic.ValidationError as error:
+        raise _explain(error, where) from None
+    rig = Rig(
+        _find_machine(document.machine, where),
+        document.seed,
+        **{name: getattr(document, name) for name in SECTIONS},
+        source=where,
+    )
+    _check(rig)
+    return rig
+
+
+def format_rig(rig: Rig) -> str:
+    """Write a rig as TOML with its machine inside; keys at their default are left out.
+
+    Args:
+        rig: the rig.
+
+    Returns:
+        TOML text that `parse_rig` reads back to an equal rig.
+    """
+    document: dict[str, Any] = {"seed": rig.seed}
+    for name in SECTIONS:
+        section = getattr(rig, name)
+        values = (
+            [item.model_dump(mode="json") for item in section]
+            if isinstance(section, tuple)
+            else section.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+        )
+        if values:
+            document[name] = values
+    document["machine"] = tomllib.loads(format_machine(rig.machine))
+    return tomlkit.dumps(document)
+
+
+def _parse_toml(text: str, where: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", where=where) from None
+
+
+def _find_machine(machine: str | dict[str, Any], where: str) -> MachineFile:
+    if isinstance(machine, str):
+        return load_machine(Path(where).parent / machine)
+    whole = machine if isinstance(machine.get("machine"), dict) else {"machine": machine}
+    return parse_machine(tomlkit.dumps(whole), where)
+
+
+def _check(rig: Rig) -> None:
+    """Refuse what no single key can show to be wrong."""
+    tables = (
+        ("drive.map_um", rig.drive.map_height_mm, rig.drive.map_um),
+        ("geometry.straightness_radial_um", rig.geometry.straightness_height_mm, rig.geometry.straightness_radial_um),
+        (
+            "geometry.straightness_tangential_um",
+            rig.geometry.straightness_height_mm,
+            rig.geometry.straightness_tangential_um,
+        ),
+    )
+    for key, heights, values in tables:
+        if values and (len(values) != 3 or any(len(row) != len(heights) for row in values) or len(heights) < 4):
+            raise InputError(
+                f"needs three lists as long as its heights, {len(heights)}, and at least 4",
+                where=f"{rig.source} key {key}",
+                fix="give one value per height and leg",
+            )
+    if rig.tracker.knock_row is not None and rig.tracker.knock_time_s is not None:
+        raise InputError(
+            "knock_row and knock_time_s are both given", where=f"{rig.source} key tracker", fix="keep one of them"
+        )
+    _ = rig.spec
+
+
+def _explain(error: pydantic.ValidationError, where: str) -> InputError:
+    """Turn the first of pydantic's findings into one line."""
+    first = error.errors()[0]
+    path = [str(part) for part in first["loc"]]
+    if first["type"] == "extra_forbidden":
+        known = [name for name in vars(schema).values() if isinstance(name, type) and issubclass(name, schema.Section)]
+        keys = [key for section in known for key in section.model_fields] + list(_Document.model_fields)
+        guess = difflib.get_close_matches(path[-1], keys, n=1)
+        fix = f"did you mean '{guess[0]}'?" if guess else "remove it"
+        return InputError(f"unknown key '{path[-1]}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})")
+    message = first["msg"].removeprefix("Value error, ")
+    shown = "" if isinstance(first["input"], dict) else f" (found {first['input']!r})"
+    return InputError(f"{message[0].lower()}{message[1:]}{shown}", where=f"{where} key {'.'.join(path)}")

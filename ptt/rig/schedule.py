@@ -1,0 +1,238 @@
+"""The order of a run: cycles of the path with datum visits and base reflectors in between, and the clock."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ptt.errors import TableError
+from ptt.rig.nominal import Array
+from ptt.rig.rig import Rig
+
+TARGET = ["x_cmd", "y_cmd", "z_cmd"]
+COMMAND = ["b1_cmd", "b2_cmd", "b3_cmd"]
+SLIDER = ["b1", "b2", "b3"]
+DATUM, HOLD = -1, -2  # in `origin`: rows that no row of the targets stands for
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What is visited or measured, row by row.
+
+    Attributes:
+        origin: (n,) int, row of the targets, DATUM for a datum visit, HOLD where the machine stands still.
+        target: (n, 3) mm, NaN where only sliders are commanded.
+        command: (n, 3) mm, sliders to send, NaN where the controller computes them from the target.
+        name: (n,) str.
+        role: (n,) str, pose, base or datum.
+        run: (n,) int.
+        repeat: (n,) int from 1.
+        payload: (n,) kg.
+        feed: (n,) mm/s.
+    """
+
+    origin: Array
+    target: Array
+    command: Array
+    name: Array
+    role: Array
+    run: Array
+    repeat: Array
+    payload: Array
+    feed: Array
+
+    @property
+    def rows(self) -> int:
+        """Number of rows n."""
+        return len(self.origin)
+
+    @property
+    def held(self) -> Array:
+        """(n,) bool, rows during which the machine stands still."""
+        return self.role == "base"
+
+
+def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, where: str = "targets") -> Schedule:
+    """Lay out every row of a simulated run.
+
+    Args:
+        rig: conditions and tracker say how often what is repeated.
+        commands: the targets, columns as in a targets file.
+        sliders: columns b1, b2, b3 to send instead, a row per row of `commands` or per row and cycle.
+        where: the targets file for messages.
+
+    Returns:
+        The schedule.
+
+    Raises:
+        TableError: columns missing, sliders of another length, an unknown base reflector.
+    """
+    table = _tidy(commands, where)
+    origin, cycle = _layout(rig, table)
+    pose = origin >= 0
+    row = np.where(pose, origin, 0)
+    role = np.where(pose, table["role"].to_numpy()[row], np.where(origin == DATUM, "datum", "base"))
+    name = np.where(pose, table["name"].to_numpy()[row], np.where(origin == DATUM, "datum", ""))
+    held = role == "base"
+    name = _name_base(rig, name, origin, held, where)
+    target = np.where(pose[:, None], table[TARGET].to_numpy(float)[row], np.asarray(rig.tracker.datum_mm))
+    command = np.where(pose[:, None], table[COMMAND].to_numpy(float)[row], np.nan)
+    if sliders is not None:
+        command = _send(sliders, command, pose, held, len(table), where)
+    target, command = _hold(target, held), _hold(command, held)
+    conditions = rig.conditions
+    return Schedule(
+        origin=np.where(held, HOLD, origin),
+        target=target,
+        command=command,
+        name=name,
+        role=role,
+        run=cycle if conditions.run_per_cycle else np.zeros_like(cycle),
+        repeat=cycle + 1,
+        payload=_context(table["payload_kg"], row, pose, conditions.payload_per_cycle_kg, conditions.payload_kg, cycle),
+        feed=_context(table["feed_mm_s"], row, pose, conditions.feed_per_cycle_mm_s, conditions.feed_mm_s, cycle),
+    )
+
+
+def tell_time(rig: Rig, schedule: Schedule, tool: Array) -> Array:
+    """When each row is read.
+
+    Args:
+        rig: dwell and pause.
+        schedule: the rows.
+        tool: (n, 3) mm, commanded tool positions.
+
+    Returns:
+        (n,) s from the start of the simulation.
+    """
+    conditions = rig.conditions
+    way = np.linalg.norm(np.diff(tool, axis=0, prepend=tool[:1]), axis=1) / schedule.feed
+    stop = schedule.held | (schedule.role == "datum") | (not conditions.moving)
+    step = way + np.where(stop, conditions.dwell_s, 0.0)
+    step = np.maximum(step, 1e-3)  # two readings never share a time, so that speeds stay finite
+    step[0] = conditions.dwell_s
+    return np.cumsum(step + conditions.pause_s * (np.diff(schedule.repeat, prepend=schedule.repeat[0]) != 0))
+
+
+def _tidy(commands: pd.DataFrame, where: str) -> pd.DataFrame:
+    """A copy with every column this module reads."""
+    table = commands.reset_index(drop=True).copy()
+    if table.empty:
+        raise TableError("has no rows", where=where, fix="give at least one target")
+    for group in (TARGET, COMMAND):
+        present = [column in table for column in group]
+        if any(present) and not all(present):
+            missing = group[present.index(False)]
+            raise TableError(f"column {missing} is missing", where=where, fix=f"give all of {', '.join(group)}")
+        if not any(present):
+            table[group] = np.nan
+    for column, default in (("name", ""), ("role", "pose")):
+        values = table[column] if column in table else pd.Series([default] * len(table))
+        table[column] = values.fillna(default).astype(str).replace("", default)
+    for column in ("payload_kg", "feed_mm_s"):
+        table[column] = _numbers(table, [column], where)[:, 0] if column in table else np.nan
+    numbers = {"target": _numbers(table, TARGET, where), "command": _numbers(table, COMMAND, where)}
+    table[TARGET], table[COMMAND] = numbers["target"], numbers["command"]
+    known = np.isfinite(numbers["target"]).all(1) | np.isfinite(numbers["command"]).all(1)
+    lost = ~(known | (table["role"] == "base").to_numpy())
+    if lost.any():
+        raise TableError(
+            f"row {int(np.argmax(lost)) + 1} has neither x_cmd, y_cmd, z_cmd nor b1_cmd, b2_cmd, b3_cmd",
+            where=where,
+            fix="fill in one of the two",
+        )
+    return table
+
+
+def _numbers(table: pd.DataFrame, columns: list[str], where: str) -> Array:
+    """Columns as floats, (n, c); an empty cell is NaN."""
+    values = np.empty((len(table), len(columns)))
+    for number, column in enumerate(columns):
+        parsed = pd.to_numeric(table[column], errors="coerce").to_numpy(float)
+        wrong = np.isnan(parsed) & table[column].notna().to_numpy()
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            what = f"not a number ({table[column].iloc[row]!r})"
+            raise TableError(what, where=f"{where} row {row + 1}, column {column}", fix="correct the cell")
+        values[:, number] = parsed
+    return values
+
+
+def _layout(rig: Rig, table: pd.DataFrame) -> tuple[Array, Array]:
+    """Which row of the targets, or what else, is done when; and in which cycle."""
+    tracker = rig.tracker
+    points = rig.machine.tracker.base_point
+    wanted = rig.machine.tracker.frame == "measured" if tracker.measure_base is None else tracker.measure_base
+    base = [HOLD] * len(points) if wanted else []
+    origin: list[int] = []
+    cycle: list[int] = []
+    cycles = rig.conditions.cycles
+    for number in range(cycles):
+        opens = number == 0 or rig.conditions.run_per_cycle
+        closes = number == cycles - 1 or rig.conditions.run_per_cycle
+        rows = list(base) if opens else []
+        for done in range(len(table)):
+            if tracker.datum_every and done and done % tracker.datum_every == 0:
+                rows.append(DATUM)
+            if tracker.base_every and done and done % tracker.base_every == 0:
+                rows += base
+            rows.append(done)
+        rows += base if closes else []
+        origin += rows
+        cycle += [number] * len(rows)
+    return np.array(origin), np.array(cycle)
+
+
+def _name_base(rig: Rig, name: Array, origin: Array, held: Array, where: str) -> Array:
+    """Names of the base reflectors in the order they are measured, those in the targets as they stand there."""
+    known = [point.name for point in rig.machine.tracker.base_point]
+    own = held & (origin == HOLD)
+    named = name.astype(object)
+    if own.any():
+        named[own] = np.resize(np.array(known, dtype=object), int(own.sum()))
+    strange = [value for value in named[held] if value not in known]
+    if strange:
+        raise TableError(
+            f"base reflector {strange[0]!r} is not in the machine file",
+            where=where,
+            fix=f"use one of {', '.join(known) or 'none'}, or add it as [[tracker.base_point]]",
+        )
+    return named.astype(str)
+
+
+def _send(sliders: pd.DataFrame, command: Array, pose: Array, held: Array, rows: int, where: str) -> Array:
+    """Commands with those of the targets' rows replaced by sliders that are given, (n, 3) mm."""
+    missing = [column for column in SLIDER if column not in sliders]
+    if missing:
+        raise TableError(f"column {missing[0]} is missing", where="sliders", fix="give b1, b2, b3")
+    values, poses = _numbers(sliders, SLIDER, "sliders"), int(pose.sum())
+    if len(values) not in (rows, poses):
+        raise TableError(
+            f"{len(values)} rows of sliders for {rows} targets", where="sliders", fix=f"give a row per row of {where}"
+        )
+    given = values if len(values) == poses else np.tile(values, (poses // rows, 1))
+    lost = ~held[pose] & ~np.isfinite(given).all(1)
+    if lost.any():
+        place = f"sliders row {int(np.argmax(lost)) % len(values) + 1}"
+        raise TableError("has no b1, b2, b3 to send", where=place, fix="leave the row out of sliders and targets")
+    command = command.copy()
+    command[pose] = given
+    return command
+
+
+def _hold(values: Array, held: Array) -> Array:
+    """The last value before each held row, or the first after where there is none."""
+    rows = np.arange(len(values))
+    last = np.maximum.accumulate(np.where(held, -1, rows))
+    first = int(np.argmin(held))
+    return values[np.where(last < 0, first, last)]
+
+
+def _context(
+    column: pd.Series, row: Array, pose: Array, per_cycle: tuple[float, ...], default: float, cycle: Array
+) -> Array:
+    """A context value per row: the target's own, else the cycle's, else the run's."""
+    usual = np.asarray(per_cycle)[cycle % len(per_cycle)] if per_cycle else np.full(len(cycle), default)
+    own = np.where(pose, column.to_numpy(float)[row], np.nan)
+    own = _hold(own, ~pose) if pose.any() else own
+    return np.where(np.isfinite(own), own, usual)

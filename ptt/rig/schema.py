@@ -1,0 +1,234 @@
+"""What a RIG.toml may say: conditions of a run and every fault of the virtual machine; units are in the key names."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
+
+Triple = tuple[float, float, float]
+
+
+def _spread(value: object) -> object:
+    """One number stands for all three legs."""
+    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+PerLeg = Annotated[Triple, BeforeValidator(_spread)]
+Leg = Annotated[int, Field(ge=1, le=3)]
+ZERO: Triple = (0.0, 0.0, 0.0)
+MAP: tuple[tuple[float, ...], ...] = ()
+
+
+class Section(BaseModel):
+    """A table of the file: frozen, no unknown keys, finite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Room(Section):
+    """Room temperature: start + rise (1 - exp(-t / time constant)) + swing sin(2 pi t / period)."""
+
+    start_c: float = 20.0
+    rise_k: float = 0.0
+    time_constant_s: PositiveFloat = 3600.0
+    swing_k: float = 0.0
+    swing_period_s: PositiveFloat = 86400.0
+
+
+class Conditions(Section):
+    """How the run is driven."""
+
+    label: str = "run 1"
+    cycles: Annotated[int, Field(ge=1)] = 1
+    run_per_cycle: bool = False
+    payload_kg: NonNegativeFloat = 0.0
+    payload_per_cycle_kg: tuple[NonNegativeFloat, ...] = ()
+    feed_mm_s: PositiveFloat = 50.0
+    feed_per_cycle_mm_s: tuple[PositiveFloat, ...] = ()
+    moving: bool = False
+    dwell_s: NonNegativeFloat = 2.0
+    pause_s: NonNegativeFloat = 0.0
+    lead_in_mm: NonNegativeFloat = 10.0
+    report_force: bool = False
+    report_direction: bool = False
+    room: Room = Room()
+
+
+class Controller(Section):
+    """What the controller corrects by itself: it adds half of this in the direction of travel, on each side."""
+
+    backlash_mm: PerLeg = ZERO
+
+
+class Drive(Section):
+    """Faults between the command and the slider."""
+
+    homing_mm: PerLeg = ZERO
+    homing_scatter_mm: NonNegativeFloat = 0.0
+    scale_um_per_m: PerLeg = ZERO
+    curve_parabola_um: PerLeg = ZERO
+    curve_cubic_um: PerLeg = ZERO
+    curve_span_mm: tuple[float, float] | None = None
+    map_height_mm: tuple[float, ...] = ()
+    map_um: tuple[tuple[float, ...], ...] = MAP
+    turn_um: PerLeg = ZERO
+    turn_phase_rad: PerLeg = ZERO
+    turn2_um: PerLeg = ZERO
+    turn2_phase_rad: PerLeg = ZERO
+    backlash_mm: PerLeg = ZERO
+    windup_um: PerLeg = ZERO
+    windup_length_mm: Annotated[tuple[PositiveFloat, PositiveFloat, PositiveFloat], BeforeValidator(_spread)] = (
+        1.0,
+    ) * 3
+    friction_um: PerLeg = ZERO
+    friction_length_mm: Annotated[tuple[PositiveFloat, PositiveFloat, PositiveFloat], BeforeValidator(_spread)] = (
+        1.0,
+        1.0,
+        1.0,
+    )
+    following_s: PerLeg = ZERO
+    compliance_um_per_n: PerLeg = ZERO
+
+
+class Thermal(Section):
+    """Temperatures that lag behind their causes, and what grows with them."""
+
+    growth_um_per_m_k: PerLeg = ZERO
+    fixed_end_mm: PerLeg = ZERO
+    screw_lag_s: NonNegativeFloat = 0.0
+    duty_k_s_per_mm: NonNegativeFloat = 0.0
+    frame_um_per_m_k: float = 0.0
+    platform_um_per_m_k: float = 0.0
+    link_um_per_m_k: float = 0.0
+    frame_lag_s: NonNegativeFloat = 0.0
+    sensor: Literal["screw", "screw 1", "screw 2", "screw 3", "frame", "room"] = "screw"
+    sensor_sigma_k: NonNegativeFloat = 0.0
+
+
+class Geometry(Section):
+    """Faults of rails, links, universal joints and platform."""
+
+    tower_radial_mm: PerLeg = ZERO
+    tower_tangential_mm: PerLeg = ZERO
+    platform_joint_radial_mm: PerLeg = ZERO
+    platform_joint_tangential_mm: PerLeg = ZERO
+    lean_radial_mrad: PerLeg = ZERO
+    lean_tangential_mrad: PerLeg = ZERO
+    lean_turns_joint_axis: bool = False
+    link_mm: PerLeg = ZERO
+    straightness_um: PerLeg = ZERO
+    straightness_seed: NonNegativeInt = 0
+    straightness_span_mm: tuple[float, float] | None = None
+    straightness_waves: Annotated[int, Field(ge=1, le=20)] = 3
+    straightness_height_mm: tuple[float, ...] = ()
+    straightness_radial_um: tuple[tuple[float, ...], ...] = MAP
+    straightness_tangential_um: tuple[tuple[float, ...], ...] = MAP
+    joint_offset_rail_mm: PerLeg = ZERO
+    joint_offset_slider_mm: PerLeg = ZERO
+    joint_offset_platform_mm: PerLeg = ZERO
+    slider_axis_radial_mrad: PerLeg = ZERO
+    slider_axis_vertical_mrad: PerLeg = ZERO
+    platform_axis_radial_mrad: PerLeg = ZERO
+    platform_axis_vertical_mrad: PerLeg = ZERO
+    clearance_um: PerLeg = ZERO
+
+
+class Structure(Section):
+    """The column that carries the sliders: a cantilever that the payload bends."""
+
+    column_bend_um_per_kg: tuple[float, float] = (0.0, 0.0)
+    column_height_mm: PositiveFloat = 800.0
+    column_per_slider: bool = False
+
+
+class Splice(Section):
+    """Two pieces of linear scale that do not join: a step at a height."""
+
+    kind: Literal["splice"]
+    leg: Leg
+    height_mm: float
+    step_um: float
+
+
+class GuideDamage(Section):
+    """A damaged spot on a guide: a bump of raised-cosine shape, `width_mm` from foot to foot."""
+
+    kind: Literal["guide-damage"]
+    leg: Leg
+    height_mm: float
+    size_um: float
+    width_mm: PositiveFloat = 10.0
+    direction: Literal["along", "radial", "tangential"] = "along"
+
+
+class Periodic(Section):
+    """A periodic error whose period is no screw's, such as a roller's."""
+
+    kind: Literal["periodic"]
+    leg: Leg
+    size_um: float
+    period_mm: PositiveFloat
+    phase_rad: float = 0.0
+
+
+class Hose(Section):
+    """A hose from an anchor to the platform: tension = pull + stiffness (length - free length), never pushing."""
+
+    kind: Literal["hose"]
+    anchor_mm: Triple
+    pull_n: NonNegativeFloat = 0.0
+    stiffness_n_per_mm: NonNegativeFloat = 0.0
+    free_length_mm: NonNegativeFloat = 0.0
+    compliance_um_per_n: PerLeg = (0.2, 0.2, 0.2)
+
+
+class WarmBacklash(Section):
+    """A nut that loses its preload when warm: the gap opens in proportion above a temperature."""
+
+    kind: Literal["warm-backlash"]
+    leg: Leg
+    gap_um_per_k: float
+    opens_at_c: float
+
+
+class Bump(Section):
+    """Any Gaussian error of one slider over its height."""
+
+    kind: Literal["bump"]
+    leg: Leg
+    height_mm: float
+    size_um: float
+    width_mm: PositiveFloat
+
+
+Odd = Annotated[Splice | GuideDamage | Periodic | Hose | WarmBacklash | Bump, Field(discriminator="kind")]
+
+
+class Tracker(Section):
+    """The laser tracker: where it stands, how its frame lies, and how it errs."""
+
+    station_mm: Triple = (0.0, -3000.0, 300.0)
+    translation_mm: Triple = ZERO
+    rotation_mrad: Triple = ZERO
+    frame_scatter_mm: NonNegativeFloat = 0.0
+    frame_scatter_mrad: NonNegativeFloat = 0.0
+    scale_ppm: float = 0.0
+    drift_um_per_h: Triple = ZERO
+    drift_um: Triple = ZERO
+    drift_constant_s: PositiveFloat = 3600.0
+    knock_row: NonNegativeInt | None = None
+    knock_time_s: NonNegativeFloat | None = None
+    knock_um: Triple = ZERO
+    knock_mrad: Triple = ZERO
+    radial_um: NonNegativeFloat = 1.0
+    sideways_um_per_m: NonNegativeFloat = 1.25
+    white_mm: NonNegativeFloat | None = None
+    wander_um: NonNegativeFloat = 0.0
+    wander_s: PositiveFloat = 300.0
+    outlier_share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    outlier_mm: NonNegativeFloat = 0.2
+    missing_share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    report_std: bool = False
+    measure_base: bool | None = None
+    base_every: NonNegativeInt = 0
+    datum_every: NonNegativeInt = 0
+    datum_mm: Triple = ZERO

@@ -1,0 +1,167 @@
+"""From slider commands sent in order to true positions and tracker readings."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ptt.errors import WorkspaceError
+from ptt.files import write_text
+from ptt.rig import motion, tracker
+from ptt.rig.actuate import drive_sliders, follow_warmth
+from ptt.rig.loaded import load_platform, nominal_tool
+from ptt.rig.nominal import Array, Drawing, draw_machine, nominal_sliders
+from ptt.rig.platform import carried, small_rotation
+from ptt.rig.rig import Rig
+from ptt.rig.schedule import COMMAND, TARGET, Schedule, plan_rows, tell_time
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """A simulated run.
+
+    Attributes:
+        frame: the tracker CSV as a table, n rows in travel order.
+        truth: (n, 3) mm, where the measured reflector really was, base frame, less its offset on the drawing, which
+            tracker software takes off.
+        slider_actual: (n, 3) mm, where the sliders really were.
+        rotation: (n, 3) rad, small parasitic rotation of the platform.
+        force: (n, 3) N, force of each link along its rail, upwards.
+        screw_temp: (n, 3) degrees Celsius.
+        outlier: (n,) bool, grossly wrong readings.
+    """
+
+    frame: pd.DataFrame
+    truth: Array
+    slider_actual: Array
+    rotation: Array
+    force: Array
+    screw_temp: Array
+    outlier: Array
+
+
+def simulate(
+    rig: Rig,
+    commands: pd.DataFrame,
+    *,
+    sliders: pd.DataFrame | None = None,
+    noise: bool = True,
+    seed: int | None = None,
+) -> RunResult:
+    """Run the virtual machine through commands sent in order.
+
+    Args:
+        rig: the machine, its faults, the conditions.
+        commands: n targets, columns x_cmd, y_cmd, z_cmd and/or b1_cmd, b2_cmd, b3_cmd, optionally name, role,
+            payload_kg, feed_mm_s; others are left aside.
+        sliders: columns b1, b2, b3 to send instead of the controller's own, in the order of `commands` (every cycle
+            alike) or of all cycles; the targets stay.
+        noise: False leaves out everything random.
+        seed: of the noise of this run, the rig's own by default; the machine stays the same one.
+
+    Returns:
+        The run.
+
+    Raises:
+        TableError: columns missing or of different length.
+        WorkspaceError: targets or commands out of reach.
+    """
+    drawing = draw_machine(rig.spec)
+    schedule = plan_rows(rig, commands, sliders)
+    tool, command = _settle(rig, drawing, schedule)
+    time = tell_time(rig, schedule, tool)
+    run_seed = rig.seed if seed is None else seed
+    straight = rig.spec.moves == "straight"
+    path = motion.run_path(drawing, tool, command, schedule.run, straight=straight, lead_in=rig.conditions.lead_in_mm)
+    warmth = follow_warmth(rig, path, time, schedule.rows, run_seed if noise else None)
+    still = (schedule.role != "pose") | (not rig.conditions.moving)
+    speed = motion.slider_speed(command, tool, time, still)
+    slider = drive_sliders(rig, drawing, path, speed, schedule, warmth)
+    pose, slider, force = load_platform(rig, drawing, schedule, warmth, slider, tool)
+    truth = pose.position + carried(pose, np.asarray(rig.spec.reflector_mm))
+    seen = _see_base(rig, schedule, truth, exact=not noise)
+    reading = tracker.read_points(
+        rig.tracker, seen, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
+    )
+    groups = [(TARGET, schedule.target), (COMMAND, command)]
+    if rig.conditions.report_direction:
+        groups.append((["dir1", "dir2", "dir3"], motion.travel_direction(path.slider)[path.last]))
+    if rig.conditions.report_force:
+        groups.append((["tau1", "tau2", "tau3"], force))
+    groups.append((["x_meas", "y_meas", "z_meas"], reading.measured))
+    if rig.tracker.report_std:
+        groups.append((["x_std", "y_std", "z_std"], reading.std))
+    frame = _tabulate(rig, schedule, time, warmth.sensor, groups)
+    return RunResult(frame, seen, slider, small_rotation(pose), force, warmth.screw, reading.outlier)
+
+
+def write_run(frame: pd.DataFrame, path: str | Path) -> None:
+    """Write a run as tracker CSV, whole or not at all, every float as it is.
+
+    Args:
+        frame: of a `RunResult`.
+        path: where to.
+    """
+    write_text(path, frame.to_csv(index=False, lineterminator="\n"))
+
+
+def _settle(rig: Rig, drawing: Drawing, schedule: Schedule) -> tuple[Array, Array]:
+    """Tool position and slider heights that are commanded, (n, 3) mm each."""
+    lost = ~np.isfinite(schedule.command).all(1)
+    command = np.where(lost[:, None], nominal_sliders(drawing, schedule.target), schedule.command)
+    _refuse(rig, schedule, np.isfinite(command), "is out of reach")
+    low, high = rig.spec.slider_travel_mm
+    inside = (command >= low) & (command <= high)
+    _refuse(rig, schedule, inside, f"takes a slider out of its travel, {low:g} to {high:g} mm")
+    tool = schedule.target.copy()
+    blind = ~np.isfinite(tool).all(1)
+    if blind.any():
+        tool[blind] = nominal_tool(drawing, command[blind])
+    return tool, command
+
+
+def _refuse(rig: Rig, schedule: Schedule, good: Array, what: str) -> None:
+    """Refuse rows of the targets for which a slider is not `good` (n, 3)."""
+    rows = np.unique(schedule.origin[~good.all(axis=1)])
+    if len(rows):
+        more = f", and so do {len(rows) - 1} more rows" if len(rows) > 1 else ""
+        place = f"row {rows[0] + 1} of the targets" if rows[0] >= 0 else "the datum pose"
+        raise WorkspaceError(
+            f"{place} {what}{more}",
+            rows[rows >= 0].tolist(),
+            where=rig.source,
+            fix="stay inside the workspace of the machine",
+        )
+
+
+def _see_base(rig: Rig, schedule: Schedule, truth: Array, *, exact: bool) -> Array:
+    if not schedule.held.any():
+        return truth
+    places = tracker.place_base(rig.machine.tracker.base_point, rig.seed, exact=exact)
+    seen = truth.copy()
+    for row in np.flatnonzero(schedule.held):
+        seen[row] = places[str(schedule.name[row])]
+    return seen
+
+
+def _tabulate(
+    rig: Rig, schedule: Schedule, time: Array, temperature: Array, groups: list[tuple[list[str], Array]]
+) -> pd.DataFrame:
+    conditions = rig.conditions
+    label = conditions.label
+    columns: dict[str, Array] = {
+        "name": schedule.name,
+        "role": schedule.role,
+        "run": np.array([f"{label}.{number + 1}" if conditions.run_per_cycle else label for number in schedule.run]),
+        "repeat": schedule.repeat,
+        "time_s": time,
+        "payload_kg": schedule.payload,
+        "temp_c": temperature,
+        "feed_mm_s": schedule.feed,
+    }
+    for names, values in groups:
+        if names in (TARGET, COMMAND):  # a base reflector is neither wanted nor sent anywhere
+            values = np.where(schedule.held[:, None], np.nan, values)
+        columns |= {name: values[:, number] for number, name in enumerate(names)}
+    return pd.DataFrame(columns)

@@ -1,0 +1,155 @@
+"""Poses to run the virtual machine through: paths, and volumes with repeats and datum visits."""
+
+import numpy as np
+import pandas as pd
+
+from ptt.rig.nominal import Array, Drawing, can_reach, nominal_sliders
+from ptt.rig.schedule import TARGET
+
+HALF_SIZE = np.array([60.0, 60.0, 50.0])  # mm, of the volume
+APPROACH = 22.0  # mm, from where a pose of a group is approached
+LEAST_MOVE = 2.0  # mm, by which every slider moves on an approach
+DATUM_EVERY = 3  # groups of rows between two visits
+
+
+def make_helix(rows: int, *, radius: float = 60.0, rise: float = 0.25, turns: float = 1.0, start: float = 0.0) -> Array:
+    """Source paper's path x = r1 cos a, y = r1 sin a, z = C t, t from 1.
+
+    Args:
+        rows: number of points n.
+        radius: r1, mm.
+        rise: C, mm per point.
+        turns: how often a goes round.
+        start: added to z, mm.
+
+    Returns:
+        (n, 3) mm, to 0.1 um.
+    """
+    point = np.arange(1, rows + 1)
+    angle = 2.0 * np.pi * turns * point / rows
+    return np.round(np.column_stack([radius * np.cos(angle), radius * np.sin(angle), start + rise * point]), 4)
+
+
+def there_and_back(path: Array) -> Array:
+    """A path and the way back through the same points; the ends are visited once, so that it can be cycled.
+
+    Args:
+        path: (n, 3) mm.
+
+    Returns:
+        (2 n - 2, 3) mm.
+    """
+    return np.concatenate([path, path[-2:0:-1]])
+
+
+def make_loop(rows: int, *, radius: float = 60.0, height: float = 30.0) -> Array:
+    """A smooth closed path in space: two turns whose radius and height swing once.
+
+    Args:
+        rows: number of points n.
+        radius: largest, mm.
+        height: largest, mm.
+
+    Returns:
+        (n, 3) mm, to 0.1 um.
+    """
+    swing = 2.0 * np.pi * np.arange(rows) / rows
+    wide = radius * (0.75 + 0.25 * np.cos(swing))
+    path = np.column_stack([wide * np.cos(2 * swing), wide * np.sin(2 * swing), height * np.sin(swing)])
+    return np.round(path, 4)
+
+
+def volume_span(drawing: Drawing) -> tuple[float, float]:
+    """Slider heights that the volume covers.
+
+    Args:
+        drawing: the ideal machine.
+
+    Returns:
+        Lowest and highest, mm.
+    """
+    grid = np.stack(np.meshgrid(*([-1.0, -0.5, 0.0, 0.5, 1.0],) * 3), axis=-1).reshape(-1, 3) * HALF_SIZE
+    heights = nominal_sliders(drawing, grid[can_reach(drawing, grid)])
+    return float(np.round(heights.min(), 3)), float(np.round(heights.max(), 3))
+
+
+def as_targets(path: Array, prefix: str = "p") -> pd.DataFrame:
+    """A targets table of a path.
+
+    Args:
+        path: (n, 3) mm.
+        prefix: of the names.
+
+    Returns:
+        Columns name, role, x_cmd, y_cmd, z_cmd; a place visited again keeps its name.
+    """
+    table = pd.DataFrame(path, columns=TARGET)
+    number = table.groupby(TARGET, sort=False).ngroup() + 1
+    table.insert(0, "name", [f"{prefix}{value}" for value in number])
+    table.insert(1, "role", "pose")
+    return table
+
+
+def make_volume(drawing: Drawing, rows: int, seed: int) -> pd.DataFrame:
+    """Random poses in a 120 x 120 x 100 mm volume.
+
+    Every third part of the rows comes in groups Q P S P Q P S P around one pose P: it is reached twice from either side
+    of every slider, soon after one another, which gives true repeats and both directions of arrival. In between a datum
+    pose is visited, always from the same side.
+
+    Args:
+        drawing: the ideal machine.
+        rows: about how many; the table never has more.
+        seed: of the poses.
+
+    Returns:
+        Columns name, role, x_cmd, y_cmd, z_cmd.
+    """
+    random = np.random.default_rng([seed, 11])
+    blocks: list[pd.DataFrame] = []
+    count, left = 0, rows
+    datum = _datum_visit(drawing)
+    while left >= 8:
+        if count % DATUM_EVERY == 0 and left >= 10:
+            blocks.append(datum)
+            left -= len(datum)
+        if count % 2 == 0:
+            block = as_targets(_group(drawing, random), f"g{count + 1}.")
+        else:
+            block = as_targets(_random_poses(drawing, random, min(12, left)), f"v{count + 1}.")
+        blocks.append(block)
+        left -= len(block)
+        count += 1
+    if left > 0:
+        blocks.append(as_targets(_random_poses(drawing, random, left), f"v{count + 1}."))
+    return pd.concat(blocks, ignore_index=True)
+
+
+def _random_poses(drawing: Drawing, random: np.random.Generator, count: int) -> Array:
+    """Uniform in the volume, so that slider heights fall on every phase of the screw."""
+    poses = np.round(random.uniform(-HALF_SIZE, HALF_SIZE, (4 * count + 8, 3)), 4)
+    return poses[can_reach(drawing, poses)][:count]
+
+
+def _group(drawing: Drawing, random: np.random.Generator) -> Array:
+    """(8, 3) mm: a pose approached from one side and the other, twice."""
+    for _ in range(1000):
+        way = random.normal(size=3)
+        way *= APPROACH / np.linalg.norm(way)
+        centre = random.uniform(-HALF_SIZE, HALF_SIZE)
+        before, after = np.round(centre - way, 4), np.round(centre + way, 4)
+        centre = np.round(centre, 4)
+        three = np.array([before, centre, after])
+        if (np.abs(three) > HALF_SIZE).any() or not can_reach(drawing, three).all():
+            continue
+        move = np.diff(nominal_sliders(drawing, three), axis=0)
+        if (np.abs(move) > LEAST_MOVE).all() and (move[0] * move[1] > 0).all():
+            return three[[0, 1, 2, 1] * 2]
+    raise AssertionError("no group of poses fits the volume")
+
+
+def _datum_visit(drawing: Drawing) -> pd.DataFrame:
+    table = as_targets(np.array([[10.0, 14.0, 30.0], [0.0, 0.0, 0.0]]), "datum")
+    table["name"] = ["approach", "datum"]
+    table["role"] = ["pose", "datum"]
+    return table

@@ -1,0 +1,141 @@
+"""The laser tracker: what it reads of a reflector whose place in the base frame is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.machine import BasePoint
+from ptt.rig.nominal import Array
+from ptt.rig.platform import rotation_matrix
+from ptt.rig.schema import Tracker
+
+MICRO, MILLI = 1e-3, 1e-3
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the tracker says.
+
+    Attributes:
+        measured: (n, 3) mm, NaN where the reflector was not observed.
+        std: (n, 3) mm, standard deviation of each coordinate as the tracker states it.
+        outlier: (n,) bool, grossly wrong readings.
+    """
+
+    measured: Array
+    std: Array
+    outlier: Array
+
+
+def read_points(
+    tracker: Tracker, point: Array, time: Array, run: Array, *, seed: int, setup_seed: int, noise: bool
+) -> Reading:
+    """Read reflectors.
+
+    The order of causes: wavelength (scale about the station), air and angle noise, drift and knock of the stand, and
+    last the frame in which the readings are expressed.
+
+    Args:
+        tracker: its faults.
+        point: (n, 3) mm, true places in the base frame.
+        time: (n,) s.
+        run: (n,) int, each run may have its own set-up.
+        seed: of the noise.
+        setup_seed: of the set-ups, the same when the run is repeated.
+        noise: False leaves out everything random but the set-ups.
+
+    Returns:
+        The readings.
+    """
+    station = np.asarray(tracker.station_mm)
+    away = point - station
+    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    beam = away / np.maximum(distance, 1e-9)
+    radial, sideways = _sigmas(tracker, distance)
+    read = station + (1.0 + 1e-6 * tracker.scale_ppm) * away
+    outlier = np.zeros(len(point), dtype=bool)
+    missing = np.zeros(len(point), dtype=bool)
+    if noise:
+        white = np.random.default_rng([seed, 1]).normal(size=point.shape)
+        along = (white * beam).sum(1, keepdims=True) * beam
+        read = read + radial * along + sideways * (white - along)
+        read = read + _wander(tracker, time, np.random.default_rng([seed, 2]))
+        gross = np.random.default_rng([seed, 3])
+        outlier = gross.random(len(point)) < tracker.outlier_share
+        missing = gross.random(len(point)) < tracker.missing_share
+        jump = gross.normal(size=point.shape)
+        jump *= (1.0 + gross.exponential(size=(len(point), 1))) / np.linalg.norm(jump, axis=1, keepdims=True)
+        read = read + np.where(outlier[:, None], tracker.outlier_mm * jump, 0.0)
+    read = read + _drift(tracker, time - time[0])
+    read = _knock(tracker, read, time)
+    turn, shift = _setups(tracker, run, np.random.default_rng([setup_seed, 4]))
+    read = np.einsum("nij,nj->ni", turn, read) + shift
+    beam = np.einsum("nij,nj->ni", turn, beam)
+    std = np.sqrt((radial * beam) ** 2 + sideways**2 * (1.0 - beam**2))
+    return Reading(np.where(missing[:, None], np.nan, read), std, outlier)
+
+
+def place_base(points: tuple[BasePoint, ...], seed: int, *, exact: bool) -> dict[str, Array]:
+    """Where the base reflectors really are: the machine file knows them to their sigma only.
+
+    Args:
+        points: of the machine file.
+        seed: of the machine.
+        exact: take the file's values as true.
+
+    Returns:
+        (3,) mm by name.
+    """
+    error = np.random.default_rng([seed, 5]).normal(size=(len(points), 3)) * (0.0 if exact else 1.0)
+    return {
+        point.name: np.asarray(point.xyz_mm) + point.sigma_mm * error[number] for number, point in enumerate(points)
+    }
+
+
+def _sigmas(tracker: Tracker, distance: Array) -> tuple[Array, Array]:
+    """(n, 1) mm each: along the beam and across it."""
+    if tracker.white_mm is not None:
+        both = np.full_like(distance, tracker.white_mm)
+        return both, both
+    radial = np.full_like(distance, MICRO * tracker.radial_um)
+    return radial, MICRO * tracker.sideways_um_per_m * distance * 1e-3
+
+
+def _wander(tracker: Tracker, time: Array, random: np.random.Generator) -> Array:
+    """Slow random drift of the air and the stand: an Ornstein-Uhlenbeck process, exact between readings."""
+    kick = random.normal(size=(len(time), 3))
+    if tracker.wander_um == 0.0:
+        return np.zeros_like(kick)
+    keep = np.exp(-np.diff(time, prepend=-np.inf) / tracker.wander_s)
+    state, out = np.zeros(3), np.empty_like(kick)
+    for number in range(len(time)):
+        state = keep[number] * state + np.sqrt(1.0 - keep[number] ** 2) * kick[number]
+        out[number] = state
+    return MICRO * tracker.wander_um * out
+
+
+def _drift(tracker: Tracker, elapsed: Array) -> Array:
+    steady = np.outer(elapsed / 3600.0, tracker.drift_um_per_h)
+    settling = np.outer(-np.expm1(-elapsed / tracker.drift_constant_s), tracker.drift_um)
+    return MICRO * (steady + settling)
+
+
+def _knock(tracker: Tracker, read: Array, time: Array) -> Array:
+    """Someone kicks the tripod: from then on everything has moved like a rigid body."""
+    if tracker.knock_row is not None:
+        after = np.arange(len(read)) >= tracker.knock_row
+    elif tracker.knock_time_s is not None:
+        after = time - time[0] >= tracker.knock_time_s
+    else:
+        return read
+    turn = rotation_matrix(MILLI * np.asarray([tracker.knock_mrad]))[0]
+    return np.where(after[:, None], read @ turn.T + MICRO * np.asarray(tracker.knock_um), read)
+
+
+def _setups(tracker: Tracker, run: Array, random: np.random.Generator) -> tuple[Array, Array]:
+    """Rotation (n, 3, 3) and translation (n, 3) mm from the base frame to the frame of the readings."""
+    runs = int(run.max()) + 1
+    scatter = random.normal(size=(runs, 2, 3))
+    vector = MILLI * (np.asarray(tracker.rotation_mrad) + tracker.frame_scatter_mrad * scatter[:, 0])
+    shift = np.asarray(tracker.translation_mm) + tracker.frame_scatter_mm * scatter[:, 1]
+    return rotation_matrix(vector)[run], shift[run]

@@ -1,0 +1,162 @@
+"""Drawn rigs: known truth, fit protocols, visible faults; and the sample data they share their poses with."""
+
+import runpy
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_rig_bench import BENCH, COMMAND, TARGET
+
+from ptt.effects.registry import library
+from ptt.errors import InputError
+from ptt.machine import MachineFile, load_machine
+from ptt.rig import format_rig, parse_rig, simulate
+from ptt.rig.draw import PROTOCOLS, draw_rig, fault_names
+from ptt.rig.nominal import draw_machine
+from ptt.rig.schema import Section
+from ptt.rig.targets import make_loop, make_volume, there_and_back
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+
+
+@pytest.fixture(scope="module")
+def machine() -> MachineFile:
+    return load_machine(DATA / "machine.toml")
+
+
+def clean(rig):
+    """The same machine, run and tracker set-up without any fault."""
+    plain = parse_rig({"machine": BENCH})
+    sections = ("drive", "thermal", "geometry", "structure", "odd")
+    tracker = rig.tracker.model_copy(
+        update={"drift_um_per_h": (0.0, 0.0, 0.0), "knock_um": (0.0, 0.0, 0.0), "knock_mrad": (0.0, 0.0, 0.0)}
+    )
+    return replace(rig, tracker=tracker, **{name: getattr(plain, name) for name in sections})
+
+
+def signal(drawn) -> np.ndarray:
+    """(n, 3) um, what the faults do to the readings."""
+    faulty, sound = (
+        simulate(rig, drawn.targets, noise=False).frame[["x_meas", "y_meas", "z_meas"]].to_numpy()
+        for rig in (drawn.rig, clean(drawn.rig))
+    )
+    return 1e3 * (faulty - sound)
+
+
+@pytest.mark.parametrize("name", fault_names("single") + fault_names("unknown"))
+def test_every_fault_can_be_seen_on_its_protocol(name: str, machine: MachineFile) -> None:
+    level = "single" if name in fault_names("single") else "unknown"
+    for seed in range(6):
+        drawn = draw_rig(level, seed, machine, fault=name)
+        assert name in drawn.truth
+        if level == "single":
+            assert set(drawn.truth) == {name}
+        # Against a noise of 4 um per coordinate: far beyond what chance gives that many rows.
+        assert (signal(drawn) ** 2).sum() / 4.0**2 > 60.0, seed
+
+
+def test_names_are_those_of_the_library() -> None:
+    assert set(fault_names("single")) <= set(library())
+    assert not set(fault_names("unknown")) & set(library())
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("level", ["none", "single", "multi", "unknown"])
+def test_levels_and_protocols(level: str, protocol: str, machine: MachineFile) -> None:
+    if level == "unknown" and not fault_names("unknown", protocol):
+        with pytest.raises(InputError, match="can show"):
+            draw_rig(level, 1, machine, protocol)
+        return
+    drawn = draw_rig(level, 1, machine, protocol, rows=240)
+    known = [name for name in drawn.truth if name in fault_names("single", protocol)]
+    odd = [name for name in drawn.truth if name in fault_names("unknown", protocol)]
+    assert len(known) + len(odd) == len(drawn.truth)
+    most = {"none": (0, 0), "single": (1, 0), "multi": (4, 0), "unknown": (2, 1)}[level]
+    assert len(known) <= most[0]
+    assert len(odd) == most[1]
+    rows = simulate(drawn.rig, drawn.targets).frame
+    assert 200 <= (rows["role"] != "base").sum() <= 260
+    assert (rows["role"] == "base").sum() == 8
+
+
+def test_draws_repeat_and_can_be_sealed(machine: MachineFile) -> None:
+    one, two, other = (draw_rig("multi", seed, machine) for seed in (5, 5, 6))
+    assert one.rig == two.rig
+    assert one.truth == two.truth
+    pd.testing.assert_frame_equal(one.targets, two.targets)
+    assert one.truth != other.truth
+    assert parse_rig(format_rig(one.rig)) == one.rig
+
+
+def test_nothing_is_hidden_at_level_none(machine: MachineFile) -> None:
+    drawn = draw_rig("none", 3, machine)
+    assert drawn.truth == {}
+    assert np.abs(signal(drawn)).max() < 1e-9
+    poses = simulate(drawn.rig, drawn.targets, noise=False)
+    pose = (poses.frame["role"] != "base").to_numpy()
+    np.testing.assert_allclose(poses.truth[pose], poses.frame[TARGET].to_numpy()[pose], atol=1e-9)
+
+
+def test_truth_is_what_the_rig_holds(machine: MachineFile) -> None:
+    drawn = draw_rig("single", 2, machine, fault="backlash")
+    assert list(drawn.rig.drive.backlash_mm) == drawn.truth["backlash"]["backlash_mm"]
+    sections = [getattr(drawn.rig, name) for name in ("thermal", "geometry", "structure")]
+    assert all(isinstance(section, Section) and section == type(section)() for section in sections)
+
+
+def test_bad_draws(machine: MachineFile) -> None:
+    for arguments, message in (
+        (("some", 1, machine), "level 'some' is not known"),
+        (("single", 1, machine, "walk"), "protocol 'walk' is not known"),
+        (("unknown", 1, machine, "payload"), "can show"),
+    ):
+        with pytest.raises(InputError, match=message):
+            draw_rig(*arguments)
+    with pytest.raises(InputError, match="can show"):
+        draw_rig("single", 1, machine, "volume", fault="following-error")
+
+
+def test_volume_has_repeats_both_directions_and_datum_visits(machine: MachineFile) -> None:
+    targets = make_volume(draw_machine(machine.machine), 300, 4)
+    assert 290 <= len(targets) <= 300
+    frame = simulate(parse_rig({"machine": BENCH}), targets, noise=False).frame
+    direction = np.sign(np.diff(frame[COMMAND].to_numpy(), axis=0, prepend=frame[COMMAND].to_numpy()[:1]))
+    keys = frame[TARGET].assign(**{f"d{leg}": direction[:, leg - 1] for leg in (1, 2, 3)})
+    groups = keys[keys["d1"] != 0].groupby([*TARGET, "d1", "d2", "d3"]).size()
+    assert (groups - 1).sum() >= 40  # degrees of freedom of pure error
+    sides = groups.reset_index().groupby(TARGET).size()
+    assert (sides >= 2).sum() >= 10  # poses reached from both sides
+    assert (targets["role"] == "datum").sum() >= 4
+    assert (np.abs(targets[TARGET]) <= [60.0, 60.0, 50.0]).all().all()
+    for leg in COMMAND:
+        phase = np.unique(np.floor(frame[leg].to_numpy() % 5.0))
+        assert len(phase) == 5
+
+
+def test_loop_is_smooth_and_closed() -> None:
+    path = make_loop(120)
+    step = np.diff(np.vstack([path, path[:1]]), axis=0)
+    length = np.linalg.norm(step, axis=1)
+    assert length.max() < 2.5 * length.min()
+    assert len(there_and_back(path)) == 238
+
+
+def test_sample_data_are_what_the_script_writes(tmp_path: Path) -> None:
+    runpy.run_path(str(DATA / "make.py"))["main"](tmp_path)
+    written = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
+    assert len(written) == 18
+    for path in written:
+        assert (tmp_path / path).read_bytes() == (DATA / path).read_bytes(), path
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4, 5])
+def test_sample_errors_are_of_the_expected_size(number: int) -> None:
+    run = pd.read_csv(DATA / f"experiment{number}.csv")
+    pose = run[run["role"] == "pose"]
+    assert len(pose) == 7 * 180
+    error = np.linalg.norm(pose[["x_meas", "y_meas", "z_meas"]].to_numpy() - pose[TARGET].to_numpy(), axis=1)
+    assert error.min() > 0.1
+    assert error.max() < 2.0
+    assert pose["payload_kg"].unique().tolist() == [[0.0], [0.0], [1.0], [3.0], [5.0]][number - 1]
