@@ -2,9 +2,10 @@
 
 from ptt.machine import SerialSpec, ThreePttSpec
 from ptt.mechanisms.protocol import Mechanism, reachable, require_assembled, require_reachable
+from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import ThreePtt
 
-__all__ = ["Mechanism", "ThreePtt", "build_mechanism", "reachable", "require_assembled", "require_reachable"]
+__all__ = ["Mechanism", "Serial", "ThreePtt", "build_mechanism", "reachable", "require_assembled", "require_reachable"]
 
 
 def build_mechanism(spec: ThreePttSpec | SerialSpec) -> Mechanism:
@@ -21,6 +22,4 @@ def build_mechanism(spec: ThreePttSpec | SerialSpec) -> Mechanism:
     """
     if isinstance(spec, ThreePttSpec):
         return ThreePtt.from_spec(spec)
-    from ptt.mechanisms.serial import Serial
-
     return Serial.from_spec(spec)

@@ -1,0 +1,207 @@
+"""How well a pose can be moved and held: determinant, singularities, condition number, manipulability."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ptt.mechanisms.three_ptt import ThreePtt
+
+NEAR_RATIO = 0.1
+"""A pose is near a singularity where a margin is below this: some error or force grows tenfold on its way through."""
+
+SPACING_SINE = 0.5 * 3.0**0.5
+SYMMETRY_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class DeterminantFactors:
+    """The factors of det J on upright rails 120 degrees apart that share one radius.
+
+    Attributes:
+        radius_difference_mm: R - r; 0 is a direct singularity everywhere.
+        coplanarity_mm2: (n,) S = sum of (rho + 2 p . u_i) w_i; 0 where the link vectors lie in one plane.
+        slider_product_mm3: (n,) w_1 w_2 w_3; 0 where a link lies horizontal.
+    """
+
+    radius_difference_mm: float
+    coplanarity_mm2: Tensor
+    slider_product_mm3: Tensor
+
+    @property
+    def closed_form(self) -> Tensor:
+        """Det J = (sqrt(3)/2) (R - r) S / (w_1 w_2 w_3), (n,)."""
+        return SPACING_SINE * self.radius_difference_mm * self.coplanarity_mm2 / self.slider_product_mm3
+
+
+@dataclass(frozen=True, eq=False)
+class Determinant:
+    """Determinant of J = db/dp.
+
+    Attributes:
+        value: (n,), by the matrix.
+        factors: the closed form's factors; None where the legs are not alike, which it is not made for.
+    """
+
+    value: Tensor
+    factors: DeterminantFactors | None
+
+
+@dataclass(frozen=True, eq=False)
+class Singularities:
+    """How far poses are from each kind of singularity, and how evenly the tool moves there.
+
+    `direct` and `constraint` are least singular values of three unit vectors (1 orthogonal, 0 in one plane): the load
+    on the platform, in its weakest direction, that link forces or joint moments of size 1 hold. They need no length as
+    a scale, and 1/margin bounds how much a slider or joint error grows on its way to the tool. Upright machines with
+    equal links stay a little under direct = sqrt(3/2) |R - r| / L wherever they reach; only R = r makes them singular.
+
+    Attributes:
+        inverse_mm: (n,) least |w_i| = |s_i . rail_i|; 0 where a link stands square to its rail.
+        edge_mm: (n,) least L_i - |s_i across rail_i|, way left sideways until then.
+        inverse: (n,) least |w_i| / L_i, so that all three margins are ratios.
+        direct: (n,) least singular value of the unit link vectors.
+        direct_volume: (n,) their signed determinant, which changes sign at the singularity.
+        constraint: (n,) least singular value of the unit constraint moments of the universal joints.
+        constraint_volume: (n,) their signed determinant, proportional to g_1 g_2 w_3 + g_2 g_3 w_1 + g_1 g_3 w_2.
+        condition: (n,) condition number of J, 1 is even in all directions; the same for db/dp and dp/db.
+        manipulability: (n,) mm^3 per mm^3, |det dp/db|: 0 at an inverse singularity, infinite at a direct one.
+    """
+
+    inverse_mm: Tensor
+    edge_mm: Tensor
+    inverse: Tensor
+    direct: Tensor
+    direct_volume: Tensor
+    constraint: Tensor
+    constraint_volume: Tensor
+    condition: Tensor
+    manipulability: Tensor
+
+    @property
+    def near(self) -> Tensor:
+        """Mask (n,) of the poses with any margin under NEAR_RATIO; False out of reach."""
+        return torch.stack((self.inverse, self.direct, self.constraint)).amin(0) < NEAR_RATIO
+
+
+def determinant(mechanism: ThreePtt, p: Tensor) -> Determinant:
+    """Determinant of J = db/dp and where its zeros and poles come from.
+
+    Source: DESIGN section 3, after the source paper's determinant.
+
+    Args:
+        mechanism: the machine.
+        p: (n, 3) mm, tool positions.
+
+    Returns:
+        The value and its factors, NaN out of reach.
+    """
+    vector = mechanism.link_vectors(p)
+    along = (vector * mechanism.rail).sum(-1)
+    value = _volume(vector) / along.prod(-1)
+    radius = _common_radius(mechanism)
+    if radius is None:
+        return Determinant(value, None)
+    weight = radius + 2.0 * p @ _radial(mechanism).T  # shape: (n, leg)
+    return Determinant(value, DeterminantFactors(radius, (weight * along).sum(-1), along.prod(-1)))
+
+
+def singularities(mechanism: ThreePtt, p: Tensor) -> Singularities:
+    """Margins of poses to the inverse, the direct and the constraint singularity, and the dexterity there.
+
+    Source: link vectors s_i and the constraint moments of the universal joints, s_i less its part along the outer axis
+    (no joint of leg i turns about that direction); a set of three loses rank at its singularity.
+
+    Args:
+        mechanism: the machine.
+        p: (n, 3) mm, tool positions.
+
+    Returns:
+        The margins, NaN out of reach.
+    """
+    vector = mechanism.link_vectors(p)
+    along = (vector * mechanism.rail).sum(-1)
+    across = vector - along.unsqueeze(-1) * mechanism.rail
+    unit = torch.nn.functional.normalize(vector, dim=-1)
+    ratio = (unit * mechanism.rail).sum(-1)
+    moment = vector - (vector * mechanism.outer_axis).sum(-1, keepdim=True) * mechanism.outer_axis
+    moment = torch.nn.functional.normalize(moment, dim=-1)
+    spread = singular_values(unit)
+    return Singularities(
+        inverse_mm=along.abs().amin(-1),
+        edge_mm=(mechanism.link - across.norm(dim=-1)).amin(-1),
+        inverse=ratio.abs().amin(-1),
+        direct=spread[..., -1],
+        direct_volume=_volume(unit),
+        constraint=singular_values(moment)[..., -1],
+        constraint_volume=_volume(moment),
+        condition=condition_number(unit * (ratio.roll(-1, -1) * ratio.roll(-2, -1)).unsqueeze(-1)),
+        manipulability=(along.prod(-1) / _volume(vector)).abs(),
+    )
+
+
+def condition_number(jacobian: Tensor) -> Tensor:
+    """Condition number |J| |J^-1| of batched Jacobians, of db/dp and dp/dq alike.
+
+    Args:
+        jacobian: (n, 3, k); a common factor does not matter.
+
+    Returns:
+        (n,), 1 is even in all directions, infinite is singular, NaN where the Jacobian is.
+    """
+    values = singular_values(jacobian)
+    ratio = values[..., 0] / values[..., -1]
+    return torch.where(values[..., -1] == 0.0, torch.inf, ratio)
+
+
+def manipulability(jacobian: Tensor) -> Tensor:
+    """Manipulability w = sqrt(det(J J^T)) of batched Jacobians dp/dq.
+
+    Source: Yoshikawa; the product of the singular values.
+
+    Args:
+        jacobian: (n, 3, k) mm per mm or mm per rad, dp/dq.
+
+    Returns:
+        (n,), 0 is singular, NaN where the Jacobian is.
+    """
+    return singular_values(jacobian).prod(-1)
+
+
+def singular_values(matrix: Tensor) -> Tensor:
+    """Singular values of batched matrices that may hold NaN, which the library's own routine refuses.
+
+    Args:
+        matrix: (n, i, j).
+
+    Returns:
+        (n, min(i, j)), largest first, NaN for a matrix with anything but numbers.
+    """
+    finite = torch.isfinite(matrix).all(-1).all(-1)[..., None, None]
+    values = torch.linalg.svdvals(torch.where(finite, matrix, torch.zeros_like(matrix)))
+    return torch.where(finite[..., 0], values, torch.nan)
+
+
+def _volume(rows: Tensor) -> Tensor:
+    """Triple product (n,) of the rows of (n, 3, 3)."""
+    return (rows[..., 0, :] * torch.linalg.cross(rows[..., 1, :], rows[..., 2, :])).sum(-1)
+
+
+def _radial(mechanism: ThreePtt) -> Tensor:
+    """Unit vectors u_i (3, 3) from the centre to each slider, square to the outer axes."""
+    upward = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64).expand(3, 3)
+    return torch.linalg.cross(mechanism.outer_axis, upward)
+
+
+def _common_radius(mechanism: ThreePtt) -> float | None:
+    """R - r in mm where the rails are upright, 120 degrees apart anticlockwise and equally far out; else None."""
+    radial = _radial(mechanism)
+    radius = (mechanism.foot * radial).sum(-1)
+    turn = radial[:, 0] * radial.roll(-1, 0)[:, 1] - radial[:, 1] * radial.roll(-1, 0)[:, 0]
+    gaps = (
+        (mechanism.foot[:, :2] - radius.mean() * radial[:, :2]) / mechanism.link.max(),
+        mechanism.rail[:, :2],
+        turn - SPACING_SINE,
+    )
+    alike = all(float(gap.abs().max()) < SYMMETRY_TOLERANCE for gap in gaps)
+    return float(radius.mean()) if alike else None

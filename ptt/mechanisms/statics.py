@@ -1,0 +1,67 @@
+"""Forces that a hanging or resting load puts into links and drives."""
+
+import torch
+from torch import Tensor
+
+from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
+
+GRAVITY = 9.80665
+"""Standard gravity in N/kg."""
+
+
+def weight(payload_kg: Tensor | float, platform_mass_kg: Tensor | float = 0.0) -> Tensor:
+    """Weight of payload and platform, acting at the tool.
+
+    Args:
+        payload_kg: (n,) or one number, kg.
+        platform_mass_kg: (n,) or one number, kg.
+
+    Returns:
+        F = (0, 0, -m g): (n, 3) or (3,) N.
+    """
+    mass = torch.as_tensor(payload_kg, dtype=torch.float64) + platform_mass_kg
+    return mass.unsqueeze(-1) * torch.tensor([0.0, 0.0, -GRAVITY], dtype=torch.float64)
+
+
+def link_forces(
+    mechanism: ThreePtt, p: Tensor, payload_kg: Tensor | float, platform_mass_kg: Tensor | float = 0.0
+) -> Tensor:
+    """Axial forces in the links of a 3-PTT under payload and platform; the links' own weight is left out.
+
+    Source: balance of the platform, sum of f_i s_i / L_i + F = 0, by Cramer's rule.
+
+    Args:
+        mechanism: the machine.
+        p: (n, 3) mm, tool positions.
+        payload_kg: (n,) or one number, kg.
+        platform_mass_kg: (n,) or one number, kg.
+
+    Returns:
+        f: (n, 3) N, compression positive (a platform that hangs from its links pulls: negative); NaN out of reach.
+    """
+    unit = torch.nn.functional.normalize(mechanism.link_vectors(p), dim=-1)
+    minor = torch.linalg.cross(unit.roll(-1, -2), unit.roll(-2, -2), dim=-1)
+    volume = (unit[..., 0, :] * minor[..., 0, :]).sum(-1, keepdim=True)
+    load = weight(payload_kg, platform_mass_kg).unsqueeze(-2)
+    return -(minor * load).sum(-1) / volume
+
+
+def axis_forces(
+    mechanism: Mechanism, q: Tensor, payload_kg: Tensor | float, platform_mass_kg: Tensor | float = 0.0
+) -> Tensor:
+    """Forces or torques with which the load pushes the axes toward growing joint values.
+
+    Source: virtual work, tau = (dp/dq)^T F.
+
+    Args:
+        mechanism: the machine.
+        q: (n, k) mm or rad, joint values.
+        payload_kg: (n,) or one number, kg.
+        platform_mass_kg: (n,) or one number, kg.
+
+    Returns:
+        tau: (n, k) N on a slider, N mm on a turning joint; a drive that holds still answers with -tau.
+    """
+    load = weight(payload_kg, platform_mass_kg)
+    return (mechanism.jacobian(q) * load.unsqueeze(-1)).sum(-2)

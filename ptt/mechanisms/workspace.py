@@ -1,0 +1,93 @@
+"""Where a mechanism can go: the status of targets, and maps of its dexterity."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.mechanisms.dexterity import condition_number, singularities
+from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
+
+OK, OUT_OF_TRAVEL, OUT_OF_REACH, NEAR_SINGULAR = "ok", "out of travel", "out of reach", "near singular"
+
+NEAR_CONDITION = 50.0
+"""Other mechanisms count as near singular where a joint moves this many times further in one direction than another."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceMap:
+    """Dexterity over a grid at a few heights.
+
+    Attributes:
+        x: (i,) mm.
+        y: (j,) mm.
+        z: (h,) mm.
+        condition: (h, j, i) condition number of the Jacobian, NaN out of reach.
+        travel_margin: (h, j, i) mm or rad, least way left to an end of travel, negative beyond it, NaN out of reach.
+    """
+
+    x: Tensor
+    y: Tensor
+    z: Tensor
+    condition: Tensor
+    travel_margin: Tensor
+
+
+def reach(mechanism: Mechanism, p: Tensor) -> np.ndarray:
+    """Say of each target whether the mechanism can go there; the graver status wins.
+
+    Args:
+        mechanism: the machine.
+        p: (n, 3) mm, tool positions.
+
+    Returns:
+        (n,) str: "ok", "out of travel", "out of reach" or "near singular".
+    """
+    q = mechanism.inverse(p)
+    status = np.full(len(p), OK, dtype=f"<U{len(OUT_OF_TRAVEL)}")
+    status[_near_singular(mechanism, p, q).numpy()] = NEAR_SINGULAR
+    status[(travel_margin(mechanism, q) < 0.0).numpy()] = OUT_OF_TRAVEL
+    status[~torch.isfinite(q).all(-1).numpy()] = OUT_OF_REACH
+    return status
+
+
+def travel_margin(mechanism: Mechanism, q: Tensor) -> Tensor:
+    """Way left to the nearest end of travel.
+
+    Args:
+        mechanism: the machine.
+        q: (n, k) mm or rad, joint values.
+
+    Returns:
+        (n,) mm or rad, negative beyond an end, infinite where there is none, NaN where q is.
+    """
+    lower, upper = mechanism.limits()
+    return torch.minimum(q - lower, upper - q).amin(-1)
+
+
+def workspace_map(mechanism: Mechanism, x: Tensor, y: Tensor, z: Tensor) -> WorkspaceMap:
+    """Condition number and travel margin over a grid.
+
+    Args:
+        mechanism: the machine.
+        x: (i,) mm.
+        y: (j,) mm.
+        z: (h,) mm.
+
+    Returns:
+        The map.
+    """
+    grid = torch.stack(torch.meshgrid(z, y, x, indexing="ij")[::-1], -1)  # shape: (h, j, i, xyz)
+    q = mechanism.inverse(grid.reshape(-1, 3))
+    shape = grid.shape[:-1]
+    condition = condition_number(mechanism.jacobian(q)).reshape(shape)
+    return WorkspaceMap(x, y, z, condition, travel_margin(mechanism, q).reshape(shape))
+
+
+def _near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:
+    """Mask (n,) of the poses close to a singularity, False out of reach."""
+    if isinstance(mechanism, ThreePtt):
+        return singularities(mechanism, p).near
+    return condition_number(mechanism.jacobian(q)) > NEAR_CONDITION

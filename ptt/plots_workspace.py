@@ -1,0 +1,130 @@
+"""The workspace map: condition number over x and y at three heights."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+
+from ptt.files import write_bytes
+from ptt.machine import SerialSpec, ThreePttSpec
+from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.workspace import WorkspaceMap, workspace_map
+
+GRID = 241
+DPI = 150
+TICKS = (1, 1.2, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 10, 12, 15, 20, 30, 50, 100)
+COLOUR_MAP = "viridis"
+LIMIT_COLOUR = "#d1495b"
+
+
+def plot_workspace_map(
+    mechanism: Mechanism,
+    spec: ThreePttSpec | SerialSpec,
+    path: str | Path,
+    *,
+    heights_mm: Sequence[float] | None = None,
+    extent_mm: float | None = None,
+) -> None:
+    """Draw the condition number of the Jacobian over x and y at three heights, with the ends of travel.
+
+    Args:
+        mechanism: the machine.
+        spec: its drawing, for the title and the size of the picture.
+        path: PNG to write.
+        heights_mm: the heights, one panel each; None takes three spread over the travel.
+        extent_mm: half width of the square that is searched; None takes the links' reach.
+    """
+    heights = torch.tensor(_heights(spec, mechanism) if heights_mm is None else heights_mm, dtype=torch.float64)
+    extent = _extent(spec) if extent_mm is None else extent_mm
+    if extent_mm is None:
+        extent = _tighten(workspace_map(mechanism, *_axes(extent), heights), extent)
+    result = workspace_map(mechanism, *_axes(extent), heights)
+    figure = _draw(result, f"{spec.name}: dexterity over the workspace")
+    picture = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(picture)
+    write_bytes(path, picture.getvalue())
+
+
+def _heights(spec: ThreePttSpec | SerialSpec, mechanism: Mechanism) -> list[float]:
+    """Three heights in mm: a sixth, a half and five sixths of what the travel gives at x = y = 0."""
+    if isinstance(spec, SerialSpec):
+        top = _extent(spec)
+        return [float(round(top * share)) for share in (0.2, 0.4, 0.6)]
+    home = float(mechanism.home().mean())
+    low, high = (end - home for end in spec.slider_travel_mm)
+    return [float(round(low + share * (high - low))) for share in (1 / 6, 1 / 2, 5 / 6)]
+
+
+def _extent(spec: ThreePttSpec | SerialSpec) -> float:
+    """Half width in mm of a square that surely holds the workspace."""
+    if isinstance(spec, SerialSpec):
+        return sum(float(np.hypot(joint.a_mm, joint.d_mm)) for joint in spec.joint)
+    return spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)
+
+
+def _tighten(result: WorkspaceMap, extent: float) -> float:
+    """Half width in mm that just holds what can be reached, with a rim."""
+    reached = torch.isfinite(result.condition).any(0)
+    if not bool(reached.any()):
+        return extent
+    across = result.x[reached.any(0)].abs().max(), result.y[reached.any(1)].abs().max()
+    return 1.06 * float(max(across))
+
+
+def _axes(extent: float) -> tuple[torch.Tensor, torch.Tensor]:
+    axis = torch.linspace(-extent, extent, GRID, dtype=torch.float64)
+    return axis, axis
+
+
+def _draw(result: WorkspaceMap, title: str) -> Figure:
+    """Draw a figure with one panel per height and one colour bar."""
+    norm = _norm(result)
+    figure = Figure(figsize=(4.0 * len(result.z) + 1.2, 4.8), dpi=DPI, layout=ConstrainedLayoutEngine(h_pad=0.08))
+    panels = figure.subplots(1, len(result.z), sharex=True, sharey=True, squeeze=False)[0]
+    for index, panel in enumerate(panels):
+        mesh = _draw_panel(panel, result, index, norm)
+    panels[0].set_ylabel("y [mm]")
+    bar = figure.colorbar(mesh, ax=panels, extend="max", pad=0.015, shrink=0.9)
+    bar.set_label("condition number of the Jacobian [1]")
+    bar.ax.yaxis.set_major_locator(FixedLocator(TICKS))
+    bar.ax.yaxis.set_minor_locator(NullLocator())
+    bar.ax.yaxis.set_major_formatter(ScalarFormatter())
+    line = Line2D([], [], color=LIMIT_COLOUR, linewidth=1.8, label="end of travel (pale: beyond it)")
+    figure.legend(handles=[line], loc="outside lower center", frameon=False)
+    figure.suptitle(title)
+    return figure
+
+
+def _draw_panel(panel: Axes, result: WorkspaceMap, index: int, norm: Normalize):  # type: ignore[no-untyped-def]
+    """Draw one height: condition number, pale beyond the ends of travel, which a line marks."""
+    x, y, condition = result.x.numpy(), result.y.numpy(), result.condition[index].numpy()
+    margin = result.travel_margin[index].numpy()
+    mesh = panel.pcolormesh(x, y, condition, norm=norm, cmap=COLOUR_MAP, shading="nearest", rasterized=True)
+    beyond = np.where(margin < 0.0, 1.0, np.nan)
+    panel.pcolormesh(x, y, beyond, cmap="Greys", vmin=2.0, vmax=3.0, alpha=0.6, shading="nearest", rasterized=True)
+    if np.nanmin(margin, initial=np.inf) < 0.0 < np.nanmax(margin, initial=-np.inf):
+        panel.contour(x, y, margin, levels=[0.0], colors=LIMIT_COLOUR, linewidths=1.8)
+    panel.plot(0.0, 0.0, marker="+", color="white", markersize=8)
+    panel.set_title(f"z = {float(result.z[index]):g} mm")
+    panel.set_xlabel("x [mm]")
+    panel.set_aspect("equal")
+    return mesh
+
+
+def _norm(result: WorkspaceMap) -> LogNorm:
+    """Colour scale over what lies within travel, so that the infinite rim does not wash it out."""
+    within = result.condition[torch.isfinite(result.condition) & (result.travel_margin >= 0.0)]
+    values = within if len(within) else result.condition[torch.isfinite(result.condition)]
+    if not len(values):
+        return LogNorm(1.0, 10.0)
+    low, high = float(values.min()), float(torch.quantile(values[:: max(1, len(values) // 100_000)], 0.99))
+    return LogNorm(max(1.0, 0.98 * low), max(1.5 * low, high))

@@ -1,0 +1,267 @@
+import math
+
+import matplotlib.image
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch.testing import assert_close
+
+from ptt.machine import ThreePttSpec
+from ptt.mechanisms.dexterity import condition_number, determinant, manipulability, singular_values, singularities
+from ptt.mechanisms.statics import GRAVITY, axis_forces, link_forces
+from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
+from ptt.plots_workspace import plot_workspace_map
+
+SINE = math.sqrt(3.0) / 2.0
+
+
+def drawing(**changes) -> ThreePttSpec:
+    values = {"base_radius_mm": 200.0, "platform_radius_mm": 100.0, "link_length_mm": 300.0}
+    return ThreePttSpec(kind="three-ptt", **{**values, "slider_travel_mm": (150.0, 420.0), **changes})
+
+
+def bench(**changes) -> ThreePtt:
+    return ThreePtt.from_spec(drawing(**changes))
+
+
+def rows(n: int, size: float = 60.0, seed: int = 0) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    return size * (2.0 * torch.rand(n, 3, dtype=torch.float64, generator=generator) - 1.0)
+
+
+def tensor(*values) -> torch.Tensor:
+    return torch.tensor(values, dtype=torch.float64)
+
+
+def radial(azimuth_deg=(0.0, 120.0, 240.0)) -> torch.Tensor:
+    angle = torch.deg2rad(tensor(*azimuth_deg))
+    return torch.stack((angle.cos(), angle.sin(), 0.0 * angle), -1)
+
+
+def upright(links, spread: float = 100.0) -> ThreePtt:
+    """Upright rails with unequal links."""
+    u = radial()
+    return ThreePtt.from_legs((spread + 100.0) * u, [[0, 0, 1]] * 3, links, 100.0 * u)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    base=st.floats(60.0, 300.0),
+    platform=st.floats(60.0, 300.0),
+    slack=st.floats(1.2, 4.0),
+    first=st.floats(0.0, 360.0),
+    sliders=st.sampled_from(["above", "below"]),
+)
+def test_determinant_formula(base, platform, slack, first, sliders):
+    spread = abs(base - platform)
+    link = slack * max(spread, 40.0)
+    machine = bench(
+        base_radius_mm=base,
+        platform_radius_mm=platform,
+        link_length_mm=link,
+        sliders=sliders,
+        slider_azimuth_deg=(first, first + 120.0, first + 240.0),
+    )
+    p = rows(10, size=0.3 * (link - spread))
+    found = determinant(machine, p)
+    assert found.factors is not None
+    assert found.factors.radius_difference_mm == pytest.approx(base - platform, abs=1e-9)
+    by_matrix = torch.linalg.det(machine.inverse_jacobian(p))
+    assert_close(found.value, by_matrix, rtol=1e-9, atol=1e-12)
+    assert_close(found.factors.closed_form, by_matrix, rtol=1e-7, atol=1e-10)
+
+
+def test_determinant_factors_of_the_source():
+    machine, p = bench(), rows(20)
+    factors = determinant(machine, p).factors
+    w1, w2, w3 = (p[:, 2:] - machine.inverse(p)).unbind(-1)
+    x, y, rho, root = p[:, 0], p[:, 1], 100.0, math.sqrt(3.0)
+    coplanarity = (rho + 2 * x) * w1 + (rho - x + root * y) * w2 + (rho - x - root * y) * w3
+    assert factors is not None
+    assert_close(factors.coplanarity_mm2, coplanarity)
+    assert_close(factors.slider_product_mm3, w1 * w2 * w3)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"slider_lean_deg": (0.0, 0.1, 0.0)}, {"slider_azimuth_deg": (0.0, 119.0, 240.0)}],
+    ids=["lean", "angle"],
+)
+def test_closed_form_is_withheld_where_it_does_not_hold(changes):
+    machine, p = bench(**changes), rows(5)
+    found = determinant(machine, p)
+    assert found.factors is None
+    assert_close(found.value, torch.linalg.det(machine.inverse_jacobian(p)))
+
+
+def test_inverse_singularity_where_a_link_lies_square_to_its_rail():
+    # leg 1 stands at x = 100, so the link of 300 lies flat at x = -200
+    x = torch.cat((torch.linspace(-150.0, -199.9, 30, dtype=torch.float64), tensor(-200.0)))
+    found = singularities(bench(), torch.stack((x, 0.0 * x, 0.0 * x), -1))
+    assert_close(found.edge_mm, x + 200.0, rtol=0.0, atol=1e-9)
+    assert_close(found.inverse_mm, (300.0**2 - (x - 100.0) ** 2).sqrt(), rtol=0.0, atol=1e-9)
+    assert bool((found.inverse_mm.diff() < 0.0).all())
+    assert (float(found.inverse[-1]), float(found.manipulability[-1])) == (0.0, 0.0)
+    assert math.isinf(float(found.condition[-1]))
+    assert not bool(found.near[0])
+    assert bool(found.near[-1])
+
+
+def test_leaning_rail_has_its_inverse_singularity_square_to_the_rail():
+    machine = bench(slider_lean_deg=(8.0, 0.0, 0.0))
+    square = torch.linalg.cross(machine.rail[0], tensor(0.0, 1.0, 0.0))
+    p = machine.foot[0] + 280.0 * machine.rail[0] - square * 300.0 * math.copysign(1.0, float(square[0]))
+    found = singularities(machine, p[None] + tensor([0.001, 0.0, 0.0]))
+    assert float(found.inverse_mm) < 1.0
+    assert float(found.edge_mm) == pytest.approx(0.001, abs=2e-5)
+
+
+def test_direct_singularity_where_the_radii_are_equal():
+    found = singularities(bench(base_radius_mm=100.0), rows(10))
+    assert_close(found.direct, torch.zeros(10, dtype=torch.float64), rtol=0.0, atol=1e-7)
+    assert bool(found.near.all())
+    assert bool(torch.isnan(bench(base_radius_mm=100.0).forward(bench().home()[None])).all())
+
+
+def test_direct_singularity_where_the_factor_s_vanishes():
+    # at (150, 0) S = 400 w_1 - 100 w_2 = 0 asks for a first link that is short: w_1 = w_2 / 4
+    w2 = math.sqrt(300.0**2 - 200.0**2 - (100.0 * SINE) ** 2)
+    machine = upright([math.hypot(50.0, w2 / 4.0), 300.0, 300.0])
+    p = tensor([149.0, 0.0, 0.0], [150.0, 0.0, 0.0], [151.0, 0.0, 0.0])
+    found, factors = singularities(machine, p), determinant(machine, p).factors
+    assert factors is not None
+    assert float(factors.coplanarity_mm2[1]) == pytest.approx(0.0, abs=1e-8)
+    assert float(found.direct[1]) < 1e-12
+    assert float(found.direct_volume[0] * found.direct_volume[2]) < 0.0
+    assert float(found.direct[0]) > 1e-4
+    assert float(found.inverse_mm.min()) > 10.0
+
+
+@settings(max_examples=50, deadline=None)
+@given(spread=st.floats(10.0, 200.0), seed=st.integers(0, 1000))
+def test_equal_links_have_no_direct_singularity_but_equal_radii(spread, seed):
+    found = singularities(bench(base_radius_mm=100.0 + spread), rows(50, size=300.0, seed=seed))
+    share = found.direct[torch.isfinite(found.direct)] / (math.sqrt(1.5) * spread / 300.0)
+    assert bool(((share > 0.95) & (share < 1.0 + 1e-9)).all())
+    assert bool((found.direct_volume[torch.isfinite(found.direct_volume)] < 0.0).all())
+
+
+def test_constraint_volume_is_the_polynomial_of_the_joint_axes():
+    machine, p, u = bench(), rows(20, size=100.0), radial()
+    w = p[:, 2:] - machine.inverse(p)
+    g = p @ u.T - 100.0
+    g1, g2, g3, w1, w2, w3 = *g.unbind(-1), *w.unbind(-1)
+    polynomial = g1 * g2 * w3 + g2 * g3 * w1 + g1 * g3 * w2
+    scale = torch.hypot(g, w).prod(-1)
+    assert_close(singularities(machine, p).constraint_volume, SINE * polynomial / scale)
+
+
+def test_constraint_singularity_where_two_outer_planes_stand_upright():
+    # p = -2 rho u_3 has p . u_1 = p . u_2 = rho, so g_1 = g_2 = 0
+    machine, place = bench(base_radius_mm=180.0), -160.0 * radial()[2]
+    found = singularities(machine, torch.stack((0.98 * place, place, 1.02 * place)))
+    assert float(found.constraint[1]) < 1e-12
+    assert float(found.constraint_volume[0] * found.constraint_volume[2]) < 0.0
+    assert float(found.constraint[0]) > 1e-4
+    assert float(found.direct.min()) > 0.3
+    assert float(found.inverse.min()) > 0.4
+    assert bool(found.near.all())
+
+
+def test_paper_machine_is_far_from_singular_in_its_working_volume():
+    assert not bool(singularities(bench(), rows(500, size=60.0)).near.any())
+
+
+def test_condition_and_manipulability_are_those_of_the_jacobian():
+    machine, p = bench(slider_lean_deg=(3.0, 0.0, -2.0)), rows(20)
+    jacobian, found = machine.jacobian(machine.inverse(p)), singularities(machine, p)
+    assert_close(found.condition, torch.linalg.cond(jacobian))
+    assert_close(condition_number(jacobian), found.condition)
+    assert_close(condition_number(machine.inverse_jacobian(p)), found.condition)
+    assert_close(found.manipulability, torch.linalg.det(jacobian).abs())
+    assert_close(manipulability(jacobian), found.manipulability)
+
+
+def test_condition_number_of_the_bench_at_its_centre():
+    # sideways singular value sqrt(3/2) 4 sqrt(2)/3, upward one sqrt(3)/3
+    found = singularities(bench(), torch.zeros(1, 3, dtype=torch.float64))
+    assert float(found.condition) == pytest.approx(4.0)
+
+
+def test_singular_values_keep_nan_in_its_own_row():
+    matrix = torch.eye(3, dtype=torch.float64).repeat(2, 1, 1)
+    matrix[1, 0, 0] = math.nan
+    values = singular_values(matrix)
+    assert values[0].tolist() == [1.0, 1.0, 1.0]
+    assert bool(torch.isnan(values[1]).all())
+
+
+def test_reach_names_the_status_of_each_target():
+    p = tensor([0.0, 0.0, 0.0], [0.0, 0.0, 140.0], [0.0, 0.0, -140.0], [400.0, 0.0, 0.0], [-199.0, 0.0, 140.0])
+    status = reach(bench(), p)
+    assert status.tolist() == ["ok", "out of travel", "out of travel", "out of reach", "near singular"]
+    assert reach(bench(), torch.full((1, 3), math.nan, dtype=torch.float64)).tolist() == ["out of reach"]
+
+
+def test_travel_margin_counts_to_the_nearest_end():
+    q = tensor([150.0, 300.0, 300.0], [300.0, 410.0, 300.0], [300.0, 300.0, 430.0])
+    assert travel_margin(bench(), q).tolist() == [0.0, 10.0, -10.0]
+
+
+@pytest.mark.parametrize("sliders", ["above", "below"])
+def test_link_forces_balance_the_platform(sliders):
+    machine, p = bench(sliders=sliders, slider_lean_deg=(4.0, 0.0, -3.0)), rows(20)
+    payload = torch.linspace(0.0, 9.5, 20, dtype=torch.float64)
+    force = link_forces(machine, p, payload, 2.0)
+    unit = torch.nn.functional.normalize(machine.link_vectors(p), dim=-1)
+    rest = (force.unsqueeze(-1) * unit).sum(1)
+    rest[:, 2] -= (payload + 2.0) * GRAVITY
+    assert_close(rest, torch.zeros_like(rest), rtol=0.0, atol=1e-9)
+    pushes = sliders == "below"
+    assert bool(((link_forces(machine, torch.zeros(1, 3, dtype=torch.float64), 5.0) > 0.0) == pushes).all())
+
+
+def test_axis_forces_are_the_links_parts_along_the_rails():
+    machine, p = bench(slider_lean_deg=(4.0, 0.0, -3.0)), rows(20)
+    unit = torch.nn.functional.normalize(machine.link_vectors(p), dim=-1)
+    along = -link_forces(machine, p, 5.0, 1.0) * (unit * machine.rail).sum(-1)
+    assert_close(axis_forces(machine, machine.inverse(p), 5.0, 1.0), along)
+    at_home = axis_forces(bench(), bench().home()[None], 3.0)
+    assert_close(at_home, torch.full((1, 3), -GRAVITY, dtype=torch.float64))
+
+
+def test_axis_forces_do_the_work_of_the_weight():
+    machine, q = bench(), bench().inverse(rows(10))
+    step = 1e-4 * rows(10, size=1.0, seed=3)
+    lifted = machine.forward(q + step)[:, 2] - machine.forward(q - step)[:, 2]
+    work = (axis_forces(machine, q, 4.0) * 2.0 * step).sum(-1)
+    assert_close(work, -4.0 * GRAVITY * lifted, rtol=0.0, atol=1e-8)
+
+
+def test_link_force_changes_sign_only_outside_the_joint_triangle():
+    # u_1's opposite side lies at x = -rho / 2 for links of equal inclination; well beyond it link 1 is relieved
+    force = link_forces(bench(), tensor([-40.0, 0.0, 0.0], [-70.0, 0.0, 0.0]), 5.0)
+    assert float(force[0, 0]) < 0.0 < float(force[1, 0])
+
+
+def test_workspace_map_is_the_pointwise_condition():
+    x, y, z = (torch.linspace(-low, low, n, dtype=torch.float64) for low, n in ((260.0, 9), (240.0, 7), (60.0, 3)))
+    result = workspace_map(bench(), x, y, z)
+    assert result.condition.shape == (3, 7, 9)
+    p = tensor([float(x[3]), float(y[2]), float(z[1])])
+    assert_close(result.condition[1, 2, 3], singularities(bench(), p).condition[0])
+    assert_close(result.travel_margin[1, 2, 3], travel_margin(bench(), bench().inverse(p))[0])
+    assert bool(torch.isnan(result.condition[:, 0, 0]).all())
+    assert_close(result.condition, result.condition.flip(1), equal_nan=True)
+
+
+def test_workspace_map_picture(tmp_path):
+    for name, changes in (("upright", {}), ("leaning", {"slider_lean_deg": (6.0, 6.0, 6.0), "sliders": "below"})):
+        spec = drawing(**changes, slider_travel_mm=(-420.0, -150.0) if changes else (150.0, 420.0))
+        plot_workspace_map(ThreePtt.from_spec(spec), spec, tmp_path / f"{name}.png")
+        picture = matplotlib.image.imread(tmp_path / f"{name}.png")
+        assert picture.shape[1] > 2 * picture.shape[0]
+        assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 200
