@@ -24,6 +24,7 @@ class Layout:
         scale: (u,) usual size of each unknown.
         lower: (u,) bound in units of scale.
         upper: (u,) bound in units of scale.
+        held: (u,) bool, kept near zero at its scale by definition of the effect.
         owner: (u,) int, index of the term; -1 for frames.
         names: one for each unknown.
         frames: number of frames.
@@ -34,6 +35,7 @@ class Layout:
     scale: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    held: np.ndarray
     owner: np.ndarray
     names: tuple[str, ...]
     frames: int
@@ -78,7 +80,7 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         The layout.
     """
     kind, joints = model.file.machine.kind, problem.view.joints
-    free, scale, lower, upper, owner, names = [], [], [], [], [], []
+    free, scale, lower, upper, held, owner, names = [], [], [], [], [], [], []
     for index, term in enumerate(terms):
         flags = []
         for parameter in (p.on(kind) for p in term.effect.parameters):
@@ -89,6 +91,7 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
                 scale += [parameter.usual] * size
                 lower += [parameter.lower / parameter.usual] * size
                 upper += [parameter.upper / parameter.usual] * size
+                held += [parameter.held] * size
                 owner += [index] * size
         free.append(np.array(flags, dtype=bool))
         local = parameter_names(term.effect, kind, joints)
@@ -97,10 +100,12 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         scale += [SHIFT_USUAL] * 3 + [TURN_USUAL] * 3
         lower += [-np.inf] * 6
         upper += [np.inf] * 6
+        held += [False] * 6
         owner += [-1] * 6
         run = f" of run {problem.table.run_label[frame]}" if problem.frames > 1 else ""
         names += [name + run for name in FRAME_NAMES]
     return Layout(
-        tuple(terms), tuple(free), np.array(scale), np.array(lower), np.array(upper), np.array(owner, dtype=int),
+        tuple(terms), tuple(free), np.array(scale), np.array(lower), np.array(upper), np.array(held, dtype=bool),
+        np.array(owner, dtype=int),
         tuple(names), problem.frames,
     )  # fmt: skip

@@ -187,13 +187,13 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         platform_mass=spec.platform_mass_kg if spec.kind == "three-ptt" else 0.0,
         platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
         growth=_growth(file, mechanism),
-        travel_limits=_limits(file, mechanism.joints),
+        travel_limits=joint_limits(file, mechanism.joints),
         varies=_what_varies(table, travel),
     )
 
 
 def _tensor(values: object) -> Tensor:
-    return torch.as_tensor(np.asarray(values), dtype=torch.float64)
+    return torch.tensor(np.asarray(values), dtype=torch.float64)  # a copy: columns read by pandas are read-only
 
 
 def _elapsed(table: "Table") -> Tensor:
@@ -210,7 +210,16 @@ def _elapsed(table: "Table") -> Tensor:
     return _tensor(clock - first)
 
 
-def _limits(file: "MachineFile", joints: int) -> Tensor:
+def joint_limits(file: "MachineFile", joints: int) -> Tensor:
+    """Limits of each joint by the drawing.
+
+    Args:
+        file: the machine.
+        joints: k.
+
+    Returns:
+        (k, 2) mm or rad.
+    """
     spec = file.machine
     if spec.kind == "three-ptt":
         return _tensor([spec.slider_travel_mm] * joints)

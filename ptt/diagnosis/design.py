@@ -1,9 +1,10 @@
 """The linearised problem: what every candidate would add to the readings, on top of the present model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from torch import Tensor
 
 from ptt.effects import Effect, Library
 from ptt.effects.base import linear_size
@@ -11,6 +12,7 @@ from ptt.effects.metrology import TrackerFrame, rigid_basis
 from ptt.fit import FitResult
 from ptt.holdout import blocks
 from ptt.model import linearise, signature, trace
+from ptt.diagnosis.gross import gross_errors
 from ptt.noise import Noise
 from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.sums import Sums, accumulate, held_out_solutions
@@ -31,7 +33,7 @@ class Trial:
     """
 
     effect: Effect
-    shape: dict[str, object]
+    shape: Mapping[str, Tensor]
     columns: np.ndarray
     trials: int
 
@@ -113,7 +115,14 @@ def present_candidates(fitted: FitResult, problem: Problem, known: Library) -> t
     return candidates, untestable
 
 
-def build_design(fitted: FitResult, problem: Problem, candidates: Sequence[Effect], noise: Noise) -> Design:
+def build_design(
+    fitted: FitResult,
+    problem: Problem,
+    candidates: Sequence[Effect],
+    noise: Noise,
+    *,
+    shapes: Sequence[Mapping[str, Tensor]] | None = None,
+) -> Design:
     """Linearise the problem around the present model, with every candidate's columns at zero beside it.
 
     Args:
@@ -121,6 +130,7 @@ def build_design(fitted: FitResult, problem: Problem, candidates: Sequence[Effec
         problem: the readings.
         candidates: effects that may be added.
         noise: the noise floor.
+        shapes: shapes to try; None asks each candidate.
 
     Returns:
         The design.
@@ -130,6 +140,7 @@ def build_design(fitted: FitResult, problem: Problem, candidates: Sequence[Effec
     chain = trace(terms, problem.view)
     parts: list[np.ndarray] = []
     scales: list[np.ndarray] = []
+    held: list[np.ndarray] = [layout.held]
     machine = linearise(terms, problem.view).jacobian[..., layout.columns()].numpy()
     parts.append(machine)
     scales.append(layout.scale[: machine.shape[-1]])
@@ -147,22 +158,26 @@ def build_design(fitted: FitResult, problem: Problem, candidates: Sequence[Effec
     trials = []
     for effect in candidates:
         usual = usual_sizes(effect, problem)
-        shapes = effect.search(problem.view)
-        for shape in shapes:
+        tried = effect.search(problem.view) if shapes is None else shapes
+        for shape in tried:
             basis = signature(chain, effect, shape).numpy()
             parts.append(basis)
             scales.append(usual)
-            trials.append(Trial(effect, dict(shape), np.arange(start, start + basis.shape[-1]), len(shapes)))
+            held.append(_held(effect, problem))
+            trials.append(Trial(effect, dict(shape), np.arange(start, start + basis.shape[-1]), len(tried)))
             start += basis.shape[-1]
     scale = np.concatenate(scales) if scales else np.zeros(0)
     columns = np.einsum("ij,njp->nip", noise.whitener, np.concatenate(parts, axis=-1) * scale, optimize=True)
     values = np.nan_to_num(fitted.residual) @ noise.whitener.T
     own = np.arange(machine.shape[-1])
     values = values + columns[..., own] @ fitted.unknowns[own]
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    rows = problem.used & np.isfinite(fitted.residual).all(axis=1)
+    simple = np.concatenate([own, frame]).astype(int)
+    rows = rows & ~gross_errors(columns, values, rows, simple, _few_shapes(trials, simple))
     block = blocks(problem.table, BLOCKS)
     sums = accumulate(columns[rows], values[rows], block[rows], BLOCKS)
     sums = _with_base(sums, fitted, problem, frame)
+    sums = _with_held(sums, np.concatenate(held).astype(float))
     return Design(columns, values, rows, block, frame, present, tuple(trials), scale, sums, noise)
 
 
@@ -177,6 +192,30 @@ def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:
     usual = np.concatenate(sizes)
     assert len(usual) == linear_size(effect, joints)
     return usual
+
+
+def _few_shapes(trials: Sequence[Trial], simple: np.ndarray) -> np.ndarray:
+    """The present model's columns and every candidate's, of long searches only every sixth shape."""
+    seen: dict[str, int] = {}
+    chosen = [simple]
+    for trial in trials:
+        number = seen.get(trial.effect.key, 0)
+        seen[trial.effect.key] = number + 1
+        if trial.trials < 12 or number % 6 == 3:
+            chosen.append(trial.columns)
+    return np.concatenate(chosen).astype(int)
+
+
+def _held(effect: Effect, problem: Problem) -> np.ndarray:
+    """Linear values of an effect that its definition holds near zero, (P,) bool."""
+    linear = [parameter for parameter in effect.parameters if parameter.role == "linear"]
+    return np.concatenate([np.full(parameter.size(problem.view.joints), parameter.held) for parameter in linear])
+
+
+def _with_held(sums: Sums, held: np.ndarray) -> Sums:
+    """Add the priors of held values, one usual size wide; whichever block is hidden, the rest has them."""
+    share = np.diag(held) / len(sums.count)
+    return Sums(sums.gram + share, sums.side, sums.square, sums.count)
 
 
 def _with_base(sums: Sums, fitted: FitResult, problem: Problem, frame: np.ndarray) -> Sums:

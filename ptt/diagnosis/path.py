@@ -1,13 +1,15 @@
 """Path: add what is missing step by step, refit, look again; then check that each step is still needed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from ptt.diagnosis.design import Design, build_design, present_candidates
 from ptt.diagnosis.screen import Finding, Screen, effective_trials, screen, significant, toll
-from ptt.effects import Library
+from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.fit import FitResult, fit
 from ptt.model import Model, Term
@@ -15,12 +17,18 @@ from ptt.noise import Noise
 from ptt.problem import Problem
 from ptt.sums import Solution, project, solve
 
-LEADING = 3  # candidates that are refitted exactly before one is picked
+LEADING = 6  # candidates, at most, that are refitted exactly before one is picked
+ABREAST = 0.02  # share of the leader's gain within which the linear screen does not decide
 CLOSE = 10.0  # difference in chi-squared, tolls counted, below which two models cannot be told apart
+NONLINEAR = 0.003  # share of an effect's gain by which the linear cost of a swap may be off
+TIE = 3.0  # difference in chi-squared that counts as none where it saves parameters
+MENDS = 3  # swaps and removals that are refitted exactly in one round
+MOST_ALTERNATIVES = 4
 STEPS = 8
 ROUNDS = 4
 
 Progress = Callable[[str], None]
+Shape = Mapping[str, Tensor]
 
 
 @dataclass(frozen=True)
@@ -68,18 +76,24 @@ class Walker:
     def __init__(self, problem: Problem, known: Library, noise: Noise, progress: Progress | None = None) -> None:
         self.problem, self.known, self.noise = problem, known, noise
         self.tell = progress or (lambda what: None)
+        self.gross = np.zeros(problem.table.rows, dtype=bool)
 
     def look(self, model: Model, *, fitted: FitResult | None = None) -> State:
         """Fit a model and screen all candidates on top of it."""
-        fitted = fitted or fit(model, self.problem, noise=self.noise)
+        fitted = fitted or self.fit(model)
         candidates, _ = present_candidates(fitted, self.problem, self.known)
         design = build_design(fitted, self.problem, candidates, self.noise)
+        self.gross = self.problem.used & ~design.rows
         return State(fitted, design, screen(design))
 
     def fit_with(self, model: Model, finding_term: Term) -> FitResult:
         """Fit a model with one more term."""
         self.tell(f"fit {finding_term.effect.key}")
-        return fit(model + finding_term, self.problem, noise=self.noise)
+        return self.fit(model + finding_term)
+
+    def fit(self, model: Model) -> FitResult:
+        """Fit a model to the rows that are no gross errors."""
+        return fit(model, self.problem.masked(self.gross), noise=self.noise, robust=False)
 
 
 def walk(model: Model, problem: Problem, known: Library, noise: Noise, *, steps: int = STEPS,
@@ -126,45 +140,44 @@ def _add_best(walker: Walker, state: State) -> State | None:
     if not found:
         return None
     lead = found[0].net
-    leading = [finding for finding in found if finding.net > 0.8 * lead - 2.0 * CLOSE][:LEADING]
+    leading = [finding for finding in found if finding.net > (1.0 - ABREAST) * lead - 2.0 * CLOSE][:LEADING]
     best: tuple[float, FitResult] | None = None
     for finding in leading:
         fitted = walker.fit_with(state.fitted.model, _term(finding, state, walker))
-        cost = fitted.chi2 / state.screened.spread + finding.toll + _outlier_cost(fitted, state)
+        cost = misfit(fitted) / state.screened.spread + finding.toll
         if best is None or cost < best[0]:
             best = cost, fitted
     assert best is not None
-    before = state.fitted.chi2 / state.screened.spread + _outlier_cost(state.fitted, state)
-    if best[0] >= before:
+    if best[0] >= misfit(walker.fit(state.fitted.model)) / state.screened.spread:
         return None
     return walker.look(best[1].model, fitted=best[1])
-
-
-def _outlier_cost(fitted: FitResult, state: State) -> float:
-    """A row left out as a gross error is paid for, so that no model wins by disowning readings."""
-    return float(fitted.outliers.sum()) * 30.0
 
 
 def _term(finding: Finding, state: State, walker: Walker) -> Term:
     """The candidate in its best shape, its amplitudes at what the screen found."""
     trial, joints = finding.trial, walker.problem.view.joints
+    finer = trial.effect.refine(walker.problem.view, trial.shape)
+    if len(finer) > 1:
+        return Term(trial.effect, flatten(trial.effect, _finest(trial.effect, finer, state, walker), joints))
     projected = project(*state.design.sums.total[:3], state.design.base)
     values = solve(projected.gram, projected.side, projected.left, trial.columns).values
-    theta = flatten(trial.effect, trial.shape, joints)  # type: ignore[arg-type]
-    import torch
-
+    theta = flatten(trial.effect, trial.shape, joints)
     amplitude = torch.as_tensor(values * state.design.scale[trial.columns])
     theta[: len(amplitude)] = amplitude
     return Term(trial.effect, _inside_bounds(theta, trial.effect, walker))
 
 
-def _inside_bounds(theta: object, effect: object, walker: Walker) -> object:
-    import torch
+def _finest(effect: Effect, shapes: Sequence[Shape], state: State, walker: Walker) -> Shape:
+    """The shape that takes most off the residual."""
+    design = build_design(state.fitted, walker.problem.masked(walker.gross), [effect], walker.noise, shapes=shapes)
+    return screen(design).findings[0].trial.shape
 
-    assert isinstance(theta, torch.Tensor)
+
+def _inside_bounds(theta: Tensor, effect: Effect, walker: Walker) -> Tensor:
+    """Amplitudes that respect the physical bounds, a little open where zero is one."""
     place = 0
-    for parameter in effect.parameters:  # type: ignore[attr-defined]
-        parameter = parameter.on(walker.problem.file.machine.kind)
+    for declared in effect.parameters:
+        parameter = declared.on(walker.problem.file.machine.kind)
         size = parameter.size(walker.problem.view.joints)
         opened = 0.05 * parameter.usual if parameter.lower == 0.0 and parameter.role == "linear" else parameter.lower
         theta[place : place + size] = theta[place : place + size].clamp(opened, parameter.upper)
@@ -200,38 +213,63 @@ def cost(state: State, chosen: dict[str, np.ndarray], trials: dict[str, float]) 
 
 def _mend(walker: Walker, state: State, given: frozenset[str]) -> State | None:
     """One improvement by taking a step out or by swapping it for another effect; None where there is none."""
-    present = state.design.present
-    mine = [key for key in state.fitted.model.keys if key not in given]
-    now, _ = cost(state, present, {})
+    now, _ = cost(state, state.design.present, {})
     options: list[tuple[float, str, Finding | None]] = []
-    for key in mine:
-        rest = {other: columns for other, columns in present.items() if other != key}
-        options.append((cost(state, rest, {})[0], key, None))
-        for finding in state.screened.findings:
-            if finding.trial.effect.name == key.partition("[")[0]:
-                continue
-            swapped = {**rest, finding.trial.effect.key: finding.trial.columns}
-            tried = {finding.trial.effect.key: effective_trials(finding.trial)}
-            options.append((cost(state, swapped, tried)[0], key, finding))
-    options = [option for option in options if option[0] < now - 1.0]
-    for _, key, finding in sorted(options, key=lambda option: option[0])[:2]:
-        model = state.fitted.model.without(key)
-        fitted = (
-            fit(model, walker.problem, noise=walker.noise)
-            if finding is None
-            else walker.fit_with(model, _swapped_term(finding, key, state, walker))
-        )
+    for key in state.fitted.model.keys:
+        if key not in given:
+            without = cost(state, _without(state, key), {})[0]
+            options.append((without - now, key, None))
+            slack = NONLINEAR * max(without - now, 0.0)
+            options += [(value - now - slack, key, finding) for value, finding in _swaps(state, key)]
+    options = [option for option in sorted(options, key=lambda item: item[0]) if option[0] < _price(state, *option[1:])]
+    exact = _exact_cost(walker, state, state)
+    for _, key, finding in options[:MENDS]:
+        fitted = _refit(walker, state, key, finding)
         again = walker.look(fitted.model, fitted=fitted)
-        if _exact_cost(again, state.screened.spread) < _exact_cost(state, state.screened.spread) - 1.0:
+        if _exact_cost(walker, again, state) < exact + _price(state, key, finding):
             return again
     return None
 
 
-def _exact_cost(state: State, spread: float) -> float:
-    """Cost of a fitted model, all at one noise level."""
+def _price(state: State, key: str, finding: Finding | None) -> float:
+    """What a change may cost: it has to gain, unless it does with fewer parameters what was done with more."""
+    if finding is not None and len(finding.trial.columns) < len(state.design.present[key]):
+        return TIE
+    return -1.0
+
+
+def misfit(fitted: FitResult) -> float:
+    """Sum of squares in noise units, what held values cost by their prior included."""
+    return fitted.chi2 + float(np.square(fitted.unknowns[fitted.layout.held]).sum())
+
+
+def _without(state: State, key: str) -> dict[str, np.ndarray]:
+    return {other: columns for other, columns in state.design.present.items() if other != key}
+
+
+def _swaps(state: State, key: str) -> list[tuple[float, Finding]]:
+    """Cost, to first order, of having each candidate in the place of one effect."""
+    rest = _without(state, key)
+    swaps = []
+    for finding in state.screened.findings:
+        name = finding.trial.effect.key
+        if finding.trial.effect.name != key.partition("[")[0]:
+            tried = {name: effective_trials(finding.trial)}
+            swaps.append((cost(state, {**rest, name: finding.trial.columns}, tried)[0], finding))
+    return swaps
+
+
+def _refit(walker: Walker, state: State, key: str, finding: Finding | None) -> FitResult:
+    """The model without one effect, or with a candidate in its place."""
+    model = state.fitted.model.without(key)
+    return walker.fit(model) if finding is None else walker.fit_with(model, _swapped_term(finding, key, state, walker))
+
+
+def _exact_cost(walker: Walker, state: State, reference: State) -> float:
+    """Cost of a model fitted exactly, at one noise level and on the same rows."""
     extra, solution = cost(state, state.design.present, {})
     tolls = extra - solution.left / state.screened.spread
-    return state.fitted.chi2 / spread + tolls + _outlier_cost(state.fitted, state)
+    return misfit(walker.fit(state.fitted.model)) / reference.screened.spread + tolls
 
 
 def _swapped_term(finding: Finding, key: str, state: State, walker: Walker) -> Term:
@@ -240,12 +278,10 @@ def _swapped_term(finding: Finding, key: str, state: State, walker: Walker) -> T
     chosen = {**rest, finding.trial.effect.key: finding.trial.columns}
     solution = cost(state, chosen, {})[1]
     term = _term(finding, state, walker)
-    import torch
-
     own = solution.values[-len(finding.trial.columns) :] * state.design.scale[finding.trial.columns]
     theta = term.theta.clone()
     theta[: len(own)] = torch.as_tensor(own)
-    return replace(term, theta=_inside_bounds(theta, finding.trial.effect, walker))  # type: ignore[arg-type]
+    return replace(term, theta=_inside_bounds(theta, finding.trial.effect, walker))
 
 
 def _retrace(walker: Walker, start: State, end: State, given: frozenset[str], untestable: dict[str, str]) -> Path:
@@ -267,20 +303,23 @@ def _retrace(walker: Walker, start: State, end: State, given: frozenset[str], un
             states.append(end)
         else:
             states.append(walker.look(model))
-    return Path(start, tuple(states), tuple(order), tuple(_alternatives(end, key) for key in order), untestable)
+    return Path(start, tuple(states), tuple(order), tuple(_alternatives(walker, end, key) for key in order), untestable)
 
 
-def _alternatives(state: State, key: str) -> tuple[str, ...]:
-    """Effects that would do the work of one step as well, the data being what they are."""
-    present = state.design.present
-    now, _ = cost(state, present, {})
-    rest = {other: columns for other, columns in present.items() if other != key}
+def _alternatives(walker: Walker, state: State, key: str) -> tuple[str, ...]:
+    """Effects that would do the work of one step as well, the data being what they are; refitted where it is close."""
+    now, _ = cost(state, state.design.present, {})
+    slack = NONLINEAR * max(cost(state, _without(state, key), {})[0] - now, 0.0)
+    exact = _exact_cost(walker, state, state)
+    tolls = exact - misfit(walker.fit(state.fitted.model)) / state.screened.spread
+    own = now - solve(*state.design.sums.total[:3], state.design.base).left / state.screened.spread
     found = []
-    for finding in state.screened.findings:
-        if finding.trial.effect.name == key.partition("[")[0]:
-            continue
-        swapped = {**rest, finding.trial.effect.key: finding.trial.columns}
-        value, _ = cost(state, swapped, {finding.trial.effect.key: effective_trials(finding.trial)})
-        if value - now < CLOSE:
-            found.append((value, finding.trial.effect.key))
-    return tuple(name for _, name in sorted(found))
+    for value, finding in sorted(_swaps(state, key), key=lambda item: item[0]):
+        if value - now >= CLOSE + slack or len(found) >= MOST_ALTERNATIVES:
+            break
+        columns = np.concatenate([state.design.frame, *_without(state, key).values(), finding.trial.columns]).astype(int)
+        extra = value - solve(*state.design.sums.total[:3], columns).left / state.screened.spread
+        fitted = _refit(walker, state, key, finding)
+        if misfit(fitted) / state.screened.spread + tolls + extra - own - exact < CLOSE:
+            found.append(finding.trial.effect.key)
+    return tuple(found)

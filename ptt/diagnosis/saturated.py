@@ -1,8 +1,12 @@
-"""The noise floor where nothing else tells it: what is left of a model with every testable effect at once."""
+"""The noise floor, checked against what a model with every testable effect at once leaves."""
+
+from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
 from ptt.diagnosis.design import build_design, present_candidates
+from ptt.diagnosis.screen import screen
 from ptt.effects import Library
 from ptt.errors import TableError
 from ptt.fit import fit
@@ -12,10 +16,15 @@ from ptt.problem import Problem
 from ptt.sums import solve
 
 ROUNDS = 3
+AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
+LEAST_FREEDOM = 12
 
 
 def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
-    """The noise floor: the problem's own, else that of the saturated model.
+    """The noise floor: the problem's own, checked; else that of the saturated model.
+
+    Repeats that were read before and after a knock scatter by the knock: where the saturated model leaves
+    significantly less than repeats do, it tells the noise. Where both agree they are pooled.
 
     Args:
         model: the model as given.
@@ -26,36 +35,55 @@ def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
         The noise.
 
     Raises:
-        TableError: too few rows for the saturated model.
+        TableError: nothing tells the noise.
     """
-    if problem.noise is not None:
-        return problem.noise
-    noise = Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
-    for _ in range(ROUNDS):
-        noise = _left_over(model, problem, known, noise)
-    return noise
+    given = problem.noise
+    if given is not None and given.source != "repeats":
+        return given
+    saturated = given or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    for _ in range(1 if given is not None else ROUNDS):
+        left = _left_over(model, problem, known, saturated)
+        if left is None:
+            break
+        saturated = left
+    if saturated.source != "saturated model":
+        if given is None:
+            raise TableError(
+                f"{int(problem.used.sum())} readings without repeats do not tell the noise",
+                where=problem.table.source,
+                fix="give sigma_mm under [tracker] in the machine file, or measure more rows",
+            )
+        return given
+    return saturated if given is None else _join(given, saturated)
 
 
-def _left_over(model: Model, problem: Problem, known: Library, noise: Noise) -> Noise:
+def _join(repeats: Noise, saturated: Noise) -> Noise:
+    ratio = (saturated.total / repeats.total) ** 2
+    both = 3.0 * repeats.freedom, saturated.freedom
+    if stats.f.cdf(ratio, both[1], both[0]) < AT_ODDS:
+        return replace(saturated, source="saturated model; repeats scatter by more, as after a knock")
+    if stats.f.sf(ratio, both[1], both[0]) < AT_ODDS:
+        return repeats
+    share = both[0] / (both[0] + both[1])
+    covariance = share * repeats.covariance + (1.0 - share) * saturated.covariance
+    return Noise(covariance, "repeats", sum(both) / 3.0)
+
+
+def _left_over(model: Model, problem: Problem, known: Library, noise: Noise) -> Noise | None:
+    """Scatter that the saturated model leaves; None where rows are too few."""
     fitted = fit(model, problem, noise=noise)
     candidates, _ = present_candidates(fitted, problem, known)
     design = build_design(fitted, problem, candidates, noise)
-    first: dict[str, np.ndarray] = {}
-    for trial in design.trials:
-        first.setdefault(trial.effect.key, trial.columns)
-    chosen = np.concatenate([design.base, *first.values()]).astype(int)
+    best = [finding.trial.columns for finding in screen(design).findings]
+    chosen = np.concatenate([design.base, *best]).astype(int)
     solution = solve(*design.sums.total[:3], chosen)
     left = (design.values - design.columns[..., chosen] @ solution.values)[design.rows]
     # Gross errors would be taken for noise, so the middle of the distribution decides which rows count.
     distance = np.square(left).sum(axis=1)
     kept = distance <= 16.3 / 2.366 * np.median(distance)  # chi-squared of 3: 99.9 % against the median
     freedom = 3 * int(kept.sum()) - solution.seen
-    if freedom < 12:
-        raise TableError(
-            f"{int(design.rows.sum())} readings without repeats do not tell the noise",
-            where=problem.table.source,
-            fix="give sigma_mm under [tracker] in the machine file, or measure more rows",
-        )
+    if freedom < LEAST_FREEDOM:
+        return None
     color = np.linalg.inv(noise.whitener)
     scatter = left[kept] @ color.T
     covariance = scatter.T @ scatter * (3.0 / freedom)

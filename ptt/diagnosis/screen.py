@@ -9,6 +9,7 @@ from ptt.diagnosis.design import Design, Trial
 from ptt.sums import gain, project, solve
 
 FALSE_ALARM = 0.005  # chance that a sound run gets any effect named, all candidates and shapes together
+AT_ODDS = 1e-4  # chance below which the saturated model's rest and the noise floor are at odds
 LEAST_FREEDOM = 20  # degrees of freedom a saturated model must leave to tell the noise
 
 
@@ -44,7 +45,7 @@ class Screen:
 
     Attributes:
         findings: the candidates in their best shapes, best net gain first.
-        spread: variance of the residual in noise units that even the saturated model leaves, at least one.
+        spread: variance that even the saturated model leaves, in noise units; one where that agrees with the noise floor.
         freedom: degrees of freedom behind the noise.
         left: sum of squares of the present model in noise units, divided by spread.
         count: coordinates less seen directions of the present model.
@@ -81,7 +82,6 @@ def screen(design: Design) -> Screen:
     findings = [
         _find(trial, took / spread, seen, freedom, len(best), took / max(whole, 1e-300))
         for took, seen, trial in best.values()
-        if seen
     ]
     findings.sort(key=lambda finding: -finding.net)
     return Screen(tuple(findings), spread, freedom, projected.left / spread, count - projected.seen, len(best))
@@ -107,6 +107,8 @@ def significant(screened: Screen) -> list[Finding]:
 
 
 def _find(trial: Trial, took: float, seen: int, freedom: float, candidates: int, share: float) -> Finding:
+    if not seen:  # the present model explains all that it could do; a swap may still want it
+        return Finding(trial, 0.0, 0, 1.0, 0.0, 0.0)
     tests = candidates * effective_trials(trial)
     chance = float(stats.f.sf(took / seen, seen, _finite(freedom)))
     return Finding(trial, took, seen, min(1.0, chance * tests), toll(seen, freedom, tests), share)
@@ -123,12 +125,14 @@ def _spread(design: Design, trials: list[Trial]) -> tuple[float, float]:
     chosen = np.concatenate([design.base, *(trial.columns for trial in trials)]).astype(int)
     saturated = solve(gram, side, square, chosen)
     freedom = count - saturated.seen
+    behind = 3.0 * design.noise.freedom if design.noise.source == "repeats" else design.noise.freedom
     if freedom < LEAST_FREEDOM:
-        return 1.0, design.noise.freedom
+        return 1.0, behind
     spread = saturated.left / freedom
-    if spread > 1.0:
-        return spread, min(design.noise.freedom, float(freedom)) if np.isfinite(design.noise.freedom) else float(freedom)
-    return 1.0, design.noise.freedom
+    chance = stats.f.cdf(spread, freedom, _finite(behind))
+    if AT_ODDS < chance < 1.0 - AT_ODDS:
+        return 1.0, behind
+    return spread, float(freedom)
 
 
 def _finite(freedom: float) -> float:

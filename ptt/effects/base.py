@@ -29,6 +29,8 @@ class Parameter:
         role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, not fitted).
         axis: measured along the axis, so its unit follows the joint's.
         usual_rad: usual size on a serial arm, where it differs.
+        held: kept near zero at its usual size by a prior, because the effect is defined without it; what data of
+            finite length leave of it is small.
     """
 
     stem: str
@@ -42,6 +44,7 @@ class Parameter:
     role: Literal["linear", "searched", "given"] = "linear"
     axis: bool = False
     usual_rad: float | None = None
+    held: bool = False
 
     def size(self, joints: int) -> int:
         """Number of values on a mechanism with k joints."""
@@ -80,6 +83,7 @@ class Effect:
         parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
         requires: contexts of `View.varies` without which the data cannot test it.
         follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
+        reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
 
     Attributes:
         label: tells two of a kind apart, as in two knocks.
@@ -91,6 +95,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     requires: ClassVar[tuple[str, ...]] = ()
     follows_clock: ClassVar[bool] = False
+    reverses: ClassVar[bool] = False
 
     label: str = ""
 
@@ -121,6 +126,18 @@ class Effect:
             One mapping from parameter stem to its values per trial; a single empty one where nothing is searched.
         """
         return ({},)
+
+    def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
+        """Values near a trial that are worth trying once it has been chosen.
+
+        Args:
+            view: n rows.
+            shape: the chosen trial.
+
+        Returns:
+            As `search`; the trial alone where a fit refines it, or nothing is searched.
+        """
+        return (shape,)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Shift per unit of each linear parameter.

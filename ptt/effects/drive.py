@@ -7,9 +7,9 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage, linear_size, per_joint
+from ptt.effects.base import Effect, Parameter, Stage, per_joint
 from ptt.effects.memory import gradual_reversal, play
-from ptt.effects.shapes import smooth_shapes
+from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.view import View
 
 PHASES = 5  # a turn seen at fewer phases than this cannot part a period from an offset
@@ -47,12 +47,17 @@ class LeadScale(Effect):
 
 @dataclass(frozen=True)
 class ScrewErrorMap(Effect):
-    """Smooth error of the screw along its length, without the parts that homing and lead are."""
+    """Smooth error of the screw along its length, without the parts that homing and lead are.
+
+    A curve that has no level and no slope over its whole range has a little of both over the heights that were
+    visited; that little is held near zero, so that homing and lead stay their own causes.
+    """
 
     name: ClassVar[str] = "screw-error-map"
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("curve", "mm", 0.02, "height of parabola, cubic, ... along the range", True, 6, axis=True, usual_rad=2e-4),
+        Parameter("straight", "mm", 0.004, "slope and level that belong to the curve", True, 2, axis=True, usual_rad=4e-5, held=True),
         Parameter("from", "mm", 1.0, "lower end of the range", True, role="given", axis=True),
         Parameter("to", "mm", 1.0, "upper end of the range", True, role="given", axis=True),
     )
@@ -64,7 +69,7 @@ class ScrewErrorMap(Effect):
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Spline shapes of each axis."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
-        return per_joint(smooth_shapes(place, self.parameters[0].count))
+        return per_joint(smooth_shapes(place, self.parameters[0].count), straight_shapes(place))
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,8 @@ class OncePerRev(Effect):
     def _period(self, view: View) -> float:
         assert view.lead is not None
         words = self.label.split()
-        return view.lead / (int(words[1]) if len(words) == 2 and words[0] == "harmonic" and words[1].isdigit() else 1)
+        harmonic = int(words[1]) if len(words) == 2 and words[0] == "harmonic" and words[1].isdigit() else 1
+        return view.lead / max(harmonic, 1)
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The drawing's lead."""
@@ -115,6 +121,7 @@ class Backlash(Effect):
         Parameter("gap", "mm", 0.05, "lost motion on reversal", True, lower=0.0, axis=True, usual_rad=5e-4),
     )
     requires: ClassVar[tuple[str, ...]] = ("direction",)
+    reverses: ClassVar[bool] = True
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """The limit of a small gap: half of it against the direction of arrival."""
@@ -136,6 +143,7 @@ class Windup(Effect):
         Parameter("length", "mm", 2.0, "travel over which it changes", lower=1e-3, role="searched", axis=True, usual_rad=2e-2),
     )
     requires: ClassVar[tuple[str, ...]] = ("direction",)
+    reverses: ClassVar[bool] = True
 
     def needs(self, view: View) -> str | None:
         """Readings soon and long after reversals."""
@@ -230,8 +238,3 @@ def covered_range(view: View) -> dict[str, Tensor]:
     still = high - low < 1e-6
     return {"from": low, "to": torch.where(still, low + 1.0, high)}
 
-
-__all__ = [
-    "AxisCompliance", "Backlash", "FollowingError", "HomingOffset", "LeadScale", "OncePerRev", "ScrewErrorMap",
-    "ScrewGrowth", "Windup", "covered_range", "linear_size",
-]  # fmt: skip

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.drive import covered_range
-from ptt.effects.shapes import smooth_shapes
+from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.view import GRAVITY, View
 
@@ -120,12 +120,16 @@ class LinkLength(ThreePttEffect):
 
 @dataclass(frozen=True)
 class GuideStraightness(ThreePttEffect):
-    """Slider i wanders sideways along its rail, without the parts that tower position and tilt are."""
+    """Slider i wanders sideways along its rail, without the parts that tower position and tilt are.
+
+    As with the screw's curve, the little level and slope that the visited heights leave is held near zero.
+    """
 
     name: ClassVar[str] = "guide-straightness"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("radial", "mm", 0.02, "height of parabola, cubic, ... outward", True, 4),
-        Parameter("tangential", "mm", 0.02, "height of parabola, cubic, ... along increasing azimuth", True, 4),
+        Parameter("radial", "mm", 0.02, "height of parabola, cubic, ... outward", True, 6),
+        Parameter("tangential", "mm", 0.02, "height of parabola, cubic, ... along increasing azimuth", True, 6),
+        Parameter("straight", "mm", 0.004, "slope and level, radial and tangential, of the curve", True, 4, held=True),
         Parameter("from", "mm", 1.0, "lower end of the range", True, role="given"),
         Parameter("to", "mm", 1.0, "upper end of the range", True, role="given"),
     )
@@ -137,8 +141,10 @@ class GuideStraightness(ThreePttEffect):
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Spline shapes of each rail, outward and along the azimuth."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
+        axes = horizontal_axes(view)
         curves = smooth_shapes(place, self.parameters[0].count)  # shape: (n, leg, c)
-        return centre_basis(*(torch.einsum("nlc,lx->nlxc", curves, axis) for axis in horizontal_axes(view)))
+        lines = torch.cat([torch.einsum("nlc,lx->nlxc", straight_shapes(place), axis) for axis in axes], dim=-1)
+        return centre_basis(*(torch.einsum("nlc,lx->nlxc", curves, axis) for axis in axes), lines)
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,14 @@ class SetupJump(MetrologyEffect):
         chosen = moments[torch.linspace(0, len(moments) - 1, min(KNOCK_TRIALS, len(moments))).round().long()]
         return tuple({"after": moment.reshape(1)} for moment in chosen.unique())
 
+    def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
+        """Every row between the neighbouring trials."""
+        tried = torch.cat([trial["after"] for trial in self.search(view)])
+        place = int(torch.argmin((tried - shape["after"]).abs()))
+        low, high = tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)]
+        moments = self.clock(view).unique()
+        return tuple({"after": moment.reshape(1)} for moment in moments[(moments >= low) & (moments <= high)])
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Rigid motion after the knock."""
         return (self.clock(view) > shape["after"])[:, None, None] * rigid_basis(view.p)

@@ -21,6 +21,18 @@ def _spline(count: int) -> tuple[np.ndarray, np.ndarray]:
     return knots, CubicSpline(knots, shapes, bc_type="natural").c
 
 
+def straight_shapes(position: Tensor) -> Tensor:
+    """The straight part that smooth shapes leave out: a line of height one at both ends, and a constant.
+
+    Args:
+        position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...).
+
+    Returns:
+        (..., 2).
+    """
+    return torch.stack([2.0 * position.clamp(0.0, 1.0) - 1.0, torch.ones_like(position)], dim=-1)
+
+
 def smooth_shapes(position: Tensor, count: int) -> Tensor:
     """Evaluate the smooth shapes.
 

@@ -1,0 +1,77 @@
+"""`ptt diagnose`: which physical effect is missing."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ptt.commands.common import (
+    Also, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets, note, open_run, progress, show,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from ptt.diagnosis.verdict import Diagnosis
+
+Steps = Annotated[int, typer.Option("--steps", min=1, help="How many effects the path may add.")]
+
+
+def diagnose(
+    run: Run,
+    model: ModelPath,
+    also: Also = None,
+    targets: Targets = None,
+    set_: Set = None,
+    map_: Map = None,
+    effects: Effects = None,
+    steps: Steps = 8,
+    json: Json = False,
+) -> None:
+    """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
+    from ptt.diagnosis.verdict import diagnose as learn
+
+    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    if opened.compensator.network is not None:
+        note("the compensator's network is left aside: the physics alone is diagnosed")
+    with progress() as tell:
+        result = learn(
+            opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: tell(what, 0, 0)
+        )
+    show(result.to_dict(), format_diagnosis(result), json)
+
+
+def format_diagnosis(result: "Diagnosis") -> str:
+    """The diagnosis as text.
+
+    Args:
+        result: the diagnosis.
+
+    Returns:
+        Lines.
+    """
+    lines = [f"verdict: {result.verdict}", "", result.words, ""]
+    if result.candidates:
+        lines.append(f"{'effect':<22} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from")
+        for candidate in result.candidates:
+            mark = "+" if any(candidate.effect == step[0] for step in result.suggested) else " "
+            fall = f"{candidate.heldout_before:.1f} -> {candidate.heldout_after:.1f}"
+            ties = ", ".join(candidate.indistinguishable_from)
+            lines.append(
+                f"{mark} {candidate.effect:<20} {candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}  {ties}"
+            )
+        lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given", ""]
+    if result.depends_on:
+        lines.append("what is left depends on:")
+        for item in result.depends_on:
+            period = f", period {item.period_mm:.3g} mm" if item.period_mm else ""
+            lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period})")
+        lines.append("")
+    if result.measure_next:
+        lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
+    if result.not_testable:
+        lines.append("not testable on this run:")
+        lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
+    noise = result.noise.to_dict()
+    lines.append(
+        f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
+        f"{int(result.outliers.sum())} left out as gross errors"
+    )
+    return "\n".join(lines)

@@ -1,0 +1,90 @@
+"""Is there a rest? What no effect of the library explains must not pass for noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from nets import RbfSettings, train_rbf
+from ptt.dependence import Dependence, dependence_of
+from ptt.fit import FitResult
+from ptt.holdout import BLOCKS, blocks
+from ptt.noise import Noise, noise_from_repeats
+from ptt.problem import Problem
+
+CHANCE_LACK = 1e-3  # lack of fit
+CHANCE_FIELD = 5e-4  # a network over position predicts held-out residuals
+CHANCE_DEPENDS = 3e-3  # a smooth function of a context variable predicts residuals
+LIGHT = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2), affine=(False,), restarts=1)
+MOST_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What is left after everything that fits has been added.
+
+    Attributes:
+        lack_p: lack of fit against true repeats; None with fewer than 30 degrees of freedom.
+        field_p: gain of a network over position on held-out rows, three coordinates together.
+        depends_on: what the rest depends on, significant entries only.
+        significant: whether any of them is.
+        reasons: the same in words.
+    """
+
+    lack_p: float | None
+    field_p: float
+    depends_on: tuple[Dependence, ...]
+    significant: bool
+    reasons: tuple[str, ...]
+
+
+def look_for_rest(fitted: FitResult, problem: Problem, noise: Noise, *, seed: int = 0) -> Rest:
+    """Test the residual against repeats, against position, and against every context variable.
+
+    Args:
+        fitted: the model at the end of its path.
+        problem: the readings, gross errors masked.
+        noise: the noise floor.
+        seed: of the permutations.
+
+    Returns:
+        The rest.
+    """
+    residual = np.where((problem.used & ~fitted.outliers)[:, None], fitted.residual, np.nan)
+    lack = _lack_of_fit(problem, residual, fitted.rank)
+    field = _field(fitted, problem, residual)
+    depends = dependence_of(problem.with_noise(noise), residual, seed=seed)
+    reasons = []
+    if lack is not None and lack < CHANCE_LACK:
+        reasons.append(f"the rest is larger than repeats scatter (p = {lack:.1g})")
+    if field < CHANCE_FIELD:
+        reasons.append(f"a network over position predicts held-out rests (p = {field:.1g})")
+    strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
+    reasons += [f"{item.residual} depends on {item.on} (p = {item.p_value:.1g})" for item in strong[:3]]
+    return Rest(lack, field, depends, bool(reasons), tuple(reasons))
+
+
+def _lack_of_fit(problem: Problem, residual: np.ndarray, rank: int) -> float | None:
+    """F test of the residual against pure error; repeats that a knock parts say nothing and are not asked."""
+    pure = noise_from_repeats(problem.table, residual, problem.view.direction.numpy())
+    if pure is None:
+        return None
+    rows = np.isfinite(residual).all(axis=1)
+    inverse = np.linalg.inv(pure.covariance)
+    whole = float(np.einsum("ni,ij,nj->", residual[rows], inverse, residual[rows]))
+    inner = 3.0 * pure.freedom
+    freedom = 3.0 * rows.sum() - rank - inner
+    if freedom < 3.0 or whole <= inner:
+        return 1.0
+    return float(stats.f.sf((whole - inner) / freedom, freedom, inner))
+
+
+def _field(fitted: FitResult, problem: Problem, residual: np.ndarray) -> float:
+    rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
+    rows = rows[:: max(1, len(rows) // MOST_ROWS)]
+    group = blocks(problem.table, 2 * BLOCKS)[rows]
+    if len(rows) < 30 or len(np.unique(group)) < 5:
+        return 1.0
+    inputs = fitted.prediction.p.numpy()[rows]
+    trained = train_rbf(inputs, residual[rows] / np.nanstd(residual[rows], axis=0), group, settings=LIGHT)
+    return float(min(1.0, 3.0 * np.min(trained.p_value)))

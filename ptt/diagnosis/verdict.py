@@ -1,0 +1,258 @@
+"""The verdict: what is missing, that nothing is, or that something is which no known effect describes."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from ptt.dependence import Dependence
+from ptt.diagnosis.path import Path, Progress, State, walk
+from ptt.diagnosis.rest import Rest, look_for_rest
+from ptt.diagnosis.saturated import noise_floor
+from ptt.diagnosis.screen import Finding, significant
+from ptt.diagnosis.words import explain_step, explain_verdict
+from ptt.effects import Effect, Library, library
+from ptt.effects.base import linear_size
+from ptt.fit import rms
+from ptt.model import Model, Term, parameter_names
+from ptt.noise import Noise
+from ptt.problem import Problem
+from ptt.sums import project, solve
+
+Verdict = Literal["missing", "nothing-missing", "unknown"]
+STEPS = 8
+OFF = 1.15  # noise floors further apart than this are worth a second walk
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect as an explanation of the run.
+
+    Attributes:
+        effect: key of the effect.
+        p_value: after multiplicity.
+        explained_share: of the residual's variance after the frame that it takes by itself.
+        heldout_before: error on hidden blocks without it, um.
+        heldout_after: error on hidden blocks with it, um.
+        parameters: (name, unit, value, standard deviation or None where the data do not tell it).
+        indistinguishable_from: effects that would do as well.
+        words: why, for a machinist.
+    """
+
+    effect: str
+    p_value: float
+    explained_share: float
+    heldout_before: float
+    heldout_after: float
+    parameters: tuple[tuple[str, str, float, float | None], ...]
+    indistinguishable_from: tuple[str, ...]
+    words: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        names = ("name", "unit", "value", "std")
+        return {
+            "effect": self.effect,
+            "p_value": self.p_value,
+            "explained_share": self.explained_share,
+            "heldout_rms_um": {"before": self.heldout_before, "after": self.heldout_after},
+            "parameters": [dict(zip(names, parameter, strict=True)) for parameter in self.parameters],
+            "indistinguishable_from": list(self.indistinguishable_from),
+            "words": self.words,
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the run says about the model.
+
+    Attributes:
+        verdict: 'missing', 'nothing-missing' or 'unknown'.
+        suggested: for each step the effects that fit equally well, the pick first.
+        candidates: the steps, then what else was significant on the model as given, best first.
+        not_testable: effect -> what the data lack.
+        rest: what is left after the path.
+        measure_next: what to measure to part what cannot be told apart.
+        noise: the noise floor.
+        rms_um: error before and after the path.
+        rows: readings that counted.
+        outliers: rows left out as gross errors, (n,) bool.
+        path: the steps with their fits.
+        words: the verdict for a machinist.
+    """
+
+    verdict: Verdict
+    suggested: tuple[tuple[str, ...], ...]
+    candidates: tuple[Candidate, ...]
+    not_testable: dict[str, str]
+    rest: Rest
+    measure_next: tuple[str, ...]
+    noise: Noise
+    rms_um: dict[str, dict[str, float]]
+    rows: int
+    outliers: np.ndarray
+    path: Path
+    words: str
+
+    @property
+    def depends_on(self) -> tuple[Dependence, ...]:
+        """What the rest after the path depends on, largest share first."""
+        return self.rest.depends_on
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON, keys as documented."""
+        return {
+            "verdict": self.verdict,
+            "suggested": [list(step) for step in self.suggested],
+            "candidates": [candidate.to_dict() for candidate in self.candidates],
+            "not_testable": [{"effect": name, "needs": lack} for name, lack in self.not_testable.items()],
+            "depends_on": [item.to_dict() for item in self.depends_on],
+            "measure_next": list(self.measure_next),
+            "noise_um": self.noise.to_dict(),
+            "rms_um": self.rms_um,
+            "rows": self.rows,
+            "outlier_rows": [int(row) for row in np.flatnonzero(self.outliers)],
+            "rest": {"significant": self.rest.significant, "reasons": list(self.rest.reasons)},
+            "words": self.words,
+        }
+
+
+def diagnose(
+    model: Model,
+    problem: Problem,
+    known: Library | None = None,
+    *,
+    steps: int = STEPS,
+    progress: Progress | None = None,
+    seed: int = 0,
+) -> Diagnosis:
+    """Learn which physical effects are missing.
+
+    Args:
+        model: the model as given.
+        problem: the readings.
+        known: effects by name; None for the library.
+        steps: how many may be added.
+        progress: told what is being done.
+        seed: of the permutation tests.
+
+    Returns:
+        The diagnosis.
+
+    Raises:
+        TableError: nothing tells the noise floor.
+    """
+    known = library() if known is None else known
+    tell = progress or (lambda what: None)
+    tell("noise")
+    noise = noise_floor(model, problem, known)
+    path = walk(model, problem, known, noise, steps=steps, progress=progress)
+    again = noise_floor(path.end.fitted.model, problem, known)
+    if max(noise.total / again.total, again.total / noise.total) > OFF:
+        # A knock or a large error had hidden the noise: judged by what it really is, the path may go further.
+        noise = again
+        path = walk(model, problem, known, noise, steps=steps, progress=progress)
+    tell("rest")
+    gross = problem.used & ~path.end.design.rows
+    clean = problem.masked(gross)
+    rest = look_for_rest(path.end.fitted, clean, noise, seed=seed)
+    if rest.significant:
+        verdict: Verdict = "unknown"
+    else:
+        verdict = "missing" if path.added else "nothing-missing"
+    found = _candidates(path, clean, noise)
+    errors = {
+        "before": rms(path.start.fitted.residual, clean.used),
+        "after": rms(path.end.fitted.residual, clean.used),
+    }
+    suggested = tuple((key, *others) for key, others in zip(path.added, path.alternatives, strict=True))
+    result = Diagnosis(
+        verdict, suggested, found, path.untestable, rest, (), noise, errors, int(clean.used.sum()), gross, path, ""
+    )
+    return replace(result, words=explain_verdict(result), measure_next=_measure_next(suggested, known))
+
+
+def _candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, ...]:
+    """The steps in their order, then what else was significant against the model as given."""
+    steps = []
+    before = path.start
+    for key, state, others in zip(path.added, path.states, path.alternatives, strict=True):
+        steps.append(_step(key, before, state, path.end, others, problem, noise))
+        before = state
+    rest = [
+        _other(finding, path.start, problem)
+        for finding in significant(path.start.screened)
+        if finding.trial.effect.key not in path.added
+    ]
+    return (*steps, *rest)
+
+
+def _step(
+    key: str, before: State, after: State, end: State, others: tuple[str, ...], problem: Problem, noise: Noise
+) -> Candidate:
+    finding = next((item for item in before.screened.findings if item.trial.effect.key == key), None)
+    term = next(term for term in end.fitted.model.terms if term.effect.key == key)
+    held = before.design.held_out_rms(before.design.base), after.design.held_out_rms(after.design.base)
+    errors = held[0] * 1e3, held[1] * 1e3
+    return Candidate(
+        key,
+        finding.p_value if finding else 0.0,
+        finding.share if finding else 0.0,
+        *errors,
+        _parameters(term, problem),
+        others,
+        explain_step(term, others, errors, noise, problem),
+    )
+
+
+def _other(finding: Finding, state: State, problem: Problem) -> Candidate:
+    design, trial = state.design, finding.trial
+    projected = project(*design.sums.total[:3], design.base)
+    values = solve(projected.gram, projected.side, projected.left, trial.columns).values * design.scale[trial.columns]
+    chosen = np.concatenate([design.base, trial.columns]).astype(int)
+    names = _linear_names(trial.effect, problem)
+    parameters = tuple((name, unit, float(value), None) for (name, unit), value in zip(names, values, strict=True))
+    held = design.held_out_rms(design.base), design.held_out_rms(chosen)
+    return Candidate(
+        trial.effect.key, finding.p_value, finding.share, held[0] * 1e3, held[1] * 1e3, parameters, (), ""
+    )
+
+
+def _linear_names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    names = parameter_names(effect, kind, joints)[: linear_size(effect, joints)]
+    units = [p.on(kind).unit for p in effect.parameters for _ in range(p.size(joints))]
+    return list(zip(names, units, strict=False))
+
+
+def _parameters(term: Term, problem: Problem) -> tuple[tuple[str, str, float, float | None], ...]:
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    names = parameter_names(term.effect, kind, joints)
+    units = [p.on(kind).unit for p in term.effect.parameters for _ in range(p.size(joints))]
+    rows = []
+    for index, (name, unit) in enumerate(zip(names, units, strict=True)):
+        std = float("nan") if term.std is None else float(term.std[index])
+        seen = term.measured is None or bool(term.measured[index])
+        rows.append((name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))
+    return tuple(rows)
+
+
+def _measure_next(suggested: tuple[tuple[str, ...], ...], known: Library) -> tuple[str, ...]:
+    """What parts each pick from what would do as well."""
+    lines = []
+    for pick, *others in suggested:
+        for other in others:
+            lines.append(f"to tell {pick} from {other}: {_separation(pick, other, known)}")
+    return tuple(lines)
+
+
+def _separation(pick: str, other: str, known: Library) -> str:
+    from ptt.effects.cards import card_of
+
+    for one, two in ((pick, other), (other, pick)):
+        name = one.partition("[")[0]
+        if name in known:
+            for thing, what in card_of(known[name]()).confused_with:
+                if thing == two.partition("[")[0]:
+                    return what
+    return "poses over a larger volume, both directions of arrival, several payloads"
