@@ -55,7 +55,9 @@ def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
     return (low - q)[1::2]
 
 
-def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None) -> Tensor:
+def gradual_reversal(
+    view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None
+) -> Tensor:
     """Normalised friction that turns over gradually after a reversal.
 
     dF/dx = (sign(x) - F) / l along the travel (Dahl, 1968): after a long move against the former one F runs
@@ -65,6 +67,7 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None) ->
         view: n rows.
         length: travel constant l, () or (k,) mm or rad.
         entry: F before the first row, (k,); None: fully turned in the direction of arrival.
+        place: joint values at which `entry` held, (k,); None: those of the first waypoint.
 
     Returns:
         F, (n, k), between -1 and 1.
@@ -78,7 +81,9 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None) ->
     first = view.direction.repeat_interleave(2, dim=0).to(gain.dtype)
     decay, gain = torch.where(reset, torch.zeros_like(decay), decay), torch.where(reset, first, gain)
     if entry is not None:
-        gain = torch.cat([entry[None].to(gain.dtype), gain[1:]])
+        way = torch.zeros_like(q[0]) if place is None else q[0] - place
+        kept = torch.exp(-way.abs() / length)
+        gain = torch.cat([(entry * kept + torch.sign(way) * (1.0 - kept))[None], gain[1:]])
     step = 1
     while step < len(q):
         gain = torch.cat([gain[:step], gain[step:] + decay[step:] * gain[:-step]])

@@ -2,6 +2,7 @@
 
 import difflib
 import importlib.util
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -78,8 +79,10 @@ def load_effects(path: str | Path) -> dict[str, type[Effect]]:
     if spec is None or spec.loader is None:
         raise InputError("not a Python file", where=where, fix="name a file that ends in .py")
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up there
     try:
-        spec.loader.exec_module(module)
+        # Compiled here: the import system's cache would leave files behind, and miss an edit within the same second.
+        exec(compile(Path(path).read_bytes(), where, "exec"), vars(module))
     except Exception as error:
         raise InputError(f"cannot be run: {type(error).__name__}: {error}", where=where, fix="mend the file") from error
     own = [
@@ -91,6 +94,8 @@ def load_effects(path: str | Path) -> dict[str, type[Effect]]:
         raise InputError("defines no effect", where=where, fix="`ptt effects new NAME` writes a template")
     for cls in own:
         _check_class(cls, where)
+        if sum(cls.name == other.name for other in own) > 1:
+            raise InputError(f"defines effect '{cls.name}' twice", where=where, fix="give one of them another name")
     return {cls.name: cls for cls in own}
 
 

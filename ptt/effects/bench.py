@@ -1,0 +1,130 @@
+"""Sample machines and sample runs on which every effect can be seen: for the contract and for pictures."""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.machine import MachineFile, parse_machine
+from ptt.table import Table, make_table
+from ptt.view import View, build_view
+
+SEED = 7
+FREE = 90  # rows that go anywhere
+CREEP = 48  # rows that creep back and forth, so that short travel after a reversal is seen
+TURN_EVERY = 8
+PER_ROW = (  # the fields of a view that have one entry a row
+    "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
+)  # fmt: skip
+
+_MACHINES = {
+    "three-ptt": """
+[machine]
+kind = "three-ptt"
+name = "sample 3-PTT"
+base_radius_mm = 200
+platform_radius_mm = 100
+link_length_mm = 300
+slider_travel_mm = [150, 420]
+screw_lead_mm = 5
+reflector_mm = [20, -10, -40]
+platform_mass_kg = 1
+""",
+    "serial": """
+[machine]
+kind = "serial"
+name = "sample arm"
+convention = "standard"
+tool_mm = [20, 0, 60]
+gear_period_rad = 0.0628
+joint = [
+  { alpha_deg = 90, d_mm = 350, limits_deg = [-160, 160] },
+  { a_mm = 400, limits_deg = [-30, 135] },
+  { a_mm = 320, limits_deg = [-140, 0] },
+]
+""",
+}
+_MIDDLE = {"three-ptt": (0.0, 0.0, 0.0), "serial": (0.3, 0.9, -1.2)}
+_HALF = {"three-ptt": (70.0, 70.0, 45.0), "serial": (0.8, 0.5, 0.6)}
+
+
+def sample_machine(kind: str) -> MachineFile:
+    """A drawing of round figures.
+
+    Args:
+        kind: 'three-ptt' or 'serial'.
+
+    Returns:
+        The machine, without effects.
+    """
+    return parse_machine(_MACHINES[kind], f"sample {kind}")
+
+
+@lru_cache(maxsize=2)
+def sample_view(kind: str) -> View:
+    """Three runs in which every context varies: free moves, a creep back and forth, free moves again.
+
+    Args:
+        kind: 'three-ptt' or 'serial'.
+
+    Returns:
+        The view.
+    """
+    return build_view(sample_machine(kind), sample_table(kind))
+
+
+def sample_table(kind: str) -> Table:
+    """The table of `sample_view`: targets on a 3-PTT, joint commands on an arm; no readings.
+
+    Args:
+        kind: 'three-ptt' or 'serial'.
+
+    Returns:
+        The table.
+    """
+    random = np.random.default_rng(SEED)
+    middle, half = np.array(_MIDDLE[kind]), np.array(_HALF[kind])
+    free = middle + half * random.uniform(-1.0, 1.0, (FREE, 3))
+    way = np.where(np.arange(CREEP) // TURN_EVERY % 2 == 0, 1.0, -1.0)[:, None]
+    step = way * half * random.uniform(0.01, 0.05, (CREEP, 3))
+    places = np.concatenate([free[: FREE // 2], middle + np.cumsum(step, axis=0), free[FREE // 2 :]])
+    rows = len(places)
+    columns = {
+        "run": np.repeat([0, 1, 2], [FREE // 2, CREEP, FREE - FREE // 2]),
+        "time_s": 25.0 * np.arange(rows),
+        "payload_kg": random.choice([0.0, 2.0, 5.0], rows),
+        "temp_c": 20.0 + 6.0 * (1.0 - np.exp(-np.arange(rows) / 50.0)),
+        "feed_mm_s": random.choice([5.0, 20.0, 40.0], rows),
+    }
+    return make_table(places, **columns) if kind == "three-ptt" else make_table(None, places, **columns)
+
+
+def take(view: View, rows: Tensor) -> View:
+    """Some rows of a view as they stand; the travel between them is not worked out anew.
+
+    Args:
+        view: n rows.
+        rows: (m,) int64, or (n,) bool.
+
+    Returns:
+        The view of those rows.
+    """
+    taken: dict[str, Any] = {name: value[rows] for name in PER_ROW if (value := getattr(view, name)) is not None}
+    return replace(view, **taken)
+
+
+def bare(view: View) -> View:
+    """The same poses in a run that tells nothing of load, temperature, time, speed or direction.
+
+    Args:
+        view: n rows.
+
+    Returns:
+        The view without context.
+    """
+    nothing = torch.zeros_like(view.payload)
+    still: dict[str, Any] = {"velocity": torch.zeros_like(view.velocity), "direction": torch.ones_like(view.direction)}
+    return replace(view, payload=nothing, warmth=nothing, time=nothing, torque=None, varies=frozenset(), **still)

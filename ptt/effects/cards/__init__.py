@@ -1,0 +1,45 @@
+"""Cards of the effects: cause, equation, source, fingerprint, what each is confused with, how it is mended."""
+
+import inspect
+
+from ptt.effects.base import Effect
+from ptt.effects.cards import drive, geometry, others
+from ptt.effects.cards.card import RESIDUALS, TELLING, Card
+
+__all__ = ["CARDS", "RESIDUALS", "TELLING", "Card", "card_of"]
+
+CARDS: dict[str, Card] = {**drive.CARDS, **geometry.CARDS, **others.CARDS}
+UNSAID = "not stated"
+
+
+def card_of(effect: Effect | type[Effect]) -> Card:
+    """The card of an effect: the class's own `card`, else the library's, else one made of its docstring.
+
+    Args:
+        effect: an effect or its class.
+
+    Returns:
+        The card.
+    """
+    cls = effect if isinstance(effect, type) else type(effect)
+    own = getattr(cls, "card", None)
+    if isinstance(own, Card):
+        return own
+    return CARDS[cls.name] if cls.name in CARDS else _from_docstring(cls)
+
+
+def _from_docstring(cls: type[Effect]) -> Card:
+    first, _, rest = (inspect.cleandoc(cls.__doc__) if cls.__doc__ else cls.name).partition("\n")
+    residual = "joint" if cls.stage in ("drive", "geometry") else "x"
+    return Card(
+        cause=first.strip(),
+        equation=" ".join(rest.split()) or UNSAID,
+        source=UNSAID,
+        size=", ".join(f"{p.stem} {p.usual:g} {p.unit}".removesuffix(" 1") for p in cls.parameters),
+        fingerprint=UNSAID,
+        confused_with=(),
+        remedy=UNSAID,
+        needs=", ".join(cls.requires) or "-",
+        residual=residual,
+        telling="b" if residual == "joint" else "x",
+    )

@@ -1,0 +1,53 @@
+"""What a card says of an effect, and what the residual is drawn against to see it."""
+
+from dataclasses import dataclass
+
+TELLING: dict[str, str] = {
+    "b": "joint command [mm or rad]",
+    "phase": "joint command modulo a turn [turns]",
+    "direction": "direction of arrival",
+    "travel": "travel since reversal [mm or rad]",
+    "speed": "joint velocity [mm/s or rad/s]",
+    "payload": "payload [kg]",
+    "load": "load of the axis [N or N mm]",
+    "link force": "pull in the link [N]",
+    "link angle": "angle of the link to its rail [rad]",
+    "temperature": "temperature above the reference [K]",
+    "time": "time [s]",
+    "radius": "distance of the tool from the middle axis [mm]",
+    "x": "x [mm]",
+    "y": "y [mm]",
+    "z": "z [mm]",
+}
+RESIDUALS = ("joint", "x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Card:
+    """One effect as a machinist reads it.
+
+    Attributes:
+        cause: what is physically wrong.
+        equation: the additive shift, as the code works it out.
+        source: where the equation comes from.
+        size: what is usual on real machines.
+        fingerprint: what it looks like in the residual.
+        confused_with: pairs of an effect, or another thing, and the measurement that tells the two apart.
+        remedy: how one mends it on the machine.
+        needs: what the data must hold for it to be tested; '-' for nothing beyond poses.
+        residual: component of the residual that shows it, one of `RESIDUALS`; 'joint' is J e, in the joints' own space.
+        telling: variable that the residual follows, one of `TELLING`.
+        shade: second variable that matters, one of `TELLING`, or ''.
+    """
+
+    cause: str
+    equation: str
+    source: str
+    size: str
+    fingerprint: str
+    confused_with: tuple[tuple[str, str], ...]
+    remedy: str
+    needs: str = "-"
+    residual: str = "joint"
+    telling: str = "b"
+    shade: str = ""

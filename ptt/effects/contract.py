@@ -1,0 +1,250 @@
+"""The contract that every effect keeps, the library's own and a user's: plain functions that say what is broken."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Effect, flatten, linear_size, sizes
+from ptt.effects.bench import PER_ROW, bare, take
+from ptt.effects.case import Case, Differentiate, make_case
+
+UNITS = ("1", "mm", "rad", "s", "K", "kg", "N", "Nmm")
+CONTEXTS = ("payload", "temperature", "time", "speed", "direction")
+NOMINAL = 1e-12  # mm or rad
+ALIKE = 1e-12  # batch against loop; what a sum in another order may differ by
+CLOSE = 1e-5  # exact derivative against a central difference, share of the column
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Outcome of one check.
+
+    Attributes:
+        check: what was checked, in words.
+        kind: mechanism family.
+        broken: what is broken; '' where the check passed.
+    """
+
+    check: str
+    kind: str
+    broken: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the effect keeps this part of the contract."""
+        return not self.broken
+
+
+def check_effect(effect: Effect, differentiate: Differentiate) -> tuple[Finding, ...]:
+    """Hold an effect against the whole contract, on every mechanism family it says it fits.
+
+    Args:
+        effect: the effect.
+        differentiate: `ptt.model.differentiate`.
+
+    Returns:
+        One finding per check and family.
+    """
+    findings = []
+    for kind in effect.mechanisms:
+        broken = _attempt(partial(check_parameters, effect, kind))
+        findings.append(Finding("units stated", kind, broken))
+        if broken:
+            continue
+        try:
+            case = make_case(effect, kind, differentiate)
+        except Exception as error:
+            findings.append(Finding("search offers its shape parameters", kind, _said(error)))
+            continue
+        findings += [Finding(name, kind, _attempt(partial(check, case))) for name, check in CHECKS.items()]
+    return tuple(findings)
+
+
+def check_parameters(effect: Effect, kind: str) -> str:
+    """Every parameter has a known unit, a meaning, a usual size and sound bounds; names differ; needs are known."""
+    names = [parameter.on(kind).name for parameter in effect.parameters]
+    if not effect.name or not effect.parameters:
+        return "no name, or no parameters"
+    if len(set(names)) < len(names):
+        return f"two parameters are called the same: {', '.join(names)}"
+    for parameter in (p.on(kind) for p in effect.parameters):
+        unknown = [part for part in re.split(r"[/ ]", parameter.unit) if part not in UNITS]
+        if unknown:
+            return f"unit '{parameter.unit}' of {parameter.stem} is not made of {', '.join(UNITS)}"
+        if not parameter.meaning.strip():
+            return f"{parameter.stem} has no meaning"
+        if not (np.isfinite(parameter.usual) and parameter.usual > 0.0):
+            return f"usual size of {parameter.stem} is {parameter.usual:g}, not positive"
+        if not parameter.lower < parameter.upper:
+            return f"bounds of {parameter.stem} are {parameter.lower:g} and {parameter.upper:g}"
+    strange = [name for name in effect.requires if name not in CONTEXTS]
+    return f"requires '{strange[0]}', which is none of {', '.join(CONTEXTS)}" if strange else ""
+
+
+def check_shape(case: Case) -> str:
+    """The basis is (n, out, P) and the shift (n, out), both finite and float64."""
+    out = {"drive": case.view.joints, "geometry": len(case.view.mechanism.slots)}.get(case.effect.stage, 3)
+    linear = linear_size(case.effect, case.view.joints)
+    basis, shift = case.effect.basis(case.view, case.shape), case.shift()
+    for name, value, wanted in (
+        ("basis", basis, (case.view.rows, out, linear)),
+        ("shift", shift, (case.view.rows, out)),
+    ):
+        if tuple(value.shape) != wanted:
+            return f"{name} has shape {tuple(value.shape)}, not {wanted}"
+        if value.dtype != torch.float64:
+            return f"{name} is {value.dtype}, not float64"
+        if not bool(torch.isfinite(value).all()):
+            return f"{name} is not finite in {int((~torch.isfinite(value)).sum())} places"
+    return ""
+
+
+def check_zero(case: Case) -> str:
+    """Amplitudes of zero mean exactly nominal, whatever the searched parameters are."""
+    for shape in case.effect.search(case.view):
+        shift = case.effect.shift(flatten(case.effect, shape, case.view.joints), case.view)
+        if not float(shift.abs().max()) <= NOMINAL:
+            return f"shifts by {float(shift.abs().max()):g} with all amplitudes zero"
+    return ""
+
+
+def check_acts(case: Case) -> str:
+    """Each amplitude does something on a run in which everything varies; an arm may have an idle joint."""
+    moved = case.effect.basis(case.view, case.shape).abs().amax(dim=(0, 1)) > 0.0
+    if bool(moved.all()) or (case.kind == "serial" and bool(moved.any())):
+        return ""
+    return f"amplitude {int((~moved).nonzero()[0, 0]) + 1} shifts nothing"
+
+
+def check_rows(case: Case) -> str:
+    """Rows on their own give what the batch gives; effects that remember the travel: runs on their own."""
+    whole = case.shift()
+    if case.effect.reverses:
+        parts = [case.view.run == run for run in case.view.run.unique()]
+    else:
+        parts = [torch.arange(case.view.rows) == row for row in range(0, case.view.rows, 11)]
+    for rows in parts:
+        alone = case.shift(take(case.view, rows))
+        gap = float((alone - whole[rows]).abs().max())
+        if not gap <= ALIKE * (1.0 + float(whole.abs().max())):
+            where = f"run {int(case.view.run[rows][0])}" if case.effect.reverses else f"row {int(rows.nonzero()[0, 0])}"
+            hint = "" if case.effect.reverses else " (set reverses = True if it remembers the travel)"
+            return f"{where} on its own differs from the batch by {gap:g}{hint}"
+    return ""
+
+
+def check_derivative(case: Case) -> str:
+    """Derivative by the parameters against central differences, at usual size."""
+    _, exact = case.differentiate(case.effect, case.theta, case.view)
+    start = 0
+    for parameter, size in zip(case.effect.parameters, sizes(case.effect, case.view.joints), strict=True):
+        for index in range(start, start + size) if parameter.role != "given" else ():
+            step = torch.zeros_like(case.theta)
+            step[index] = 1e-4 * parameter.on(case.kind).usual
+            ends = [case.effect.shift(case.theta + sign * step, case.view) for sign in (1.0, -1.0)]
+            broken = _compare(exact[..., index], ends, float(step[index]))
+            if broken:
+                return f"derivative by {parameter.stem} {index - start + 1}: {broken}"
+        start += size
+    return ""
+
+
+def check_basis(case: Case) -> str:
+    """The basis is what the shift tends to when the amplitudes are small."""
+    small = flatten(case.effect, case.shape, case.view.joints)
+    linear = linear_size(case.effect, case.view.joints)
+    small[:linear] = 1e-3 * case.theta[:linear]
+    shift, straight = case.effect.shift(small, case.view), case.effect.basis(case.view, case.shape) @ small[:linear]
+    gap, scale = float((shift - straight).abs().max()), float(straight.abs().max())
+    return (
+        ""
+        if gap <= 1e-2 * scale + NOMINAL
+        else f"basis and shift part by {gap / scale:.0%} at a thousandth of usual size"
+    )
+
+
+def check_input(case: Case) -> str:
+    """Derivative by the stage's input under torch.func, as the composed model takes it."""
+    name = {"geometry": "q", "structure": "p", "metrology": "p"}.get(case.effect.stage)
+    if name is None:
+        return ""
+    given = getattr(case.view, name)
+    x = given.mean(dim=0) + 0.9 * (
+        given - given.mean(dim=0)
+    )  # off the ends of a covered range, where curves have kinks
+    h = 1e-3 if name == "p" or case.kind == "three-ptt" else 1e-6
+    directions = torch.eye(x.shape[1], dtype=x.dtype)[:, None].expand(-1, *x.shape)
+
+    def shift(value: Tensor) -> Tensor:
+        return case.shift(case.view.at(**{name: value}))
+
+    exact = torch.func.vmap(lambda t: torch.func.jvp(shift, (x,), (t,))[1])(directions)
+    for column, direction in zip(exact, directions, strict=True):
+        broken = _compare(column, [shift(x + h * direction), shift(x - h * direction)], h)
+        if broken:
+            return f"derivative by {name}: {broken}; use torch functions of view.{name} only"
+    return ""
+
+
+def check_pure(case: Case) -> str:
+    """View and parameters stay as they were, and the same question gets the same answer."""
+    fields = [name for name in (*PER_ROW, "home", "reflector", "growth") if getattr(case.view, name) is not None]
+    before = {name: getattr(case.view, name).clone() for name in fields}
+    theta = case.theta.clone()
+    own = replace(case.view, **{name: value.clone() for name, value in before.items()})
+    first = case.shift(own).clone()
+    case.effect.basis(own, case.shape)
+    case.effect.search(own)
+    changed = [name for name in fields if not torch.equal(getattr(own, name), before[name])]
+    if changed:
+        return f"changes view.{changed[0]}"
+    if not torch.equal(theta, case.theta):
+        return "changes its parameters"
+    return "" if torch.equal(case.shift(own), first) else "answers differently the second time"
+
+
+def check_needs(case: Case) -> str:
+    """The sample has all it needs, and a run without context is refused where it requires a context."""
+    lacking = case.effect.needs(case.view)
+    if lacking is not None:
+        return f"refuses a run in which everything varies: {lacking}"
+    if case.effect.requires and case.effect.needs(bare(case.view)) is None:
+        return f"accepts a run without {', '.join(case.effect.requires)}"
+    return ""
+
+
+CHECKS: dict[str, Callable[[Case], str]] = {
+    "shapes and numbers": check_shape,
+    "zero is nominal": check_zero,
+    "amplitudes act": check_acts,
+    "batch equals loop": check_rows,
+    "derivative by parameters": check_derivative,
+    "basis is the small limit": check_basis,
+    "derivative by input": check_input,
+    "nothing is changed": check_pure,
+    "needs of the data": check_needs,
+}
+
+
+def _compare(exact: Tensor, ends: list[Tensor], step: float) -> str:
+    numeric = (ends[0] - ends[1]) / (2.0 * step)
+    gap, scale = float((exact - numeric).abs().max()), float(numeric.abs().max())
+    rounding = 1e-12 / step
+    return "" if gap <= CLOSE * scale + rounding else f"off by {gap:g} where the largest is {scale:g}"
+
+
+def _attempt(check: Callable[[], str]) -> str:
+    """A check that raises has found something too."""
+    try:
+        return check()
+    except Exception as error:
+        return _said(error)
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]

@@ -1,0 +1,294 @@
+"""The contract suite over every effect, the contract over effects that break it, the cards, and `ptt effects`."""
+
+import json
+
+import pytest
+import torch
+import typer
+from typer.testing import CliRunner
+
+from ptt.commands.effects import effects as verb
+from ptt.effects import Effect, Parameter, library
+from ptt.effects.bench import sample_view
+from ptt.effects.cards import CARDS, RESIDUALS, TELLING, Card, card_of
+from ptt.effects.contract import CHECKS, check_effect
+from ptt.effects.registry import load_effects, make_effect, parse_key
+from ptt.effects.template import template
+from ptt.errors import InputError, ModelError
+from ptt.model import differentiate
+
+pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
+
+PULL = Parameter("pull", "mm", 0.1, "how far", count=3)
+
+
+@pytest.mark.parametrize("name", library())
+def test_effect_keeps_the_contract(name):
+    effect = library()[name]()
+    findings = check_effect(effect, differentiate)
+    assert len(findings) == len(effect.mechanisms) * (1 + len(CHECKS))
+    assert [finding for finding in findings if not finding.passed] == []
+
+
+class Good(Effect):
+    """Pulls sideways."""
+
+    name = "good"
+    stage = "structure"
+    mechanisms = ("three-ptt",)
+    parameters = (PULL,)
+
+    def basis(self, view, shape):
+        return torch.eye(3, dtype=torch.float64) * view.p[:, :1, None] / 100.0
+
+
+class NoUnit(Good):
+    parameters = (Parameter("pull", "um", 0.1, "how far", count=3),)
+
+
+class NoMeaning(Good):
+    parameters = (Parameter("pull", "mm", 0.1, " ", count=3),)
+
+
+class NoSize(Good):
+    parameters = (Parameter("pull", "mm", 0.0, "how far", count=3),)
+
+
+class WrongShape(Good):
+    def basis(self, view, shape):
+        return torch.ones(view.rows, 2, 3, dtype=torch.float64)
+
+
+class NotFinite(Good):
+    def basis(self, view, shape):
+        return super().basis(view, shape) / (view.payload > 0.0)[:, None, None]
+
+
+class SinglePrecision(Good):
+    def basis(self, view, shape):
+        return super().basis(view, shape).float()
+
+
+class NeverNominal(Good):
+    def shift(self, theta, view):
+        return super().shift(theta, view) + 1e-9
+
+
+class Idle(Good):
+    def basis(self, view, shape):
+        return 0.0 * super().basis(view, shape)
+
+
+class MixesRows(Good):
+    def basis(self, view, shape):
+        return super().basis(view, shape) - super().basis(view, shape).mean(dim=0)
+
+
+class CutGradient(Good):
+    def shift(self, theta, view):
+        return super().shift(theta.detach() * theta[0] / theta[0].detach().clamp(min=1e-30), view)
+
+
+class OtherBasis(Good):
+    def shift(self, theta, view):
+        return super().shift(1.1 * theta, view)
+
+
+class CutInput(Good):
+    def basis(self, view, shape):
+        return torch.eye(3, dtype=torch.float64) * view.p.detach()[:, :1, None] / 100.0
+
+
+class WritesView(Good):
+    def basis(self, view, shape):
+        view.payload.mul_(1.0 + 1e-12).add_(1e-12)
+        return super().basis(view, shape)
+
+
+class Refuses(Good):
+    def needs(self, view):
+        return "the moon"
+
+
+class TakesAnything(Good):
+    requires = ("payload",)
+
+    def needs(self, view):
+        return None
+
+
+class Raises(Good):
+    def basis(self, view, shape):
+        raise RuntimeError("not today")
+
+
+BROKEN = [
+    (NoUnit, "units stated"),
+    (NoMeaning, "units stated"),
+    (NoSize, "units stated"),
+    (WrongShape, "shapes and numbers"),
+    (NotFinite, "shapes and numbers"),
+    (SinglePrecision, "shapes and numbers"),
+    (NeverNominal, "zero is nominal"),
+    (Idle, "amplitudes act"),
+    (MixesRows, "batch equals loop"),
+    (CutGradient, "derivative by parameters"),
+    (OtherBasis, "basis is the small limit"),
+    (CutInput, "derivative by input"),
+    (WritesView, "nothing is changed"),
+    (Refuses, "needs of the data"),
+    (TakesAnything, "needs of the data"),
+    (Raises, "shapes and numbers"),
+]
+
+
+@pytest.mark.parametrize(("cls", "check"), BROKEN)
+def test_contract_catches_a_broken_effect(cls, check):
+    before = sample_view("three-ptt").payload.clone()
+    broken = [finding.check for finding in check_effect(cls(), differentiate) if not finding.passed]
+    sample_view("three-ptt").payload.copy_(before)
+    assert check in broken
+
+
+def test_contract_passes_a_good_effect():
+    assert all(finding.passed for finding in check_effect(Good(), differentiate))
+
+
+@pytest.mark.parametrize("name", library())
+def test_every_effect_has_a_whole_card(name):
+    card = card_of(library()[name])
+    assert CARDS[name] is card
+    for text in (card.cause, card.equation, card.source, card.size, card.fingerprint, card.remedy, card.needs):
+        assert text
+    assert card.residual in RESIDUALS
+    assert card.telling in TELLING
+    assert card.shade in ("", *TELLING)
+    assert len(card.confused_with) >= 2 or name in ("joint-offset", "tracker-scale")
+    assert all(len(pair) == 2 and all(pair) for pair in card.confused_with)
+    assert name not in [what for what, _ in card.confused_with]
+    assert (card.needs != "-") or not library()[name].requires
+
+
+def test_own_card_or_docstring():
+    own = Card("c", "e", "s", "z", "f", (), "r")
+    assert card_of(type("Carded", (Good,), {"card": own})()) is own
+    assert card_of(Good()).cause == "Pulls sideways."
+
+
+def test_template_works_as_written(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(template("cable-drag"))
+    cls = load_effects(path)["cable-drag"]
+    assert all(finding.passed for finding in check_effect(cls(), differentiate))
+    assert cls.__name__ == "CableDrag"
+    assert set(library(path)) == {*library(), "cable-drag"}
+
+
+@pytest.mark.parametrize(("name", "said"), [("Cable Drag", "no name"), ("backlash", "taken"), ("check", "taken")])
+def test_template_refuses_a_name(name, said):
+    with pytest.raises(InputError, match=said):
+        template(name)
+
+
+OWN = """
+from __future__ import annotations
+from dataclasses import dataclass
+from typing import ClassVar
+from ptt.effects import Effect, Parameter
+
+@dataclass(frozen=True)
+class One(Effect):
+    name: ClassVar[str] = "NAME"
+    stage: ClassVar[str] = "STAGE"
+    parameters: ClassVar[tuple[Parameter, ...]] = (PARAMETERS,)
+"""
+LINEAR, SEARCHED = 'Parameter("a", "mm", 1.0, "a")', 'Parameter("b", "mm", 1.0, "b", role="searched")'
+
+
+@pytest.mark.parametrize(
+    ("stage", "parameters", "name", "said"),
+    [
+        ("drive", LINEAR, "backlash", "exists already"),
+        ("nowhere", LINEAR, "own", "stage 'nowhere' of own is not known"),
+        ("drive", f"{SEARCHED}, {LINEAR}", "own", "linear ones first"),
+        ("drive", SEARCHED, "own", "need a linear one"),
+        ("drive", LINEAR, "", "has no name"),
+    ],
+)
+def test_own_file_is_refused(tmp_path, stage, parameters, name, said):
+    path = tmp_path / "own.py"
+    path.write_text(OWN.replace("NAME", name).replace("STAGE", stage).replace("PARAMETERS", parameters))
+    with pytest.raises(InputError, match=said) as caught:
+        library(path)
+    assert str(path) in str(caught.value)
+
+
+def test_own_file_with_postponed_annotations_loads(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(OWN.replace("NAME", "own").replace("STAGE", "drive").replace("PARAMETERS", LINEAR))
+    assert library(path)["own"]("left").key == "own[left]"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("1 / 0", "ZeroDivisionError"), ("x = = 1", "SyntaxError"), ("x = 1", "defines no effect")]
+)
+def test_own_file_that_does_not_run_is_refused(tmp_path, text, said):
+    path = tmp_path / "own.py"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said):
+        load_effects(path)
+
+
+def test_own_file_with_a_name_twice_is_refused(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(template("drag") + template("drag").replace("class Drag", "class Other"))
+    with pytest.raises(InputError, match="twice"):
+        load_effects(path)
+
+
+def test_unknown_name_is_suggested():
+    with pytest.raises(ModelError, match="did you mean 'backlash'"):
+        make_effect(library(), "baklash")
+    with pytest.raises(ModelError, match=r"--effects FILE\.py"):
+        make_effect(library(), "zzz")
+    assert parse_key("setup-jump[second]") == ("setup-jump", "second")
+    assert parse_key("backlash") == ("backlash", "")
+
+
+def run(*words):
+    app = typer.Typer()
+    app.command()(verb)
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_command_lists_and_shows():
+    listed = json.loads(run("--json").stdout)["effects"]
+    assert [one["name"] for one in listed] == list(library())
+    card = json.loads(run("backlash", "--json").stdout)
+    assert {"name": "gap_mm", "unit": "mm", "lower": 0.0, "upper": None}.items() <= card["parameters"][0].items()
+    text = run("once-per-rev[harmonic 2]").stdout
+    assert text.startswith("once-per-rev[harmonic 2] (drive; three-ptt, serial)")
+    assert "ISO 3408-3" in text
+    assert isinstance(run("baklash").exception, ModelError)
+    assert isinstance(run("backlash", "windup").exception, InputError)
+
+
+def test_command_writes_checks_and_draws(tmp_path):
+    path = tmp_path / "drag.py"
+    assert run("new", "cable-drag", "--out", path).exit_code == 0
+    assert "exists already" in str(run("new", "cable-drag", "--out", path).exception)
+    assert json.loads(run("check", path, "--json").stdout)["passed"] is True
+    assert run("cable-drag", "--effects", path, "--plot", tmp_path).exit_code == 0
+    assert (tmp_path / "cable-drag.png").read_bytes().startswith(b"\x89PNG")
+    path.write_text(path.read_text().replace("torch.eye(3, 2,", "torch.eye(3, 1,"))
+    outcome = run("check", path)
+    assert isinstance(outcome.exception, ModelError)
+    assert "BROKEN" in outcome.stdout
+    assert "checks fail, first 'shapes and numbers' of cable-drag" in str(outcome.exception)
+
+
+def test_atlas_draws_an_arm_too(tmp_path):
+    path = tmp_path / "arm.py"
+    path.write_text(template("arm-drag").replace('("three-ptt",)', '("serial",)'))
+    assert run("arm-drag", "--effects", path, "--plot", tmp_path).exit_code == 0
+    assert (tmp_path / "arm-drag.png").stat().st_size > 10_000
