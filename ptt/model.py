@@ -17,7 +17,7 @@ from ptt.view import View
 Shifts = Sequence[tuple[Effect, Tensor]]  # effects with their flat parameters
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Term:
     """One effect of a model with its parameters.
 
@@ -36,7 +36,7 @@ class Term:
     fixed: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
     """A machine file and the effects that were added to it.
 
@@ -275,6 +275,7 @@ def linearise(terms: Shifts, view: View) -> Linearised:
     at_tool = at_joints.at(p=p)
     carried = [differentiate(e, theta, at_tool) if e.stage == "structure" else None for e, theta in terms]
     after = _by_input(terms, "structure", p, lambda x: at_joints.at(p=x))
+    raised = _by_input(terms, "structure", q, lambda x: at_tool.at(q=x))
     actual = p + sum((item[0] for item in carried if item), torch.zeros_like(p))
     at_target = at_joints.at(p=actual)
     read = [differentiate(e, theta, at_target) if e.stage == "metrology" else None for e, theta in terms]
@@ -286,6 +287,8 @@ def linearise(terms: Shifts, view: View) -> Linearised:
         assert block is not None
         if after is not None and (d or g):
             block = block + after @ block
+        if raised is not None and d:
+            block = block + raised @ d[1]
         if seen is not None and not m:
             block = block + seen @ block
         blocks.append(block)

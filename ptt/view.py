@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
-from ptt.travel import Travel, read_travel
+from ptt.travel import Travel, read_travel, run_starts
 
 if TYPE_CHECKING:
     from ptt.machine import MachineFile
@@ -38,7 +38,7 @@ class View:
         payload: (n,) kg; zero where the table has none.
         warmth: temperature above the reference, (n,) K; zero where the table has none.
         time: seconds since the first row, (n,) s; zero where the table has none.
-        torque: measured joint force or torque, (n, k) N or N mm, or None.
+        torque: measured joint force or torque, (n, k) N or N mm (files give N m), or None.
         platform_mass: kg.
         platform_radius: mm; zero on a serial arm.
         growth: geometry slots per unit strain of radius and links (serial: of every a and every d), (2, G) mm.
@@ -127,7 +127,8 @@ def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
     command = None if table.command is None else torch.as_tensor(table.command, dtype=torch.float64)
     known = torch.zeros_like(target, dtype=torch.bool)[:, :1] if command is None else torch.isfinite(command).all(1, True)
     wanted = torch.isfinite(target).all(dim=1) & ~known[:, 0]
-    q = torch.full((table.rows, mechanism.joints), torch.nan, dtype=torch.float64) if command is None else command.clone()
+    blank = torch.full((table.rows, mechanism.joints), torch.nan, dtype=torch.float64)
+    q = blank if command is None else command.clone()
     if bool(wanted.any()):
         lines = [int(line) for line in table.line[wanted.numpy()]]
         q[wanted] = require_reachable(mechanism, target[wanted], table.source, lines=lines)
@@ -183,7 +184,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         payload=payload,
         warmth=warmth,
         time=_elapsed(table),
-        torque=None if table.torque is None else _tensor(table.torque),
+        torque=None if table.torque is None else _tensor(table.torque) * (1e3 if spec.kind == "serial" else 1.0),
         platform_mass=spec.platform_mass_kg if spec.kind == "three-ptt" else 0.0,
         platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
         growth=_growth(file, mechanism),
@@ -197,17 +198,12 @@ def _tensor(values: object) -> Tensor:
 
 
 def _elapsed(table: "Table") -> Tensor:
-    """Seconds since the first row; since each run's own first row where the clocks of several runs do not join."""
+    """Seconds since the first row; runs whose clocks do not join are laid end to end."""
     if table.time_s is None:
         return torch.zeros(table.rows, dtype=torch.float64)
     clock = np.asarray(table.time_s, dtype=float)
-    if np.all(np.diff(clock) >= 0.0):
-        return _tensor(clock - clock[0])
-    first = np.zeros_like(clock)
-    for run in np.unique(table.run):
-        rows = table.run == run
-        first[rows] = clock[rows].min()
-    return _tensor(clock - first)
+    step = np.diff(clock, prepend=clock[:1])
+    return _tensor(np.cumsum(np.where(run_starts(table.run) & (step < 0.0), 0.0, step)))
 
 
 def joint_limits(file: "MachineFile", joints: int) -> Tensor:

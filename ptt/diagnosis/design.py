@@ -13,6 +13,7 @@ from ptt.fit import FitResult
 from ptt.holdout import blocks
 from ptt.model import linearise, signature, trace
 from ptt.diagnosis.gross import gross_errors
+from ptt.diagnosis.wander import Wander, take_off
 from ptt.noise import Noise
 from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.sums import Sums, accumulate, held_out_solutions
@@ -122,6 +123,7 @@ def build_design(
     noise: Noise,
     *,
     shapes: Sequence[Mapping[str, Tensor]] | None = None,
+    wander: Wander | None = None,
 ) -> Design:
     """Linearise the problem around the present model, with every candidate's columns at zero beside it.
 
@@ -131,6 +133,7 @@ def build_design(
         candidates: effects that may be added.
         noise: the noise floor.
         shapes: shapes to try; None asks each candidate.
+        wander: memory of the noise, taken off columns and readings alike.
 
     Returns:
         The design.
@@ -174,6 +177,9 @@ def build_design(
     rows = problem.used & np.isfinite(fitted.residual).all(axis=1)
     simple = np.concatenate([own, frame]).astype(int)
     rows = rows & ~gross_errors(columns, values, rows, simple, _few_shapes(trials, simple))
+    if wander is not None:
+        columns = take_off(columns, wander, problem, rows)
+        values = take_off(values, wander, problem, rows)
     block = blocks(problem.table, BLOCKS)
     sums = accumulate(columns[rows], values[rows], block[rows], BLOCKS)
     sums = _with_base(sums, fitted, problem, frame)

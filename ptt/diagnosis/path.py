@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ptt.diagnosis.design import Design, build_design, present_candidates
 from ptt.diagnosis.screen import Finding, Screen, effective_trials, screen, significant, toll
+from ptt.diagnosis.wander import Wander, take_off
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.fit import FitResult, fit
@@ -19,6 +20,7 @@ from ptt.sums import Solution, project, solve
 
 LEADING = 6  # candidates, at most, that are refitted exactly before one is picked
 ABREAST = 0.02  # share of the leader's gain within which the linear screen does not decide
+LOOKS = 3  # times that a fit and its gross errors may change each other
 CLOSE = 10.0  # difference in chi-squared, tolls counted, below which two models cannot be told apart
 NONLINEAR = 0.003  # share of an effect's gain by which the linear cost of a swap may be off
 TIE = 3.0  # difference in chi-squared that counts as none where it saves parameters
@@ -73,17 +75,25 @@ class Path:
 class Walker:
     """Fits and screens models of one problem; holds what does not change from step to step."""
 
-    def __init__(self, problem: Problem, known: Library, noise: Noise, progress: Progress | None = None) -> None:
-        self.problem, self.known, self.noise = problem, known, noise
+    def __init__(
+        self, problem: Problem, known: Library, noise: Noise, wander: Wander | None, progress: Progress | None = None
+    ) -> None:
+        self.problem, self.known, self.noise, self.wander = problem, known, noise, wander
         self.tell = progress or (lambda what: None)
         self.gross = np.zeros(problem.table.rows, dtype=bool)
 
     def look(self, model: Model, *, fitted: FitResult | None = None) -> State:
-        """Fit a model and screen all candidates on top of it."""
+        """Fit a model and screen all candidates on top of it; gross errors found by the way are left out of both."""
         fitted = fitted or self.fit(model)
         candidates, _ = present_candidates(fitted, self.problem, self.known)
-        design = build_design(fitted, self.problem, candidates, self.noise)
-        self.gross = self.problem.used & ~design.rows
+        design = build_design(fitted, self.problem, candidates, self.noise, wander=self.wander)
+        for _ in range(LOOKS):
+            gross = self.problem.used & ~design.rows
+            if (gross == self.gross).all():
+                break
+            self.gross = gross
+            fitted = self.fit(fitted.model)
+            design = build_design(fitted, self.problem, candidates, self.noise, wander=self.wander)
         return State(fitted, design, screen(design))
 
     def fit_with(self, model: Model, finding_term: Term) -> FitResult:
@@ -96,8 +106,16 @@ class Walker:
         return fit(model, self.problem.masked(self.gross), noise=self.noise, robust=False)
 
 
-def walk(model: Model, problem: Problem, known: Library, noise: Noise, *, steps: int = STEPS,
-         progress: Progress | None = None) -> Path:  # fmt: skip
+def walk(
+    model: Model,
+    problem: Problem,
+    known: Library,
+    noise: Noise,
+    *,
+    wander: Wander | None = None,
+    steps: int = STEPS,
+    progress: Progress | None = None,
+) -> Path:
     """Find what is missing.
 
     Args:
@@ -105,13 +123,14 @@ def walk(model: Model, problem: Problem, known: Library, noise: Noise, *, steps:
         problem: the readings.
         known: effects by name.
         noise: the noise floor.
+        wander: its memory, if it has one.
         steps: how many effects may be added.
         progress: told what is being fitted.
 
     Returns:
         The path; empty where nothing is missing or nothing fits.
     """
-    walker = Walker(problem, known, noise, progress)
+    walker = Walker(problem, known, noise, wander, progress)
     start = walker.look(model)
     _, untestable = present_candidates(start.fitted, problem, known)
     given = frozenset(model.keys)
@@ -144,11 +163,11 @@ def _add_best(walker: Walker, state: State) -> State | None:
     best: tuple[float, FitResult] | None = None
     for finding in leading:
         fitted = walker.fit_with(state.fitted.model, _term(finding, state, walker))
-        cost = misfit(fitted) / state.screened.spread + finding.toll
+        cost = misfit(walker, fitted) / state.screened.spread + finding.toll
         if best is None or cost < best[0]:
             best = cost, fitted
     assert best is not None
-    if best[0] >= misfit(walker.fit(state.fitted.model)) / state.screened.spread:
+    if best[0] >= misfit(walker, walker.fit(state.fitted.model)) / state.screened.spread:
         return None
     return walker.look(best[1].model, fitted=best[1])
 
@@ -169,7 +188,7 @@ def _term(finding: Finding, state: State, walker: Walker) -> Term:
 
 def _finest(effect: Effect, shapes: Sequence[Shape], state: State, walker: Walker) -> Shape:
     """The shape that takes most off the residual."""
-    design = build_design(state.fitted, walker.problem.masked(walker.gross), [effect], walker.noise, shapes=shapes)
+    design = build_design(state.fitted, walker.problem.masked(walker.gross), [effect], walker.noise, shapes=shapes, wander=walker.wander)
     return screen(design).findings[0].trial.shape
 
 
@@ -238,9 +257,14 @@ def _price(state: State, key: str, finding: Finding | None) -> float:
     return -1.0
 
 
-def misfit(fitted: FitResult) -> float:
-    """Sum of squares in noise units, what held values cost by their prior included."""
-    return fitted.chi2 + float(np.square(fitted.unknowns[fitted.layout.held]).sum())
+def misfit(walker: Walker, fitted: FitResult) -> float:
+    """Sum of squares in noise units, what held values cost by their prior included, the noise's memory taken off."""
+    held = float(np.square(fitted.unknowns[fitted.layout.held]).sum())
+    if walker.wander is None:
+        return fitted.chi2 + held
+    rows = walker.problem.used & ~walker.gross
+    values = np.nan_to_num(fitted.residual) @ walker.noise.whitener.T
+    return float(np.square(take_off(values, walker.wander, walker.problem, rows)[rows]).sum()) + held
 
 
 def _without(state: State, key: str) -> dict[str, np.ndarray]:
@@ -269,7 +293,7 @@ def _exact_cost(walker: Walker, state: State, reference: State) -> float:
     """Cost of a model fitted exactly, at one noise level and on the same rows."""
     extra, solution = cost(state, state.design.present, {})
     tolls = extra - solution.left / state.screened.spread
-    return misfit(walker.fit(state.fitted.model)) / reference.screened.spread + tolls
+    return misfit(walker, walker.fit(state.fitted.model)) / reference.screened.spread + tolls
 
 
 def _swapped_term(finding: Finding, key: str, state: State, walker: Walker) -> Term:
@@ -311,7 +335,7 @@ def _alternatives(walker: Walker, state: State, key: str) -> tuple[str, ...]:
     now, _ = cost(state, state.design.present, {})
     slack = NONLINEAR * max(cost(state, _without(state, key), {})[0] - now, 0.0)
     exact = _exact_cost(walker, state, state)
-    tolls = exact - misfit(walker.fit(state.fitted.model)) / state.screened.spread
+    tolls = exact - misfit(walker, walker.fit(state.fitted.model)) / state.screened.spread
     own = now - solve(*state.design.sums.total[:3], state.design.base).left / state.screened.spread
     found = []
     for value, finding in sorted(_swaps(state, key), key=lambda item: item[0]):
@@ -320,6 +344,6 @@ def _alternatives(walker: Walker, state: State, key: str) -> tuple[str, ...]:
         columns = np.concatenate([state.design.frame, *_without(state, key).values(), finding.trial.columns]).astype(int)
         extra = value - solve(*state.design.sums.total[:3], columns).left / state.screened.spread
         fitted = _refit(walker, state, key, finding)
-        if misfit(fitted) / state.screened.spread + tolls + extra - own - exact < CLOSE:
+        if misfit(walker, fitted) / state.screened.spread + tolls + extra - own - exact < CLOSE:
             found.append(finding.trial.effect.key)
     return tuple(found)

@@ -7,6 +7,7 @@ from scipy import stats
 
 from nets import RbfSettings, train_rbf
 from ptt.dependence import Dependence, dependence_of
+from ptt.diagnosis.wander import Wander, take_off
 from ptt.fit import FitResult
 from ptt.holdout import BLOCKS, blocks
 from ptt.noise import Noise, noise_from_repeats
@@ -38,19 +39,24 @@ class Rest:
     reasons: tuple[str, ...]
 
 
-def look_for_rest(fitted: FitResult, problem: Problem, noise: Noise, *, seed: int = 0) -> Rest:
+def look_for_rest(
+    fitted: FitResult, problem: Problem, noise: Noise, *, wander: Wander | None = None, seed: int = 0
+) -> Rest:
     """Test the residual against repeats, against position, and against every context variable.
 
     Args:
         fitted: the model at the end of its path.
         problem: the readings, gross errors masked.
         noise: the noise floor.
+        wander: its memory; what it foretells is no rest.
         seed: of the permutations.
 
     Returns:
         The rest.
     """
     residual = np.where((problem.used & ~fitted.outliers)[:, None], fitted.residual, np.nan)
+    if wander is not None:
+        residual = take_off(residual, wander, problem, np.isfinite(residual).all(axis=1))
     lack = _lack_of_fit(problem, residual, fitted.rank)
     field = _field(fitted, problem, residual)
     depends = dependence_of(problem.with_noise(noise), residual, seed=seed)
@@ -59,6 +65,8 @@ def look_for_rest(fitted: FitResult, problem: Problem, noise: Noise, *, seed: in
         reasons.append(f"the rest is larger than repeats scatter (p = {lack:.1g})")
     if field < CHANCE_FIELD:
         reasons.append(f"a network over position predicts held-out rests (p = {field:.1g})")
+    if wander is not None:  # what is left of a slow wander is no more news than the wander
+        depends = tuple(item for item in depends if item.on not in ("time", "run"))
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
     reasons += [f"{item.residual} depends on {item.on} (p = {item.p_value:.1g})" for item in strong[:3]]
     return Rest(lack, field, depends, bool(reasons), tuple(reasons))

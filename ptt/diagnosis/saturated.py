@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from ptt.diagnosis.design import build_design, present_candidates
-from ptt.diagnosis.screen import screen
+from ptt.diagnosis.design import Design, build_design, present_candidates
+from ptt.diagnosis.screen import saturating, screen
 from ptt.effects import Library
 from ptt.errors import TableError
 from ptt.fit import fit
@@ -42,7 +42,9 @@ def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
         return given
     saturated = given or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
     for _ in range(1 if given is not None else ROUNDS):
-        left = _left_over(model, problem, known, saturated)
+        fitted = fit(model, problem, noise=saturated)
+        candidates, _ = present_candidates(fitted, problem, known)
+        left = _left_over(build_design(fitted, problem, candidates, saturated))
         if left is None:
             break
         saturated = left
@@ -69,13 +71,39 @@ def _join(repeats: Noise, saturated: Noise) -> Noise:
     return Noise(covariance, "repeats", sum(both) / 3.0)
 
 
-def _left_over(model: Model, problem: Problem, known: Library, noise: Noise) -> Noise | None:
+def confirm_noise(problem: Problem, design: Design, noise: Noise) -> Noise:
+    """The noise floor again, told by a design at the end of a path, where nothing large hides it any more.
+
+    Args:
+        problem: the readings.
+        design: linearised at the end of the path.
+        noise: the noise floor so far.
+
+    Returns:
+        The noise floor.
+    """
+    given = problem.noise
+    if given is not None and given.source != "repeats":
+        return given
+    left = _left_over(design)
+    if left is None:
+        return noise
+    return left if given is None else _join(given, left)
+
+
+def saturated_rest(design: Design) -> np.ndarray:
+    """What the saturated model leaves, (n, 3) in noise units, NaN on rows that do not count."""
+    trials = saturating(design, [finding.trial for finding in screen(design).findings])
+    chosen = np.concatenate([design.base, *(trial.columns for trial in trials)]).astype(int)
+    solution = solve(*design.sums.total[:3], chosen)
+    left = design.values - design.columns[..., chosen] @ solution.values
+    return np.where(design.rows[:, None], left, np.nan)
+
+
+def _left_over(design: Design) -> Noise | None:
     """Scatter that the saturated model leaves; None where rows are too few."""
-    fitted = fit(model, problem, noise=noise)
-    candidates, _ = present_candidates(fitted, problem, known)
-    design = build_design(fitted, problem, candidates, noise)
-    best = [finding.trial.columns for finding in screen(design).findings]
-    chosen = np.concatenate([design.base, *best]).astype(int)
+    trials = saturating(design, [finding.trial for finding in screen(design).findings])
+    chosen = np.concatenate([design.base, *(trial.columns for trial in trials)]).astype(int)
     solution = solve(*design.sums.total[:3], chosen)
     left = (design.values - design.columns[..., chosen] @ solution.values)[design.rows]
     # Gross errors would be taken for noise, so the middle of the distribution decides which rows count.
@@ -84,7 +112,7 @@ def _left_over(model: Model, problem: Problem, known: Library, noise: Noise) -> 
     freedom = 3 * int(kept.sum()) - solution.seen
     if freedom < LEAST_FREEDOM:
         return None
-    color = np.linalg.inv(noise.whitener)
+    color = np.linalg.inv(design.noise.whitener)
     scatter = left[kept] @ color.T
     covariance = scatter.T @ scatter * (3.0 / freedom)
     return Noise(covariance, "saturated model", float(freedom))

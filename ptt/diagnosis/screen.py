@@ -10,6 +10,8 @@ from ptt.sums import gain, project, solve
 
 FALSE_ALARM = 0.005  # chance that a sound run gets any effect named, all candidates and shapes together
 AT_ODDS = 1e-4  # chance below which the saturated model's rest and the noise floor are at odds
+AMPLE_FREEDOM = 100  # degrees of freedom that a saturated model with everything in it should leave
+SIMPLE = 12  # columns up to which a candidate is taken into the saturated model of a short run
 LEAST_FREEDOM = 20  # degrees of freedom a saturated model must leave to tell the noise
 
 
@@ -76,11 +78,12 @@ def screen(design: Design) -> Screen:
         took, freedom = gain(projected, trial.columns)
         if trial.effect.key not in best or took > best[trial.effect.key][0]:
             best[trial.effect.key] = (took, freedom, trial)
-    spread, freedom = _spread(design, [item[2] for item in best.values()])
+    spread, freedom = _spread(design, saturating(design, [item[2] for item in best.values()]))
+    loose = max(count - projected.seen, 1)
     # What the frame alone leaves is what there was to explain.
     whole = project(gram, side, square, design.frame).left if len(design.frame) else square
     findings = [
-        _find(trial, took / spread, seen, freedom, len(best), took / max(whole, 1e-300))
+        _find(trial, took / spread, seen, freedom, len(best), took / max(whole, 1e-300), (projected.left / spread, loose))
         for took, seen, trial in best.values()
     ]
     findings.sort(key=lambda finding: -finding.net)
@@ -106,12 +109,28 @@ def significant(screened: Screen) -> list[Finding]:
     return [finding for finding in screened.findings if finding.net > 0.0]
 
 
-def _find(trial: Trial, took: float, seen: int, freedom: float, candidates: int, share: float) -> Finding:
+def _find(
+    trial: Trial, took: float, seen: int, freedom: float, candidates: int, share: float, present: tuple[float, int]
+) -> Finding:
+    """Test one candidate against the noise floor and against what it leaves itself: the weaker of both counts."""
     if not seen:  # the present model explains all that it could do; a swap may still want it
         return Finding(trial, 0.0, 0, 1.0, 0.0, 0.0)
     tests = candidates * effective_trials(trial)
-    chance = float(stats.f.sf(took / seen, seen, _finite(freedom)))
-    return Finding(trial, took, seen, min(1.0, chance * tests), toll(seen, freedom, tests), share)
+    left, loose = present
+    after = max(loose - seen, 1)
+    own = max(left - took, 1e-12) / after
+    chance = max(float(stats.f.sf(took / seen, seen, _finite(freedom))), float(stats.f.sf(took / seen / own, seen, after)))
+    least = toll(seen, freedom, tests)
+    if chance * tests > FALSE_ALARM:
+        least = max(least, took + 1e-9)
+    return Finding(trial, took, seen, min(1.0, chance * tests), least, share)
+
+
+def saturating(design: Design, trials: list[Trial]) -> list[Trial]:
+    """Candidates that a saturated model takes in: all, or, where rows are few, those without many parameters."""
+    *_, count = design.sums.total
+    size = sum(len(trial.columns) for trial in trials) + len(design.base)
+    return trials if count - size > AMPLE_FREEDOM else [trial for trial in trials if len(trial.columns) <= SIMPLE]
 
 
 def effective_trials(trial: Trial) -> float:

@@ -8,8 +8,9 @@ import numpy as np
 from ptt.dependence import Dependence
 from ptt.diagnosis.path import Path, Progress, State, walk
 from ptt.diagnosis.rest import Rest, look_for_rest
-from ptt.diagnosis.saturated import noise_floor
+from ptt.diagnosis.saturated import confirm_noise, noise_floor, saturated_rest
 from ptt.diagnosis.screen import Finding, significant
+from ptt.diagnosis.wander import Wander, find_wander
 from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
 from ptt.effects.base import linear_size
@@ -21,6 +22,7 @@ from ptt.sums import project, solve
 
 Verdict = Literal["missing", "nothing-missing", "unknown"]
 STEPS = 8
+MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 OFF = 1.15  # noise floors further apart than this are worth a second walk
 
 
@@ -74,6 +76,7 @@ class Diagnosis:
         rest: what is left after the path.
         measure_next: what to measure to part what cannot be told apart.
         noise: the noise floor.
+        wander: memory of the noise, if it has one.
         rms_um: error before and after the path.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
@@ -88,6 +91,7 @@ class Diagnosis:
     rest: Rest
     measure_next: tuple[str, ...]
     noise: Noise
+    wander: Wander | None
     rms_um: dict[str, dict[str, float]]
     rows: int
     outliers: np.ndarray
@@ -109,6 +113,7 @@ class Diagnosis:
             "depends_on": [item.to_dict() for item in self.depends_on],
             "measure_next": list(self.measure_next),
             "noise_um": self.noise.to_dict(),
+            "noise_wanders": None if self.wander is None else {"share": self.wander.share, "constant_s": self.wander.constant},
             "rms_um": self.rms_um,
             "rows": self.rows,
             "outlier_rows": [int(row) for row in np.flatnonzero(self.outliers)],
@@ -147,15 +152,16 @@ def diagnose(
     tell("noise")
     noise = noise_floor(model, problem, known)
     path = walk(model, problem, known, noise, steps=steps, progress=progress)
-    again = noise_floor(path.end.fitted.model, problem, known)
-    if max(noise.total / again.total, again.total / noise.total) > OFF:
-        # A knock or a large error had hidden the noise: judged by what it really is, the path may go further.
+    again = confirm_noise(problem, path.end.design, noise)
+    wander = find_wander(problem, saturated_rest(path.start.design)) if path.added else None
+    if wander is not None or max(noise.total / again.total, again.total / noise.total) > OFF:
+        # A knock or a large error had hidden the noise, or it has a memory: judged by what it really is, walk again.
         noise = again
-        path = walk(model, problem, known, noise, steps=steps, progress=progress)
+        path = walk(model, problem, known, noise, wander=wander, steps=steps, progress=progress)
     tell("rest")
     gross = problem.used & ~path.end.design.rows
     clean = problem.masked(gross)
-    rest = look_for_rest(path.end.fitted, clean, noise, seed=seed)
+    rest = look_for_rest(path.end.fitted, clean, noise, wander=wander, seed=seed)
     if rest.significant:
         verdict: Verdict = "unknown"
     else:
@@ -167,7 +173,7 @@ def diagnose(
     }
     suggested = tuple((key, *others) for key, others in zip(path.added, path.alternatives, strict=True))
     result = Diagnosis(
-        verdict, suggested, found, path.untestable, rest, (), noise, errors, int(clean.used.sum()), gross, path, ""
+        verdict, suggested, found, path.untestable, rest, (), noise, wander, errors, int(clean.used.sum()), gross, path, ""
     )
     return replace(result, words=explain_verdict(result), measure_next=_measure_next(suggested, known))
 
@@ -179,12 +185,9 @@ def _candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, 
     for key, state, others in zip(path.added, path.states, path.alternatives, strict=True):
         steps.append(_step(key, before, state, path.end, others, problem, noise))
         before = state
-    rest = [
-        _other(finding, path.start, problem)
-        for finding in significant(path.start.screened)
-        if finding.trial.effect.key not in path.added
-    ]
-    return (*steps, *rest)
+    others = [item for item in significant(path.start.screened) if item.trial.effect.key not in path.added]
+    held = path.start.design.held_out_rms(path.start.design.base) * 1e3
+    return (*steps, *(_other(finding, path.start, held, problem) for finding in others[:MOST_SHOWN]))
 
 
 def _step(
@@ -205,17 +208,15 @@ def _step(
     )
 
 
-def _other(finding: Finding, state: State, problem: Problem) -> Candidate:
+def _other(finding: Finding, state: State, before: float, problem: Problem) -> Candidate:
     design, trial = state.design, finding.trial
     projected = project(*design.sums.total[:3], design.base)
     values = solve(projected.gram, projected.side, projected.left, trial.columns).values * design.scale[trial.columns]
     chosen = np.concatenate([design.base, trial.columns]).astype(int)
     names = _linear_names(trial.effect, problem)
     parameters = tuple((name, unit, float(value), None) for (name, unit), value in zip(names, values, strict=True))
-    held = design.held_out_rms(design.base), design.held_out_rms(chosen)
-    return Candidate(
-        trial.effect.key, finding.p_value, finding.share, held[0] * 1e3, held[1] * 1e3, parameters, (), ""
-    )
+    after = design.held_out_rms(chosen) * 1e3
+    return Candidate(trial.effect.key, finding.p_value, finding.share, before, after, parameters, (), "")
 
 
 def _linear_names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
