@@ -6,10 +6,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.dependence import Dependence
-from ptt.diagnosis.path import Path, Progress, State, walk
+from ptt.diagnosis.path import Path, walk
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.saturated import confirm_noise, noise_floor, saturated_rest
 from ptt.diagnosis.screen import Finding, significant
+from ptt.diagnosis.walker import Progress, State
 from ptt.diagnosis.wander import Wander, find_wander
 from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
