@@ -1,0 +1,160 @@
+"""What an error is looked at as, and what it may depend on: residuals in tool and joint space, and their context."""
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ptt.problem import Problem
+
+ENOUGH = 12  # rows beyond the number of slopes before anything is taken out
+FAR = 6.0  # robust standard deviations
+FEWEST = 3  # rows that each direction, level or run needs
+COORDINATES = ("x", "y", "z")
+
+
+def residual_views(problem: "Problem", residual: np.ndarray) -> dict[str, np.ndarray]:
+    """See a tool-space residual also as joint errors that would cause it.
+
+    Args:
+        problem: n rows.
+        residual: (n, 3) mm, tool space, base frame; NaN where not observed.
+
+    Returns:
+        'x', 'y', 'z' (n,) mm, and 'slider 1'.. (n,) mm or 'joint 1'.. (n,) rad, the latter the smallest joint errors
+        that explain the residual (least squares); NaN on rows that do not count. J e of the source paper.
+    """
+    view, serial = problem.view, problem.file.machine.kind == "serial"
+    seen = problem.used & np.isfinite(residual).all(axis=1)
+    inner = np.full((view.rows, view.joints), np.nan)
+    inner[seen] = joint_residual(view.jacobian.numpy()[seen], residual[seen])
+    tool = np.where(seen[:, None], residual, np.nan)
+    word = "joint" if serial else "slider"
+    views = dict(zip(COORDINATES, tool.T, strict=True))
+    return views | {f"{word} {i + 1}": inner[:, i] for i in range(view.joints)}
+
+
+def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = None) -> np.ndarray:
+    """Take out of a residual what the tracker's frame and the fitted effects could take, all coordinates alike.
+
+    A fit weighs coordinates by their noise and leaves out far-off rows; what the model lacks then bends the frame and
+    the fitted effects for the sake of the quiet coordinates, and the bend would hide where the error comes from.
+
+    Args:
+        problem: n rows.
+        residual: (n, 3) mm, NaN where not observed.
+        slopes: (n, 3, P) derivative of the readings by the fitted parameters, None for a model as given.
+
+    Returns:
+        (n, 3) mm; a frame that is trusted or held by base reflectors takes nothing.
+    """
+    seen = problem.used & np.isfinite(residual).all(axis=1)
+    columns = [] if slopes is None else [slopes[seen]]
+    if problem.frames and problem.base is None:
+        rigid, member = rigid_slopes(problem.view.p.numpy()[seen]), problem.frame[seen]
+        columns += [rigid * (member == frame)[:, None, None] for frame in np.unique(member)]
+    together = np.concatenate(columns, axis=2) if columns else np.zeros((int(seen.sum()), 3, 0))
+    if not together.shape[2] or seen.sum() < together.shape[2] + ENOUGH:
+        return residual
+    levelled = residual.copy()
+    levelled[seen] -= taken_part(together.reshape(-1, together.shape[2]), residual[seen])
+    return levelled
+
+
+def rigid_slopes(place: np.ndarray) -> np.ndarray:
+    """Derivative of positions by a small rigid motion, (n, 3) mm -> (n, 3, 6), translation before rotation."""
+    arm = place - place.mean(axis=0)
+    turn = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
+    return np.concatenate([np.tile(np.eye(3), (len(arm), 1, 1)), turn], axis=2)
+
+
+def taken_part(columns: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """What columns can take of an error by least squares; far-off rows are cut down first.
+
+    Args:
+        columns: (3 n, m).
+        error: (n, 3) mm.
+
+    Returns:
+        (n, 3) mm.
+    """
+    scale = np.sqrt(np.square(columns).sum(axis=0))
+    basis, size, _ = np.linalg.svd(columns / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    basis = basis[:, size > 1e-6 * size.max()]
+    taken = np.zeros_like(error)
+    for _ in range(2):
+        left = error - taken
+        middle = np.median(left, axis=0)
+        reach = FAR * max(float(np.median(np.abs(left - middle))), 1e-12) / 0.6745
+        wanted = taken + middle + np.clip(left - middle, -reach, reach)
+        taken = (basis @ (basis.T @ wanted.ravel())).reshape(-1, 3)
+    return taken
+
+
+def joint_residual(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Joint errors behind tool errors.
+
+    Args:
+        jacobian: dp/dq, (n, 3, k).
+        residual: (n, 3) mm.
+
+    Returns:
+        (n, k) mm or rad: the exact ones where k = 3 and the pose is regular, else the smallest least squares ones.
+    """
+    if jacobian.shape[1] == jacobian.shape[2] and len(jacobian):
+        size = np.abs(jacobian).max(axis=(1, 2)) ** 3
+        if (np.abs(np.linalg.det(jacobian)) > 1e-9 * size).all():
+            return np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
+    return np.einsum("nkc,nc->nk", np.linalg.pinv(jacobian, rcond=1e-6), residual)
+
+
+def context_views(problem: "Problem") -> dict[str, np.ndarray]:
+    """Everything that a residual may depend on and that varies.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        (n,) each: 'b1'.. mm or 'q1'.. rad, 'direction1'.. (+1, -1), 'speed1'.. mm/s or rad/s with its sign,
+        'payload' kg, 'temperature' deg C, 'time' s (the row's number where there is no clock), 'x', 'y', 'z' mm
+        wanted, 'run'.
+    """
+    view, table, used = problem.view, problem.table, problem.used
+    letter = "q" if problem.file.machine.kind == "serial" else "b"
+    views: dict[str, np.ndarray] = {}
+    for i in range(view.joints):
+        views[f"{letter}{i + 1}"] = view.q.numpy()[:, i]
+    for i in range(view.joints):
+        views[f"direction{i + 1}"] = view.direction.numpy()[:, i]
+    if "speed" in view.varies:
+        views |= {f"speed{i + 1}": view.velocity.numpy()[:, i] for i in range(view.joints)}
+    if "payload" in view.varies and table.payload_kg is not None:
+        views["payload"] = np.asarray(table.payload_kg, dtype=float)
+    if "temperature" in view.varies and table.temp_c is not None:
+        views["temperature"] = np.asarray(table.temp_c, dtype=float)
+    views["time"] = view.time.numpy() if "time" in view.varies else np.arange(view.rows, dtype=float)
+    views |= dict(zip(COORDINATES, problem.target.T, strict=True))
+    views["run"] = np.asarray(table.run, dtype=float)
+    return {name: values for name, values in views.items() if _varies(name, values[used])}
+
+
+def is_joint(name: str) -> bool:
+    """Whether a variable is a slider height or a joint angle: 'b2', 'q5'."""
+    return name[:1] in ("b", "q") and name[1:].isdigit()
+
+
+def own_joint(residual: str, on: str) -> bool:
+    """Whether a joint-space residual belongs to the joint that a variable speaks of: 'slider 2' and 'direction2'."""
+    joint = re.fullmatch(r"(?:slider|joint) (\d+)", residual)
+    variable = re.fullmatch(r"(?:b|q|direction|speed)(\d+)", on)
+    return joint is not None and variable is not None and joint[1] == variable[1]
+
+
+def _varies(name: str, values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    if len(known) < 2 * FEWEST or np.ptp(known) <= 1e-6:
+        return False
+    if name.startswith("direction") or name == "run":
+        return bool((np.unique(known, return_counts=True)[1] >= FEWEST).sum() >= 2)
+    return True

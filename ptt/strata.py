@@ -1,0 +1,157 @@
+"""Two looks at repeated poses: every row, freed of what its pose shares, and one mean for each pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+LARGEST_RATIO = 1e4
+ENOUGH = 30  # degrees of freedom within poses that tell slow error from a pose's own
+FEWEST = 12  # poses below which nothing is said about where they are
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Repeated visits.
+
+    Attributes:
+        number: (n,) pose of each row, numbered in order of first appearance.
+        first: (g,) first row of each pose.
+        size: (g,) rows of each pose.
+        ratio: variance of what repeats of a pose share over that of a single row.
+    """
+
+    number: np.ndarray
+    first: np.ndarray
+    size: np.ndarray
+    ratio: float
+
+    @property
+    def alike(self) -> float:
+        """Correlation of two rows of one pose."""
+        return self.ratio / (1.0 + self.ratio)
+
+    def mean(self, columns: np.ndarray) -> np.ndarray:
+        """Means over poses, (n, m) -> (g, m)."""
+        rows = len(self.number)
+        member = sparse.csr_matrix((np.ones(rows, columns.dtype), (self.number, np.arange(rows))))
+        return np.asarray((member @ columns) / self.size[:, None], dtype=columns.dtype)
+
+    def holds(self, values: np.ndarray) -> bool:
+        """Whether a variable is the same at every visit of a pose."""
+        inside = values - self.mean(values[:, None])[self.number, 0]
+        return bool(np.square(inside).sum() <= 1e-4 * np.square(values - values.mean()).sum())
+
+
+@dataclass(frozen=True)
+class Stratum:
+    """Independent rows for one sort of variable, their data and its permutations.
+
+    Attributes:
+        poses: None for the look at every row as it is.
+        means: one row for each pose instead of one for each reading.
+        white: (m, r) whitened residuals, nuisance taken out.
+        nuisance: (m, 1) whitened constant of unit length.
+        shuffled: (m, (1 + B) r) data, then their permutations, each column of unit length.
+        within: (n, r) what visits of one pose differ by, None with too few of them.
+    """
+
+    poses: Poses
+    means: bool
+    white: np.ndarray
+    nuisance: np.ndarray
+    shuffled: np.ndarray
+    within: np.ndarray | None = None
+
+    @property
+    def rows(self) -> int:
+        """Number m of independent rows."""
+        return len(self.white)
+
+    def whiten(self, columns: np.ndarray) -> np.ndarray:
+        """Whiten columns of this stratum, (m, c) -> (m, c)."""
+        return whiten(columns, self.poses, means=self.means)
+
+    def values(self, column: np.ndarray) -> np.ndarray:
+        """A variable on the rows of this stratum, (n,) -> (m,)."""
+        return column[self.poses.first] if self.means else column
+
+    def spread(self, columns: np.ndarray) -> np.ndarray:
+        """Columns of this stratum on every row, (m, c) -> (n, c)."""
+        return columns[self.poses.number] if self.means else columns
+
+
+def find_poses(residual: np.ndarray, group: np.ndarray) -> Poses:
+    """Estimate how far repeats of a pose share their error, by analysis of variance.
+
+    Args:
+        residual: (n, r), any units.
+        group: (n,) int, poses.
+
+    Returns:
+        The poses, with the ratio of the residual that shares most.
+    """
+    _, first, inverse = np.unique(group, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=int)
+    rank[np.argsort(first)] = np.arange(len(first))
+    number = rank[inverse.reshape(-1)]
+    size, rows = np.bincount(number).astype(float), len(number)
+    poses = Poses(number, np.sort(first), size, 0.0)
+    if len(size) < 3 or rows - len(size) < 3:
+        return poses
+    mean = poses.mean(residual)
+    within = np.square(residual - mean[number]).sum(axis=0) / (rows - len(size))
+    between = (size[:, None] * np.square(mean - residual.mean(axis=0))).sum(axis=0) / (len(size) - 1)
+    usual = max((rows - np.square(size).sum() / rows) / (len(size) - 1), 1e-9)
+    ratio = float(np.max((between / np.maximum(within, 1e-30) - 1.0) / usual))
+    return Poses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
+
+
+def build_stratum(residual: np.ndarray, poses: Poses, *, means: bool, permutations: int, seed: int) -> Stratum:
+    """Whiten residuals and permute them.
+
+    Args:
+        residual: (n, r), each of about unit variance, single precision.
+        poses: repeated visits.
+        means: one row for each pose.
+        permutations: B.
+        seed: of the permutations.
+
+    Returns:
+        The stratum.
+    """
+    data = poses.mean(residual) if means else residual
+    flat = whiten(np.ones((len(data), 1), np.float32), poses, means=means)
+    flat = flat / np.sqrt(np.square(flat).sum())
+    white = whiten(data, poses, means=means)
+    white = white - flat @ (flat.T @ white)
+    random = np.random.default_rng([seed, 7, int(means)])
+    order = np.argsort(random.random((permutations, len(white))), axis=1)
+    order = np.concatenate([np.arange(len(white))[None], order])
+    shuffled = np.ascontiguousarray(white[order.T].reshape(len(white), -1))
+    length = np.square(shuffled).sum(axis=0) - np.square(flat.T @ shuffled)[0]
+    within = residual - poses.mean(residual)[poses.number] if len(residual) - len(poses.size) >= ENOUGH else None
+    return Stratum(poses, means, white, flat, shuffled / np.sqrt(np.maximum(length, 1e-12)), within)
+
+
+def whiten(columns: np.ndarray, poses: Poses, *, means: bool) -> np.ndarray:
+    """Give columns independent errors of equal variance.
+
+    Rows of one pose share an error of their own: v - (1 - root) mean(v), root = 1 / sqrt(1 + size x ratio) (Fuller and
+    Battese 1973, nested errors). Means of poses are weighed by what is left of the noise of their rows.
+
+    Args:
+        columns: (n, c), or (g, c) with `means`.
+        poses: repeated visits.
+        means: one row for each pose.
+
+    Returns:
+        The same shape.
+    """
+    if means:
+        weight = 1.0 / np.sqrt(poses.ratio + 1.0 / poses.size)
+        return np.asarray(columns * (weight / weight.max())[:, None], dtype=columns.dtype)
+    if poses.ratio == 0.0:
+        return columns
+    shrunk = poses.mean(columns) * (1.0 - 1.0 / np.sqrt(1.0 + poses.size * poses.ratio))[:, None]
+    return np.asarray(columns - shrunk[poses.number], dtype=columns.dtype)
