@@ -47,7 +47,7 @@ def best_fit(place: np.ndarray, reading: np.ndarray) -> np.ndarray:
 def rotation(vector: Tensor) -> tuple[Tensor, Tensor]:
     """Rotation matrices of rotation vectors, with derivatives.
 
-    Source: Rodrigues' formula; derivatives by torch.func.
+    Source: Rodrigues' formula, differentiated term by term.
 
     Args:
         vector: (f, 3) rad.
@@ -55,19 +55,30 @@ def rotation(vector: Tensor) -> tuple[Tensor, Tensor]:
     Returns:
         R (f, 3, 3) and dR/dvector (f, 3, 3, 3), last axis the vector's.
     """
-    by_vector = torch.func.vmap(torch.func.jacfwd(_rodrigues))(vector)
-    return torch.func.vmap(_rodrigues)(vector), by_vector
-
-
-def _rodrigues(vector: Tensor) -> Tensor:
-    x, y, z = vector.unbind()
-    zero = torch.zeros_like(x)
-    cross = torch.stack([torch.stack([zero, -z, y]), torch.stack([z, zero, -x]), torch.stack([-y, x, zero])])
-    square = (vector * vector).sum()
-    # The series is used throughout: after the first alignment angles stay small, and it has no division by zero.
+    square = (vector * vector).sum(dim=1)[:, None, None]
+    # The series are used throughout: after the first alignment angles stay small, and they have no division by zero.
     first = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
     second = 0.5 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)))
-    return torch.eye(3, dtype=vector.dtype) + first * cross + second * (cross @ cross)
+    by_first = -1.0 / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0))  # d first / d square, times 2
+    by_second = -1.0 / 12.0 * (1.0 - square / 15.0 * (1.0 - 3.0 * square / 112.0))
+    generators = _GENERATORS.to(vector.dtype)
+    cross = torch.einsum("fc,cij->fij", vector, generators)
+    twice = cross @ cross
+    turns = torch.eye(3, dtype=vector.dtype) + first * cross + second * twice
+    mixed = generators @ cross[:, None] + cross[:, None] @ generators  # shape: (f, c, 3, 3)
+    own = vector[:, :, None, None] * (by_first * cross + by_second * twice)[:, None]
+    by_vector = own + first[:, None] * generators + second[:, None] * mixed
+    return turns, by_vector.permute(0, 2, 3, 1)
+
+
+_GENERATORS = torch.tensor(
+    [
+        [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+        [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
+        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+    ],
+    dtype=torch.float64,
+)
 
 
 def _kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -51,6 +51,25 @@ def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
     return np.where(used, block_of_group[np.maximum(group, 0)], -1)
 
 
+def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:
+    """Deal the blocks of a table into parts that are hidden in turn.
+
+    Neighbouring blocks go to different parts, so that a part hides some of every stretch of travel and no run whole.
+
+    Args:
+        table: n rows in travel order.
+        count: how many parts, at most.
+        among: how many blocks are dealt.
+
+    Returns:
+        (n,) bool for each part; base reflectors are in none.
+    """
+    block = blocks(table, max(count, among))
+    number = int(block.max(initial=-1)) + 1
+    parts = [(block >= 0) & (block % count == index) for index in range(min(count, number))]
+    return [part for part in parts if part.any()]
+
+
 def _number(keys: np.ndarray) -> np.ndarray:
     """Equal rows get equal numbers."""
     packed = np.ascontiguousarray(keys).view([("", keys.dtype)] * keys.shape[1]).ravel()

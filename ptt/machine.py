@@ -272,7 +272,8 @@ def _tables(rows: tuple[dict[str, Any], ...]) -> Any:
 
 def _explain(error: pydantic.ValidationError, where: str) -> MachineError:
     """Turn the first of pydantic's findings into one line."""
-    first = error.errors()[0]
+    # A misspelt key is also a missing one; the misspelling is what the user can see.
+    first = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
     place = f"{where} key {'.'.join(path)}" if path else where
     if first["type"] == "extra_forbidden":

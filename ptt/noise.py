@@ -25,7 +25,8 @@ class Noise:
     Attributes:
         covariance: (3, 3) mm^2 of the coordinates of one reading, in the base frame.
         source: where it comes from: 'repeats', 'std columns', 'machine file', 'saturated model'.
-        freedom: degrees of freedom behind it; infinite where it was given.
+        freedom: degrees of freedom behind it, of coordinates for a saturated model, of readings (three coordinates)
+            for repeats; infinite where it was given.
     """
 
     covariance: np.ndarray

@@ -82,6 +82,14 @@ class Problem:
         """
         return replace(self, used=self.used & ~hidden)
 
+    def anchored(self) -> "Problem":
+        """The same problem with the tracker held to the base reflectors where there are some.
+
+        Thousands of pose readings against a dozen of reflectors would otherwise pull the frame toward whatever a
+        model does not explain yet.
+        """
+        return self if self.base is None else replace(self, frames=0, base=None)
+
     def with_noise(self, noise: Noise) -> "Problem":
         """The same problem with a noise floor."""
         return replace(self, noise=noise)
