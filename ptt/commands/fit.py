@@ -1,0 +1,34 @@
+"""`ptt fit`: refit the effects that a model has."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ptt.commands.add import Plots
+from ptt.commands.common import Also, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+
+Out = Annotated[Path | None, typer.Option("--out", metavar="M2.toml", help="Where the refitted model is written.")]
+
+
+def fit(
+    run: Run,
+    model: ModelPath,
+    out: Out = None,
+    also: Also = None,
+    targets: Targets = None,
+    set_: Set = None,
+    map_: Map = None,
+    effects: Effects = None,
+    plots: Plots = None,
+    json: Json = False,
+) -> None:
+    """Refit the effects of a model to a run, and say what the run can and cannot tell of them."""
+    from ptt.commands.add import finish, noisy
+    from ptt.commands.common import open_run, progress
+    from ptt.ladder import climb
+
+    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    with progress() as tell:
+        ladder = climb(opened.model, noisy(opened, tell), [], progress=tell)
+    finish(ladder, opened, "fit", out, plots, json)

@@ -1,0 +1,28 @@
+"""`ptt remove`: take effects out of a model, refit, and show whether the error rises."""
+
+from ptt.commands.add import EffectNames, Out, Plots
+from ptt.commands.common import Also, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+
+
+def remove(
+    run: Run,
+    effect: EffectNames,
+    model: ModelPath,
+    out: Out,
+    also: Also = None,
+    targets: Targets = None,
+    set_: Set = None,
+    map_: Map = None,
+    effects: Effects = None,
+    plots: Plots = None,
+    json: Json = False,
+) -> None:
+    """Take effects out of a model, refit the others jointly, and show what that does to the error."""
+    from ptt.commands.add import finish, noisy
+    from ptt.commands.common import open_run, progress
+    from ptt.ladder import descend
+
+    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    with progress() as tell:
+        ladder = descend(opened.model, noisy(opened, tell), effect, progress=tell)
+    finish(ladder, opened, "remove", out, plots, json)

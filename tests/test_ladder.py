@@ -1,0 +1,130 @@
+"""Add and watch: errors on training and held-out rows after each step, and plain words where a step did not help."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from test_fit import KNOWN, empty_run, hidden_backlash, machine, measure, term
+
+from ptt.errors import ModelError
+from ptt.fit import fit
+from ptt.ladder import FOLDS, climb, descend
+from ptt.ladder_text import format_ladder, verdicts
+from ptt.model import Model
+from ptt.problem import Problem, build_problem
+from ptt.table import Table
+from ptt.view import build_view
+
+
+def effects(*names: str) -> list:
+    return [KNOWN[name]() for name in names]
+
+
+def test_the_error_falls_to_the_noise_on_rows_that_no_parameter_saw() -> None:
+    problem, _ = hidden_backlash()
+    ladder = climb(Model(problem.file), problem, effects("backlash"))
+    given, added = ladder.steps
+    assert (given.effect, added.effect) == ("as given", "backlash")
+    assert given.heldout_rms_um["total"] > 25.0 and added.helped
+    assert added.heldout_rms_um["total"] < 1.1 * ladder.noise_um["total"]
+    assert added.rms_um["total"] < added.heldout_rms_um["total"]
+    assert "backlash helped: held-out error falls from" in format_ladder(ladder)
+
+
+def test_an_addition_that_does_not_help_is_told_plainly() -> None:
+    problem, _ = hidden_backlash()
+    ladder = climb(Model(problem.file), problem, effects("backlash", "once-per-rev"))
+    assert [step.helped for step in ladder.steps[1:]] == [True, False]
+    assert "once-per-rev did not help" in verdicts(ladder)[1]
+    assert ladder.model.keys == ("backlash", "once-per-rev")
+    assert ladder.to_dict()["steps"][2]["helped"] is False
+
+
+def test_effects_that_are_not_there_rarely_seem_to_help() -> None:
+    seemed = 0
+    for seed in range(12):
+        file, table = machine(), empty_run(120)
+        problem = build_problem(file, measure(table, file, [], seed=seed))
+        seemed += sum(step.helped for step in climb(Model(file), problem, effects("link-length", "backlash")).steps[1:])
+    assert seemed <= 2
+
+
+def test_held_out_errors_are_those_of_fits_that_did_not_see_the_rows() -> None:
+    problem, _ = hidden_backlash(100)
+    from ptt.holdout import folds
+
+    ladder = climb(Model(problem.file), problem, effects("backlash"))
+    model = Model(problem.file) + KNOWN["backlash"]()
+    parts = folds(problem.table, FOLDS)
+    squares = [fit(model, problem.masked(part), noise=problem.noise, lean=True).residual[part] ** 2 for part in parts]
+    total = 1e3 * float(np.sqrt(np.concatenate(squares).mean(axis=0).sum()))
+    assert ladder.steps[1].heldout_rms_um["total"] == pytest.approx(total, rel=1e-6)
+
+
+def test_a_model_with_effects_is_refitted_before_anything_is_added() -> None:
+    problem, terms = hidden_backlash()
+    stale = replace(terms[0], theta=terms[0].theta * 0.5)
+    ladder = climb(Model(problem.file) + stale, problem, effects("link-length"))
+    assert [step.kind for step in ladder.steps] == ["given", "refit", "added"]
+    assert ladder.steps[0].rms_um["total"] > 2.0 * ladder.steps[1].rms_um["total"]
+
+
+def test_what_is_removed_and_needed_is_told() -> None:
+    problem, _ = hidden_backlash()
+    model = climb(Model(problem.file), problem, effects("backlash", "link-length")).model
+    ladder = descend(model, problem, ["link-length", "backlash"])
+    words = verdicts(ladder)
+    assert words[0].startswith("link-length was not needed") and words[1].startswith("backlash was needed")
+    assert ladder.model.keys == ()
+    with pytest.raises(ModelError, match="'windup' is not in the model"):
+        descend(model, problem, ["windup"])
+
+
+def test_an_effect_that_the_run_cannot_test_is_refused_in_one_line() -> None:
+    file = machine()
+    table = replace(empty_run(), temp_c=None)
+    problem = build_problem(file, measure(table, file, []))
+    with pytest.raises(ModelError, match=r"this run cannot test 'screw-growth'; it needs column temp_c") as caught:
+        climb(Model(file), problem, effects("screw-growth"))
+    assert "\n" not in str(caught.value)
+
+
+def light_run(file: object) -> tuple[Table, Problem]:
+    table = replace(empty_run(), payload_kg=None)
+    return table, build_problem(file, measure(table, file, []))
+
+
+def test_what_an_earlier_run_told_is_kept_where_this_run_cannot_test_it() -> None:
+    file = machine()
+    bend = term("column-bend", build_view(file, empty_run()), [2e-3, 1e-3, 0.0, 0.0])
+    _, problem = light_run(file)
+    ladder = climb(Model(file) + bend, problem, effects("backlash"))
+    kept = next(item for item in ladder.model.terms if item.effect.name == "column-bend")
+    torch.testing.assert_close(kept.theta, bend.theta)
+    assert kept.fixed == frozenset()
+    assert any("column-bend is kept as it was" in note for note in ladder.notes)
+
+
+def test_a_second_knock_goes_under_a_label() -> None:
+    file, table = machine(), empty_run()
+    view = build_view(file, table)
+    first = term("setup-jump", view, [0.05, 0.0, 0.0, 0.0, 0.0, 0.0], after=600.0)
+    second = term("setup-jump", view, [0.0, -0.04, 0.0, 0.0, 0.0, 0.0], after=1400.0)
+    second = replace(second, effect=KNOWN["setup-jump"]("second"))
+    problem = build_problem(file, measure(table, file, [first, second]))
+    ladder = climb(Model(file), problem, [KNOWN["setup-jump"](), KNOWN["setup-jump"]("second")])
+    assert ladder.model.keys == ("setup-jump", "setup-jump[second]")
+    assert all(step.helped for step in ladder.steps[1:])
+    assert {float(item.theta[-1]) for item in ladder.model.terms} == {600.0, 1400.0}
+    assert ladder.steps[-1].heldout_rms_um["total"] < 1.2 * ladder.noise_um["total"]
+    with pytest.raises(ModelError, match=r"give the second one a \[label\]"):
+        climb(ladder.model, problem, effects("setup-jump"))
+
+
+def test_rows_of_a_run_that_is_hidden_with_its_frame_are_not_judged() -> None:
+    file = machine(frame="fitted-per-run")
+    short = replace(empty_run(200), run=np.repeat([0, 1], [194, 6]), run_label=("a", "b"))
+    table = measure(short, file, [])
+    ladder = climb(Model(file), build_problem(file, table), effects("backlash"))
+    assert ladder.steps[0].heldout_rms_um["total"] < 2.0 * ladder.noise_um["total"]
