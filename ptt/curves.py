@@ -213,7 +213,7 @@ def _step(base: np.ndarray, residual: np.ndarray, values: np.ndarray, near: floa
     share = _added_shares(base, residual, column)
     best = int(np.argmax(share))
     spread = (1.0 - share[best]) / max(len(values) - base.shape[1] - 1, 1)
-    inside = last[share > share[best] - EDGE * spread]
+    inside = last[share >= share[best] - EDGE * spread]
     return (float(levels[inside.min()]), float(levels[inside.max() + 1])), float(share[best])
 
 

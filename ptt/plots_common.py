@@ -1,0 +1,56 @@
+"""What pictures share: colours, thinning, a legend that covers nothing, and writing a PNG whole or not at all."""
+
+from collections.abc import Iterable
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ptt.files import write_bytes
+
+DPI = 120
+POINTS = 4000  # more readings than this are thinned in a picture
+BLUE, PALE, DARK, ORANGE = "#31688e", "#8fb4d0", "#440154", "#e69f00"  # tell apart in every kind of colour vision
+COLOUR_MAP = "viridis"
+MOST_BESIDE = 5  # entries of a legend side by side
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    buffer = BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    write_bytes(path, buffer.getvalue())
+
+
+def thinned(rows: np.ndarray) -> np.ndarray:
+    """Indices of chosen rows, evenly thinned to what a picture can show."""
+    index = np.flatnonzero(rows)
+    return index[:: max(1, -(-len(index) // POINTS))]
+
+
+def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
+    """One legend for all panels, below them, so that it covers nothing.
+
+    Args:
+        figure: with constrained layout.
+        panels: whose labels to gather; equal labels count once.
+    """
+    pairs = (zip(*panel.get_legend_handles_labels(), strict=True) for panel in panels)
+    handles = {label: handle for pair in pairs for handle, label in pair}
+    figure.legend(
+        list(handles.values()),
+        list(handles),
+        loc="outside lower center",
+        ncols=MOST_BESIDE,
+        frameon=False,
+        fontsize=9,
+    )
+
+
+def round_down(value: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten that is no larger than a positive value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-9)))
