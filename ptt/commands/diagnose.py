@@ -22,7 +22,7 @@ def diagnose(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
-    steps: Steps = 8,
+    steps: Steps = 12,
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""

@@ -1,0 +1,285 @@
+"""What all verbs share: options, reading runs, output.
+
+A verb is a file `ptt/commands/<verb>.py` with a function of that name (or a `typer.Typer` called `app` where it has
+verbs of its own). `ptt.commands.main` finds it by its file name; nothing else is registered anywhere. At module level
+it imports nothing heavier than typer, because `ptt --help` imports them all::
+
+    def compare(
+        run: Run, model: ModelPath, also: Also = None, targets: Targets = None, set_: Set = None, map_: Map = None,
+        effects: Effects = None, json: Json = False,
+    ) -> None:
+        '''Compare a run with a model.'''
+        from ptt.compare import compare_run
+
+        opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+        with progress() as tell:
+            result = compare_run(opened.model, opened.problem, progress=tell)
+        show(result.to_dict(), format_result(result), json)
+
+Errors are raised as `ptt.errors.InputError` and not caught: `main` prints one line and exits with the error's code.
+Standard output belongs to the result; notes, understood columns and progress go to standard error by `note`.
+"""
+
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ptt.commands.output import Progress, note, plain, progress, show, tell_notes
+
+if TYPE_CHECKING:
+    from ptt.compensator import Compensator
+    from ptt.effects.registry import Library
+    from ptt.machine import MachineFile
+    from ptt.model import Model
+    from ptt.problem import Problem
+    from ptt.readers import Ask
+    from ptt.table import Table
+
+Run = Annotated[Path, typer.Argument(metavar="RUN.csv", help="Tracker run: targets or joint commands, and readings.")]
+ModelPath = Annotated[Path, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")]
+Also = Annotated[list[Path] | None, typer.Option("--also", metavar="RUN2.csv", help="Another run; repeatable.")]
+Targets = Annotated[
+    Path | None, typer.Option("--targets", metavar="T.csv", help="Targets of an export that holds readings only.")
+]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="One value for all rows: payload_kg=2.")
+]
+Map = Annotated[Path | None, typer.Option("--map", metavar="FILE.toml", help="Saved answers on columns and units.")]
+Effects = Annotated[
+    list[Path] | None, typer.Option("--effects", metavar="FILE.py", help="Effects of your own; the file is run.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else; never ask.")]
+
+__all__ = [
+    "Also", "Effects", "Json", "Map", "ModelPath", "Opened", "Progress", "Reading", "Run", "Set", "Targets", "note",
+    "open_library", "open_model", "open_problem", "open_run", "parse_settings", "plain", "progress", "read_rows",
+    "show", "tell_notes",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The options that say how runs are read, as typer hands them over.
+
+    Attributes:
+        also: further runs.
+        targets: file with the targets of an export.
+        set_: 'column=value' each.
+        map_: saved answers on columns and units.
+        effects: Python files with effects of the user's own.
+        json: whether a program, not a person, is listening.
+    """
+
+    also: Sequence[Path] | None = None
+    targets: Path | None = None
+    set_: Sequence[str] | None = None
+    map_: Path | None = None
+    effects: Sequence[Path] | None = None
+    json: bool = False
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A run and the model it is held against.
+
+    Attributes:
+        compensator: model, and the network where a compensator folder was named.
+        table: the rows.
+        problem: the same, seen through the machine.
+        files: the run files, in the order given.
+        library: effects by name, the user's own included.
+    """
+
+    compensator: "Compensator"
+    table: "Table"
+    problem: "Problem"
+    files: tuple[str, ...] = field(default=())
+    library: "Library | None" = None
+
+    @property
+    def model(self) -> "Model":
+        """The physics."""
+        return self.compensator.model
+
+
+def open_run(run: Path, model: Path, reading: Reading) -> Opened:
+    """Read a run and a model and bring them together.
+
+    Args:
+        run: tracker CSV.
+        model: machine.toml or compensator folder.
+        reading: how.
+
+    Returns:
+        Both.
+
+    Raises:
+        InputError: whatever cannot be read or used.
+    """
+    library = open_library(reading)
+    compensator = open_model(model, library)
+    table = read_rows(run, compensator.model.file, reading)
+    files = tuple(str(path) for path in (run, *(reading.also or ())))
+    return Opened(compensator, table, open_problem(compensator.model.file, table), files, library)
+
+
+def open_library(reading: Reading) -> "Library":
+    """The effects that are known, the user's own files included."""
+    from ptt.effects.registry import library
+
+    return library(*(reading.effects or ()))
+
+
+def open_model(path: Path, library: "Library | None" = None) -> "Compensator":
+    """Read a machine.toml or a compensator folder.
+
+    Args:
+        path: file or folder.
+        library: effects by name; None for the library.
+
+    Returns:
+        Model and network.
+    """
+    from ptt.compensator import load_compensator
+
+    return load_compensator(path, library)
+
+
+def read_rows(path: Path, file: "MachineFile | None", reading: Reading, purpose: str = "run") -> "Table":
+    """Read a table for a machine, and tell what was understood of it.
+
+    Args:
+        path: the file.
+        file: the machine; None where none is known.
+        reading: how.
+        purpose: 'run', 'targets' or 'sliders'.
+
+    Returns:
+        The table.
+
+    Raises:
+        TableError: it cannot be read, or looks as if it were in another unit.
+    """
+    from ptt.table import read_table
+
+    joints = 3 if file is None or file.machine.kind == "three-ptt" else len(file.machine.joint)
+    table = read_table(
+        path,
+        joints,
+        joint_prefix="b" if file is None or file.machine.kind == "three-ptt" else "q",
+        also=tuple(reading.also or ()),
+        targets=reading.targets,
+        set_values=parse_settings(reading.set_ or ()),
+        mapping=reading.map_,
+        purpose=purpose,
+        ask=_asker(reading),
+    )
+    for line in table.understood.lines:
+        note(line)
+    if file is not None:
+        _check_unit(table, file, reading)
+    return table
+
+
+def open_problem(file: "MachineFile", table: "Table") -> "Problem":
+    """See a table through its machine.
+
+    Args:
+        file: the machine.
+        table: the rows.
+
+    Returns:
+        The problem.
+
+    Raises:
+        WorkspaceError: commands at which the mechanism does not close, targets out of reach.
+    """
+    from ptt.problem import build_problem
+
+    _check_commands(file, table)
+    return build_problem(file, table)
+
+
+def parse_settings(pairs: Sequence[str]) -> dict[str, float]:
+    """Read `payload_kg=2`.
+
+    Args:
+        pairs: as typed after --set.
+
+    Returns:
+        Column -> value.
+
+    Raises:
+        InputError: not of that form.
+    """
+    from ptt.errors import InputError
+
+    values = {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            raise InputError(f"cannot read '{pair}'", where="--set", fix="write it as payload_kg=2") from None
+    return values
+
+
+def _asker(reading: Reading) -> "Ask | None":
+    """Who answers what a file leaves open: nobody where a program is listening or no terminal is there."""
+    if reading.json or not sys.stdin.isatty():
+        return None
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        note(question)
+        for number, choice in enumerate(choices, 1):
+            note(f"  {number}  {choice}")
+        number = 0
+        while not 1 <= number <= len(choices):
+            number = typer.prompt("number", type=int, err=True)
+        return choices[number - 1]
+
+    return ask
+
+
+def _check_unit(table: "Table", file: "MachineFile", reading: Reading) -> None:
+    """Refuse metres in a mm column; a person who answered on units with --map knows better."""
+    from ptt.errors import TableError
+    from ptt.table import unit_hint
+
+    spec = file.machine
+    size = (
+        spec.link_length_mm
+        if spec.kind == "three-ptt"
+        else sum(math.hypot(joint.a_mm, joint.d_mm) for joint in spec.joint)
+    )
+    hint = unit_hint(table, size)
+    if hint and not _states_units(reading.map_):
+        fix = "rename the columns (x_cmd_m), or give their unit in a file for --map"
+        raise TableError(hint, where=table.source, fix=fix)
+
+
+def _states_units(path: Path | None) -> bool:
+    if path is None or not path.exists():
+        return False
+    from ptt.readers import load_mapping
+
+    return bool(load_mapping(path).units)
+
+
+def _check_commands(file: "MachineFile", table: "Table") -> None:
+    """Refuse joint commands at which the drawing does not close, by line."""
+    if table.command is None:
+        return
+    import numpy as np
+    import torch
+
+    from ptt.mechanisms import build_mechanism, require_assembled
+
+    rows = np.isfinite(table.command).all(axis=1)
+    lines = [int(line) for line in table.line[rows]]
+    require_assembled(build_mechanism(file.machine), torch.tensor(table.command[rows]), table.source, lines=lines)

@@ -1,0 +1,74 @@
+"""`ptt dexterity`: condition number, manipulability, singularities."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ptt.commands.common import Json, Map, Reading, note, open_model, read_rows, show
+
+SHOWN = 12
+
+
+def dexterity(
+    machine: Annotated[Path, typer.Argument(metavar="M.toml", help="machine.toml or compensator folder.")],
+    targets: Annotated[
+        Path | None, typer.Option("--targets", metavar="T.csv", help="Tool positions to look at.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE.png", help="Condition number over x and y at three heights.")
+    ] = None,
+    map_: Map = None,
+    json: Json = False,
+) -> None:
+    """Say how evenly the tool can be moved, and how far it is from each kind of singularity."""
+    import torch
+
+    from ptt.dexterity_report import describe_dexterity
+
+    file = open_model(machine).model.file
+    table = None if targets is None else read_rows(targets, file, Reading(map_=map_, json=json), "targets")
+    data = describe_dexterity(file, None if table is None else torch.tensor(table.target))
+    if table is not None:
+        for entry, line, name in zip(data["targets"], table.line, table.name, strict=True):
+            entry |= {"line": int(line), "name": str(name)}
+    if plot is not None:
+        _plot(file, plot)
+    show(data, _text(data), json)
+
+
+def _plot(file: Any, path: Path) -> None:
+    from ptt.mechanisms import build_mechanism
+    from ptt.plots_workspace import plot_workspace_map
+
+    plot_workspace_map(build_mechanism(file.machine), file.machine, path)
+    note(f"picture in {path}")
+
+
+def _text(data: dict[str, Any]) -> str:
+    home, space = data["home"], data["workspace"]
+    lines = [f"{data['machine']} ({data['kind']})", "at home:" if "inverse_mm" in home else "amid the joint limits:"]
+    lines.append(f"  condition number {home['condition']:.3g}, manipulability {home['manipulability']:.3g}")
+    if "inverse_mm" in home:
+        lines.append(f"  determinant of db/dp {home['determinant']:.4g}")
+        lines.append(f"  inverse singularity: {home['inverse_mm']:.1f} mm ({home['inverse']:.2f} of a link) away")
+        lines.append(
+            f"  direct singularity: margin {home['direct']:.2f}; constraint: {home['constraint']:.2f} (0 is at it)"
+        )
+    if space["poses"]:
+        spread = space["condition"]
+        lines.append(f"over the workspace, {space['poses']} poses: condition number {spread['least']:.3g} to "
+                     f"{spread['largest']:.3g}, median {spread['median']:.3g}")  # fmt: skip
+    if "near_singular_share" in space:
+        lines.append(f"  near a singularity: {100 * space['near_singular_share']:.1f} % of them")
+    return "\n".join(lines + _targets(data["targets"]))
+
+
+def _targets(entries: list[dict[str, Any]]) -> list[str]:
+    if not entries:
+        return []
+    counts = {status: sum(entry["status"] == status for entry in entries) for status in {e["status"] for e in entries}}
+    lines = ["targets: " + ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))]
+    odd = [entry for entry in entries if entry["status"] != "ok"]
+    lines += [f"  row {entry['line']} {entry['name']}: {entry['status']}" for entry in odd[:SHOWN]]
+    return [*lines, f"  and {len(odd) - SHOWN} more"] if len(odd) > SHOWN else lines

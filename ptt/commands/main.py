@@ -1,0 +1,135 @@
+"""`ptt`: finds verbs by their files, and turns every error into one line and an exit code."""
+
+import difflib
+import importlib
+import importlib.util
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from ptt.commands.output import tell_notes
+from ptt.errors import InputError, PttError
+
+VERBS = (
+    "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso", "plan",
+    "challenge", "dexterity", "effects", "report", "studio",
+)  # fmt: skip
+HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
+
+
+class Verbs(TyperGroup):
+    """The verbs whose file is there, each loaded when it is asked for."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the verbs, in the order of a session."""
+        return [verb for verb in VERBS if importlib.util.find_spec(f"ptt.commands.{verb}")]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Build a verb from its file; None where there is none."""
+        return _build(cmd_name) if cmd_name in self.list_commands(ctx) else None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the verb on the command line, or suggest one."""
+        if not args[0].startswith("-") and args[0] not in self.list_commands(ctx):
+            near = difflib.get_close_matches(args[0], self.list_commands(ctx), n=1)
+            fix = f"did you mean '{near[0]}'?" if near else "`ptt --help` lists the commands"
+            raise InputError(f"no command '{args[0]}'", fix=fix)
+        return super().resolve_command(ctx, args)
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run, and end with the exit code that the outcome calls for."""
+
+        def run() -> Any:
+            return TyperGroup.main(self, args, prog_name, complete_var, False, windows_expand_args, **extra)
+
+        return sys.exit(guard(run)) if standalone_mode else run()
+
+
+app = typer.Typer(
+    cls=Verbs, help=HELP, add_completion=False, rich_markup_mode=None, context_settings={"max_content_width": 120}
+)
+
+
+@app.callback()
+def _root() -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point of `ptt`."""
+    app()
+
+
+def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
+    """Run one verb as a program of its own, as train.py does.
+
+    Args:
+        verb: name of its file in ptt/commands.
+        args: arguments; None for those of the command line.
+    """
+    command = _build(verb)
+    sys.exit(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
+
+
+def guard(action: Callable[[], Any]) -> int:
+    """Run something, and print its error, if any, as one line on standard error.
+
+    Args:
+        action: what to run.
+
+    Returns:
+        The exit code: 0 done, 2 bad input, 1 anything else.
+    """
+    try:
+        code = action()
+    except PttError as error:
+        return _fail(str(error), error.exit_code)
+    except OSError as error:
+        return _fail(f"{error.filename or 'file'}: {error.strerror or error}", 2)
+    except (typer.Abort, KeyboardInterrupt):
+        return _fail("interrupted", 1)
+    except Exception as error:
+        if hasattr(error, "format_message"):  # an error of the command line itself, of typer's own family
+            return _fail(_usage(error), 2)
+        if os.environ.get("PTT_TRACEBACK"):
+            raise
+        return _fail(f"unexpected {type(error).__name__}: {error}; PTT_TRACEBACK=1 shows where", 1)
+    tell_notes()
+    return code if isinstance(code, int) else 0
+
+
+def _build(verb: str) -> Any:
+    module = importlib.import_module(f"ptt.commands.{verb}")
+    if hasattr(module, "app"):
+        return typer.main.get_command(module.app)
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(verb)(getattr(module, verb))
+    return typer.main.get_command(alone)
+
+
+def _usage(error: Any) -> str:
+    context = getattr(error, "ctx", None)
+    message = " ".join(error.format_message().split()).rstrip(".")
+    return message if context is None else f"{message}; see {context.command_path} --help"
+
+
+def _fail(message: str, code: int) -> int:
+    tell_notes(keep=False)
+    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    return code
+
+
+if __name__ == "__main__":
+    main()

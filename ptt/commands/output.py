@@ -1,0 +1,83 @@
+"""What a verb says: its result on standard output, notes and progress on standard error."""
+
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import typer
+
+Progress = Callable[[str, int, int], None]
+_waiting: list[str] = []
+
+
+def show(data: Mapping[str, Any], text: str, json: bool) -> None:
+    """Print a result: one JSON object, or text.
+
+    Args:
+        data: the result as a dictionary; numbers that are not finite become null.
+        text: the result for a person.
+        json: which of them.
+    """
+    if json:
+        from json import dumps
+
+        text = dumps(plain(data), allow_nan=False)
+    tell_notes()
+    typer.echo(text)
+
+
+def plain(value: Any) -> Any:
+    """Turn numpy values, tuples and paths into what JSON knows; NaN and infinities into None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+def note(text: str) -> None:
+    """Say something beside the result, on standard error.
+
+    A person sees it at once. Elsewhere it waits for the result, so that an error is the only line there is.
+    """
+    if sys.stderr.isatty():
+        typer.echo(text, err=True)
+    else:
+        _waiting.append(text)
+
+
+def tell_notes(keep: bool = True) -> None:
+    """Print the notes that wait, or with `keep` false forget them."""
+    for text in _waiting if keep else ():
+        typer.echo(text, err=True)
+    _waiting.clear()
+
+
+@contextmanager
+def progress() -> Iterator[Progress]:
+    """A bar on standard error where a person is watching.
+
+    Yields:
+        tell(what, done, of): what is being done, how much of how much.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}")
+    watched = console.is_terminal
+    with Bar(*columns, TimeElapsedColumn(), console=console, transient=True, disable=not watched) as bar:
+        task = bar.add_task("reading", total=None)
+
+        def tell(what: str, done: int, of: int) -> None:
+            bar.update(task, description=what, completed=done, total=of)
+
+        yield tell

@@ -1,0 +1,135 @@
+"""`ptt predict`: corrected commands for a list of targets."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ptt.commands.common import (
+    Effects,
+    Json,
+    Map,
+    ModelPath,
+    Reading,
+    Set,
+    note,
+    open_library,
+    open_model,
+    progress,
+    read_rows,
+    show,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ptt.compensate import Commands
+    from ptt.table import Table
+
+
+class Reversal(StrEnum):
+    """Who compensates the play at a reversal: these commands, or nobody here."""
+
+    software = "software"
+    none = "none"
+
+
+def predict(
+    targets: Annotated[Path, typer.Argument(metavar="TARGETS.csv", help="Tool positions to reach, in travel order.")],
+    model: ModelPath,
+    out: Annotated[Path, typer.Option("--out", metavar="SLIDERS.csv", help="Commands to write.")],
+    reversal: Annotated[
+        Reversal | None, typer.Option("--reversal", help="Put reversal compensation into the commands, or not.")
+    ] = None,
+    set_: Set = None,
+    map_: Map = None,
+    effects: Effects = None,
+    json: Json = False,
+) -> None:
+    """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker."""
+    from ptt.compensate import compensate, missing_context
+    from ptt.files import write_text
+    from ptt.training import correction_of
+
+    reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
+    compensator = open_model(model, open_library(reading))
+    table = read_rows(targets, compensator.model.file, reading, "targets")
+    network = compensator.network
+    with progress() as tell:
+        commands = compensate(
+            compensator.model,
+            table,
+            correction=None if network is None else correction_of(network),
+            inside=None if network is None else network.inside,
+            reversal=None if reversal is None else reversal.value,
+            progress=tell,
+        )
+    write_text(out, _frame(table, commands).to_csv(index=False, lineterminator="\n"))
+    data = _summary(commands, out, network is not None)
+    for line in missing_context(compensator.model, table) + _warnings(table, commands):
+        note(f"warning: {line}")
+    show(data, _text(data), json)
+
+
+def _frame(table: "Table", commands: "Commands") -> "pd.DataFrame":
+    """Columns of the input, then what to send; nominal joint commands of the input would be mistaken for it."""
+    from ptt.table import table_to_frame
+
+    prefix = table.joint_prefix
+    frame = table_to_frame(table.replace(command=None))
+    if "role" not in frame and "role" in table.understood.mapping.columns.values():
+        frame["role"] = table.role
+    first = [title for title in ("name", "role") if title in frame]
+    frame = frame[first + [title for title in frame if title not in first]].copy()
+    for joint in range(commands.q.shape[1]):
+        frame[f"{prefix}{joint + 1}"] = commands.q[:, joint]
+    for joint in range(commands.q.shape[1]):
+        frame[f"reversal{joint + 1}"] = commands.reversal[:, joint]
+    frame["in_domain"] = commands.in_domain
+    frame["status"] = commands.status
+    frame["shift_um"] = 1e3 * commands.shift
+    return frame
+
+
+def _summary(commands: "Commands", out: Path, network: bool) -> dict[str, Any]:
+    counts = {status: int((commands.status == status).sum()) for status in ("ok", "out of travel", "near singular")}
+    return {
+        "rows": len(commands.q),
+        "out": str(out),
+        "status": counts,
+        "network": network,
+        "in_domain": int(commands.in_domain.sum()),
+        "form": "exact inversion",
+        "first_order_difference_um": 1e3 * float(commands.first_order_gap.max()),
+        "largest_shift_um": 1e3 * float(commands.shift.max()),
+        "reversal": commands.reversal_note,
+        "largest_reversal_um": 1e3 * float(abs(commands.reversal).max()),
+    }
+
+
+def _warnings(table: "Table", commands: "Commands") -> list[str]:
+    lines = []
+    for status in ("out of travel", "near singular"):
+        rows = (commands.status == status).nonzero()[0]
+        if len(rows):
+            named = ", ".join(str(table.line[row]) for row in rows[:5])
+            lines.append(f"{table.source} rows {named}{' and more' if len(rows) > 5 else ''}: {status}")
+    outside = int((~commands.in_domain).sum())
+    if outside:
+        lines.append(f"{outside} of {len(commands.q)} targets lie outside the network's training domain: physics only")
+    return lines
+
+
+def _text(data: dict[str, Any]) -> str:
+    counts = ", ".join(f"{count} {status}" for status, count in data["status"].items() if count)
+    return "\n".join(
+        [
+            f"{data['out']}: {data['rows']} rows ({counts})"
+            + (f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"),
+            f"  largest correction {data['largest_shift_um']:.1f} um",
+            f"  sent: {data['form']}; the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2) would put the tool "
+            f"at most {data['first_order_difference_um']:.3f} um elsewhere",
+            f"  reversal: {data['reversal']} (largest part {data['largest_reversal_um']:.1f} um)",
+        ]
+    )

@@ -1,0 +1,113 @@
+"""Dexterity of a machine for a person: at home, at given targets, over the workspace."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor
+
+from ptt.machine import MachineFile
+from ptt.mechanisms import Mechanism, build_mechanism
+from ptt.mechanisms.dexterity import condition_number, determinant, manipulability, singularities
+from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.mechanisms.workspace import reach, workspace_map
+
+if TYPE_CHECKING:
+    from ptt.mechanisms.serial import Serial
+
+GRID = 41
+MARGINS = ("inverse_mm", "edge_mm", "inverse", "direct", "constraint")
+
+
+def describe_dexterity(file: MachineFile, targets: Tensor | None = None) -> dict[str, Any]:
+    """Figures of dexterity and distance from singularities.
+
+    Args:
+        file: the machine.
+        targets: (n, 3) mm, tool positions to look at besides home; None for none.
+
+    Returns:
+        'machine', 'kind', 'home', 'targets' (one entry each, in order) and 'workspace'.
+    """
+    mechanism = build_mechanism(file.machine)
+    if isinstance(mechanism, ThreePtt):
+        home, workspace = _at(mechanism, mechanism.forward(mechanism.home()[None])), _over_workspace(mechanism, file)
+    else:
+        home, workspace = _arm_at_middle(mechanism), _arm_workspace(mechanism)
+    data: dict[str, Any] = {
+        "machine": file.machine.name,
+        "kind": file.machine.kind,
+        "home": home[0],
+        "workspace": workspace,
+    }
+    data["targets"] = [] if targets is None else _at(mechanism, targets)
+    return data
+
+
+def _at(mechanism: Mechanism, p: Tensor) -> list[dict[str, Any]]:
+    """Figures at each of (n, 3) mm."""
+    q = mechanism.inverse(p)
+    jacobian = mechanism.jacobian(q)
+    columns: dict[str, Sequence[Any]] = {
+        "p_mm": p.tolist(),
+        "q": q.tolist(),
+        "status": reach(mechanism, p).tolist(),
+        "condition": condition_number(jacobian).tolist(),
+        "manipulability": manipulability(jacobian).tolist(),
+    }
+    if isinstance(mechanism, ThreePtt):
+        margins = singularities(mechanism, p)
+        columns["determinant"] = determinant(mechanism, p).value.tolist()
+        columns |= {name: getattr(margins, name).tolist() for name in MARGINS}
+    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+
+
+def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
+    """Spread of the condition number over what the travel reaches."""
+    spec = file.machine
+    assert spec.kind == "three-ptt"
+    half = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)
+    home = float(mechanism.home().mean())
+    low, high = (end - home for end in spec.slider_travel_mm)
+    across = torch.linspace(-half, half, GRID, dtype=torch.float64)
+    heights = torch.linspace(low, high, 9, dtype=torch.float64)
+    found = workspace_map(mechanism, across, across, heights)
+    inside = torch.isfinite(found.condition) & (found.travel_margin >= 0.0)
+    values = found.condition[inside]
+    if not len(values):
+        return {"poses": 0}
+    grid = torch.stack(torch.meshgrid(heights, across, across, indexing="ij")[::-1], -1)[inside]
+    near = reach(mechanism, grid) == "near singular"
+    return {
+        "poses": len(values),
+        "condition": {"least": float(values.min()), "median": float(values.median()), "largest": float(values.max())},
+        "near_singular_share": float(near.mean()),
+    }
+
+
+def _arm_at_middle(arm: "Serial | Mechanism") -> list[dict[str, Any]]:
+    from ptt.mechanisms.dexterity_serial import scaled_jacobian
+    from ptt.mechanisms.serial import Serial
+    from ptt.mechanisms.serial_inverse import middle
+
+    assert isinstance(arm, Serial)
+    q = middle(arm)[None]
+    jacobian = scaled_jacobian(arm, q)
+    entry = {"q": q[0].tolist(), "p_mm": arm.forward(q)[0].tolist(), "status": "ok"}
+    return [entry | {"condition": float(condition_number(jacobian)), "manipulability": float(manipulability(jacobian))}]
+
+
+def _arm_workspace(arm: "Serial | Mechanism") -> dict[str, Any]:
+    from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian
+    from ptt.mechanisms.serial import Serial
+    from ptt.mechanisms.serial_inverse import spread
+
+    assert isinstance(arm, Serial)
+    values = condition_number(scaled_jacobian(arm, spread(arm, 4096)))
+    best, least = most_isotropic(arm)
+    return {
+        "poses": len(values),
+        "condition": {"least": least, "median": float(values.median()), "largest": float(values.max())},
+        "most_isotropic_q": best.tolist(),
+        "length_mm": arm.length_mm,
+    }

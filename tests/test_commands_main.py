@@ -1,0 +1,267 @@
+"""The command line: verbs, exit codes, one-line errors, JSON that is JSON."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from ptt.commands import common
+from ptt.commands.main import VERBS, app, guard, run_alone
+from ptt.errors import InputError, PttError
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "data"
+MACHINE = str(DATA / "machine.toml")
+
+
+def invoke(*args: object):
+    return CliRunner().invoke(app, [str(each) for each in args])
+
+
+def write(path: Path, frame: pd.DataFrame) -> Path:
+    frame.to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture(scope="module")
+def run_frame() -> pd.DataFrame:
+    return pd.read_csv(DATA / "experiment1.csv", nrows=120, keep_default_na=False, dtype=str)
+
+
+@pytest.fixture(scope="module")
+def target_frame() -> pd.DataFrame:
+    return pd.read_csv(DATA / "targets.csv", nrows=40, dtype=str)
+
+
+def error_line(result) -> str:
+    """The only line on standard error."""
+    lines = result.stderr.splitlines()
+    assert result.exit_code == 2, (result.stdout, result.stderr)
+    assert len(lines) == 1 and lines[0].startswith("error: "), result.stderr
+    assert result.stdout == ""
+    return lines[0]
+
+
+def test_help_lists_exactly_the_verbs_whose_file_is_there():
+    listed = [line.split()[0] for line in invoke("--help").stdout.split("Commands:")[1].splitlines() if line.strip()]
+    here = {path.stem for path in (ROOT / "ptt" / "commands").glob("*.py")}
+    assert [verb for verb in listed if verb in VERBS] == [verb for verb in VERBS if verb in here]
+    assert "train" not in listed
+
+
+def test_a_verb_without_a_file_is_not_there(monkeypatch):
+    monkeypatch.setattr("ptt.commands.main.VERBS", (*VERBS, "levitate"))
+    assert "levitate" not in invoke("--help").stdout
+
+
+def test_a_mistyped_verb_is_suggested():
+    assert "did you mean 'predict'" in error_line(invoke("predcit"))
+
+
+def test_a_missing_option_is_one_line():
+    assert "--out" in error_line(invoke("predict", DATA / "targets.csv", "--model", MACHINE))
+
+
+def test_start_is_quick_and_imports_nothing_heavy():
+    code = (
+        "import sys; from ptt.commands.main import app; from typer.testing import CliRunner;"
+        "CliRunner().invoke(app, ['--help']);"
+        "print([m for m in ('torch', 'pandas', 'scipy', 'numpy', 'matplotlib', 'pydantic') if m in sys.modules])"
+    )
+    started = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert started.stdout.strip() == "[]"
+    best = min(_seconds([sys.executable, "-m", "ptt.commands.main", "--help"]) for _ in range(3))
+    assert best < 0.3
+
+
+def _seconds(command: list[str]) -> float:
+    start = time.perf_counter()
+    subprocess.run(command, capture_output=True, check=True)
+    return time.perf_counter() - start
+
+
+def test_exit_codes_of_the_program_itself(tmp_path):
+    bad = [sys.executable, str(ROOT / "train.py"), "none.csv", "--machine", MACHINE, "--out", str(tmp_path / "out")]
+    ended = subprocess.run(bad, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2 and ended.stderr.count("\n") == 1 and "none.csv" in ended.stderr
+    assert not (tmp_path / "out").exists()
+    assert len((ROOT / "train.py").read_text().splitlines()) < 30
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "shown"),
+    [
+        (InputError("odd", where="a.csv", fix="mend it"), 2, "error: a.csv: odd; mend it"),
+        (PttError("failed"), 1, "error: failed"),
+        (FileNotFoundError(2, "No such file or directory", "b.csv"), 2, "error: b.csv: No such file or directory"),
+        (KeyError("x"), 1, "error: unexpected KeyError"),
+        (KeyboardInterrupt(), 1, "error: interrupted"),
+    ],
+)
+def test_every_exception_becomes_one_line_and_a_code(raised, code, shown, capsys):
+    def fail() -> None:
+        common.note("a note that is of no use now")
+        raise raised
+
+    assert guard(fail) == code
+    printed = capsys.readouterr()
+    assert printed.err.startswith(shown) and printed.err.count("\n") == 1 and printed.out == ""
+
+
+def test_notes_wait_for_the_result_and_stay_off_standard_output(capsys):
+    assert guard(lambda: (common.note("understood"), common.show({"a": float("nan")}, "text", True))) == 0
+    printed = capsys.readouterr()
+    assert printed.err == "understood\n" and json.loads(printed.out) == {"a": None}
+
+
+def test_plain_leaves_only_what_json_knows():
+    value = {"a": np.float64("inf"), 1: (np.int64(2), np.array([1.0, np.nan])), "p": Path("x"), "s": {"b", "a"}}
+    assert common.plain(value) == {"a": None, "1": [2, [1.0, None]], "p": "x", "s": ["a", "b"]}
+
+
+def test_settings_are_read_or_refused():
+    assert common.parse_settings(["payload_kg=2", "temp_c = 21.5"]) == {"payload_kg": 2.0, "temp_c": 21.5}
+    with pytest.raises(InputError, match="payload_kg=2"):
+        common.parse_settings(["payload_kg"])
+
+
+def change_target(frame: pd.DataFrame, row: int, **cells: str) -> pd.DataFrame:
+    changed = frame.copy()
+    for column, value in cells.items():
+        changed.loc[row, column] = value
+    return changed
+
+
+def in_metres(frame: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
+    changed = frame.copy()
+    for column in columns:
+        numbers = pd.to_numeric(changed[column], errors="coerce") / 1000
+        changed[column] = numbers.map(lambda value: "" if np.isnan(value) else repr(value))
+    return changed
+
+
+MEASURED = ["x_meas", "y_meas", "z_meas"]
+RUN_FAULTS = {
+    "missing column": (lambda f: f.drop(columns="x_meas"), ["x_meas", "missing"]),
+    "text": (lambda f: change_target(f, 50, x_meas="--"), ["row 52", "x_meas", "'--'"]),
+    "nan": (lambda f: change_target(f, 50, y_meas="NaN"), ["row 52", "y_meas", "NaN"]),
+    "infinite": (lambda f: change_target(f, 50, y_meas="inf"), ["row 52", "y_meas"]),
+    "unreachable command": (lambda f: change_target(f, 50, b1_cmd="900"), ["52"]),
+    "unreachable target": (
+        lambda f: change_target(f[f["role"] != "base"].drop(columns=["b1_cmd", "b2_cmd", "b3_cmd"]), 50, x_cmd="900"),
+        ["reach", "48"],
+    ),
+    "metres": (lambda f: in_metres(f, MEASURED), ["metres"]),
+    "metres everywhere": (
+        lambda f: in_metres(
+            f[f["role"] != "base"].drop(columns=["b1_cmd", "b2_cmd", "b3_cmd"]), [*MEASURED, "x_cmd", "y_cmd", "z_cmd"]
+        ),
+        ["metres"],
+    ),
+    "no rows": (lambda f: f[:0], ["no rows"]),
+    "identical rows": (lambda f: pd.concat([f, f[60:61]]), ["identical", "row 122", "row 62"]),
+    "one row": (lambda f: f[10:11], ["one row"]),
+}
+
+
+@pytest.mark.parametrize("fault", RUN_FAULTS)
+@pytest.mark.parametrize("verb", ["train", "evaluate"])
+def test_bad_runs_are_refused_with_one_clear_line(fault, verb, run_frame, tmp_path, capsys):
+    spoil, words = RUN_FAULTS[fault]
+    run = write(tmp_path / "run.csv", spoil(run_frame))
+    if verb == "train":
+        with pytest.raises(SystemExit) as ended:
+            run_alone("train", [str(run), "--machine", MACHINE, "--out", str(tmp_path / "out"), "--json"])
+        printed = capsys.readouterr()
+        line = printed.err
+        assert ended.value.code == 2 and line.count("\n") == 1 and printed.out == ""
+        assert not (tmp_path / "out").exists()
+    else:
+        line = error_line(invoke("evaluate", run, "--model", MACHINE, "--json"))
+    assert "run.csv" in line and all(word in line for word in words), line
+
+
+def test_an_empty_file_is_refused(tmp_path):
+    (tmp_path / "run.csv").write_text("")
+    assert "empty" in error_line(invoke("evaluate", tmp_path / "run.csv", "--model", MACHINE))
+
+
+TARGET_FAULTS = {
+    "missing column": (lambda f: f.drop(columns="y_cmd"), ["y_cmd", "missing"]),
+    "text": (lambda f: change_target(f, 5, x_cmd="abc"), ["row 7", "x_cmd", "'abc'"]),
+    "nan": (lambda f: change_target(f, 5, x_cmd="nan"), ["row 7", "x_cmd"]),
+    "unreachable": (lambda f: change_target(change_target(f, 5, x_cmd="900"), 7, y_cmd="-900"), ["lines 7, 9"]),
+    "metres": (lambda f: in_metres(f, ["x_cmd", "y_cmd", "z_cmd"]), ["metres"]),
+    "no rows": (lambda f: f[:0], ["no rows"]),
+}
+
+
+@pytest.mark.parametrize("fault", TARGET_FAULTS)
+def test_bad_targets_are_refused_with_one_clear_line(fault, target_frame, tmp_path):
+    spoil, words = TARGET_FAULTS[fault]
+    targets = write(tmp_path / "targets.csv", spoil(target_frame))
+    line = error_line(invoke("predict", targets, "--model", MACHINE, "--out", tmp_path / "out.csv"))
+    assert "targets.csv" in line and all(word in line for word in words), line
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_person_who_states_the_unit_is_believed(target_frame, tmp_path):
+    targets = write(tmp_path / "t.csv", in_metres(target_frame, ["x_cmd", "y_cmd", "z_cmd"]))
+    answers = tmp_path / "map.toml"
+    answers.write_text('[units]\nx_cmd = "mm"\ny_cmd = "mm"\nz_cmd = "mm"\n')
+    result = invoke("predict", targets, "--model", MACHINE, "--out", tmp_path / "o.csv", "--map", answers)
+    assert result.exit_code == 0, result.stderr
+
+
+def test_out_of_travel_is_a_status_not_an_error(target_frame, tmp_path):
+    targets = write(tmp_path / "t.csv", change_target(target_frame, 5, z_cmd="140"))
+    result = invoke("predict", targets, "--model", MACHINE, "--out", tmp_path / "o.csv", "--json")
+    assert json.loads(result.stdout)["status"] == {"ok": 39, "out of travel": 1, "near singular": 0}
+    assert pd.read_csv(tmp_path / "o.csv")["status"].tolist().index("out of travel") == 5
+    assert "rows 7" in result.stderr
+
+
+def test_one_target_can_be_predicted(target_frame, tmp_path):
+    targets = write(tmp_path / "t.csv", target_frame[:1])
+    assert invoke("predict", targets, "--model", MACHINE, "--out", tmp_path / "o.csv").exit_code == 0
+    assert len(pd.read_csv(tmp_path / "o.csv")) == 1
+
+
+def test_simulate_refuses_sliders_made_for_other_targets(target_frame, tmp_path):
+    sliders = tmp_path / "s.csv"
+    assert invoke("predict", DATA / "targets_unseen.csv", "--model", MACHINE, "--out", sliders).exit_code == 0
+    rig = DATA / "rigs" / "experiment1.toml"
+    shorter = write(tmp_path / "t.csv", target_frame)
+    line = error_line(invoke("simulate", rig, shorter, "--sliders", sliders, "--out", tmp_path / "r.csv"))
+    assert "s.csv" in line and "40 targets" in line
+    other = write(tmp_path / "u.csv", pd.read_csv(DATA / "targets.csv")[:150])
+    line = error_line(invoke("simulate", rig, other, "--sliders", sliders, "--out", tmp_path / "r.csv"))
+    assert "another target" in line and not (tmp_path / "r.csv").exists()
+
+
+def test_simulate_writes_run_and_truth(target_frame, tmp_path):
+    targets = write(tmp_path / "t.csv", target_frame)
+    common_args = ["simulate", DATA / "rigs" / "experiment1.toml", targets, "--truth", tmp_path / "truth.csv", "--json"]
+    first = invoke(*common_args, "--out", tmp_path / "a.csv", "--no-noise")
+    data = json.loads(first.stdout)
+    assert data["poses"] == 7 * 40 and data["sliders"] == "controller"
+    run, truth = pd.read_csv(tmp_path / "a.csv"), pd.read_csv(tmp_path / "truth.csv")
+    assert len(run) == len(truth) == data["rows"]
+    assert np.isfinite(truth[["x_true", "y_true", "z_true", "b1_true"]].to_numpy()).all()
+    invoke(*common_args, "--out", tmp_path / "b.csv", "--no-noise")
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def test_dexterity_reads_both_families(tmp_path):
+    bench = json.loads(invoke("dexterity", MACHINE, "--targets", DATA / "targets.csv", "--json").stdout)
+    assert bench["home"]["condition"] == pytest.approx(4.0) and len(bench["targets"]) == 180
+    assert bench["home"]["determinant"] == pytest.approx(1 / bench["home"]["manipulability"])
+    arm = json.loads(invoke("dexterity", DATA / "machines" / "kuka_iiwa.toml", "--json").stdout)
+    assert arm["kind"] == "serial" and arm["workspace"]["condition"]["least"] >= 1.0
+    assert "inverse singularity" in invoke("dexterity", MACHINE).stdout

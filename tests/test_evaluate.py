@@ -1,0 +1,136 @@
+"""Error reduction: matching, frames, z datum, and the figures of eq. 21."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ptt.commands.main import app
+from ptt.errors import TableError
+from ptt.evaluate import compare_errors, errors_of, evaluate_pair, match_rows
+from ptt.machine import load_machine
+from ptt.table import make_table, write_table
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+RANDOM = np.random.default_rng(5)
+PLACES = np.column_stack([60 * np.cos(np.arange(40)), 60 * np.sin(np.arange(40)), np.arange(40.0)])
+NAMES = np.array([f"p{number}" for number in range(40)])
+
+
+def run(error, places=PLACES, **columns):
+    return make_table(places, measured=places + error, **columns)
+
+
+def turned(table, angle=0.02, shift=(5.0, -3.0, 2.0)):
+    """The same readings in a tracker's frame."""
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+    return table.replace(measured=table.measured @ turn.T + np.array(shift))
+
+
+def test_the_figures_are_those_of_equation_21():
+    before = np.tile([[0.2, -0.1, 0.05], [-0.4, 0.3, 0.15]], (3, 1))
+    data = compare_errors(before, before * [0.05, 0.10, 0.21])
+    x, y, z = data["axes"].values()
+    assert x["before_um"] == pytest.approx(300.0) and x["after_um"] == pytest.approx(15.0)
+    assert [axis["reduction_percent"] for axis in (x, y, z)] == pytest.approx([95.0, 90.0, 79.0])
+    assert [axis["goal_percent"] for axis in (x, y, z)] == [90.0, 90.0, 80.0]
+    assert [x["goal_met"], z["goal_met"]] == [True, False]
+    assert data["total"]["before_um"] == pytest.approx(np.hypot(np.hypot(300, 200), 100))
+
+
+def test_no_error_before_has_no_reduction():
+    figures = compare_errors(np.zeros((4, 3)), np.ones((4, 3)))["axes"]["x"]
+    assert figures["reduction_percent"] is None and not figures["goal_met"]
+
+
+def test_rows_are_matched_by_name_in_any_order_and_the_rest_is_listed():
+    order = RANDOM.permutation(40)[:35]
+    before, after = run(0.1, name=NAMES), run(0.0, PLACES[order], name=NAMES[order])
+    first, second, unmatched = match_rows(before, after, np.ones(40, dtype=bool), np.ones(35, dtype=bool))
+    np.testing.assert_array_equal(order[second], first)
+    assert len(unmatched["before"]) == 5 and unmatched["after"] == []
+    assert all(name in " ".join(unmatched["before"]) for name in set(NAMES) - set(NAMES[order]))
+
+
+def test_repeats_are_matched_by_their_order_and_poses_without_names_by_target():
+    twice = np.concatenate([PLACES, PLACES])
+    first, second, unmatched = match_rows(run(0.0, twice), run(0.0, twice[:50]), np.full(80, True), np.full(50, True))
+    np.testing.assert_array_equal(first, second)
+    assert len(first) == 50 and len(unmatched["before"]) == 30
+
+
+def test_the_same_name_at_another_target_is_no_match():
+    other = PLACES.copy()
+    other[7] += 1.0
+    usable = np.full(40, True)
+    _, _, unmatched = match_rows(run(0.0, name=NAMES), run(0.0, other, name=NAMES), usable, usable)
+    assert [text.split()[-1] for text in unmatched["before"] + unmatched["after"]] == ["p7", "p7"]
+
+
+def test_runs_without_a_pose_in_common_are_refused():
+    with pytest.raises(TableError, match="no pose in common"):
+        evaluate_pair(run(0.1), run(0.1, PLACES + 500.0))
+
+
+def test_a_fitted_frame_is_taken_from_each_run_alike():
+    noise = 1e-3 * RANDOM.normal(size=PLACES.shape)
+    before, after = turned(run(0.02 * noise * 1e3)), turned(run(noise), 0.05, (1.0, 2.0, 3.0))
+    data = evaluate_pair(before, after).to_dict()
+    assert data["axes"]["x"]["after_um"] < 2.0 and data["unaligned"]["axes"]["x"]["after_um"] > 500.0
+    assert data["protocol"]["frame"].startswith("fitted") and data["protocol"]["measured"] is True
+
+
+def test_a_trusted_frame_takes_nothing_away():
+    data = evaluate_pair(run(0.2), run(0.01), frame="trusted").to_dict()
+    assert data["axes"] == data["unaligned"]["axes"]
+    assert data["axes"]["z"]["reduction_percent"] == pytest.approx(95.0)
+    assert evaluate_pair(run(0.2), run(0.01)).to_dict()["axes"]["z"]["before_um"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_z_from_the_first_point_hides_a_constant_error_in_both_runs():
+    data = evaluate_pair(run([0.0, 0.0, 0.3]), run([0.0, 0.0, 0.2]), frame="trusted", z_datum="first").to_dict()
+    assert data["axes"]["z"]["before_um"] == pytest.approx(0.0, abs=1e-9)
+    assert data["protocol"]["z_datum"] == "first"
+    kept = evaluate_pair(run([0.0, 0.0, 0.3]), run([0.0, 0.0, 0.2]), frame="trusted").to_dict()
+    assert kept["axes"]["z"]["before_um"] == pytest.approx(300.0)
+
+
+def test_too_few_poses_cannot_find_a_frame():
+    with pytest.raises(TableError, match="too few poses"):
+        errors_of(run(0.1, PLACES[:3]), None)
+
+
+def test_a_measured_frame_comes_from_the_base_reflectors():
+    file = load_machine(DATA / "machine.toml")
+    points = np.array([point.xyz_mm for point in file.tracker.base_point])
+    names = np.array([point.name for point in file.tracker.base_point])
+    role = np.array(["base"] * len(points) + ["pose"] * 40)
+    table = make_table(
+        np.concatenate([np.full((len(points), 3), np.nan), PLACES]),
+        measured=np.concatenate([points, PLACES + np.array([0.1, 0.2, 0.3])]),
+        name=np.concatenate([names, NAMES]), role=role,
+    )  # fmt: skip
+    found = errors_of(turned(table), file)
+    poses = found.aligned[role == "pose"]
+    np.testing.assert_allclose(poses, np.tile([0.1, 0.2, 0.3], (40, 1)), atol=1e-6)
+    assert np.isnan(found.aligned[role == "base"]).all()
+
+
+def test_the_command_prints_the_documented_keys(tmp_path):
+    write_table(run(0.2, name=NAMES), tmp_path / "b.csv")
+    write_table(run(0.01, PLACES[:30], name=NAMES[:30]), tmp_path / "a.csv")
+    args = ["evaluate", str(tmp_path / "b.csv"), str(tmp_path / "a.csv"), "--frame", "trusted"]
+    data = json.loads(CliRunner().invoke(app, [*args, "--json"]).stdout)
+    assert set(data["axes"]["x"]) == {"before_um", "after_um", "reduction_percent", "goal_percent", "goal_met"}
+    assert {"axes", "total", "protocol", "unaligned", "noise_um", "unmatched"} <= set(data)
+    assert data["protocol"]["rows"] == 30 and len(data["unmatched"]["before"]) == 10
+    text = CliRunner().invoke(app, args).stdout
+    assert "goal 80 met" in text and "without counterpart in before" in text and "without frame alignment" in text
+
+
+def test_one_run_needs_a_model(tmp_path):
+    write_table(run(0.2, name=NAMES), tmp_path / "b.csv")
+    result = CliRunner().invoke(app, ["evaluate", str(tmp_path / "b.csv")])
+    assert result.exit_code == 2 and "--model" in result.stderr
