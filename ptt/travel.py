@@ -1,10 +1,12 @@
 """Travel: from which side each joint arrives, where it turned on the way, and how fast it was."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from scipy.interpolate import CubicSpline
 from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
 
 STANDSTILL = 1e-6  # mm or rad: less than this is no move
 OVERTRAVEL = 1.0  # mm or rad: how far past a pose an arrival that the table states, but the rows do not show, began
+SMOOTH = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
+SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
 TRANSIT_STEPS = 12  # points along a straight tool move at which the joints are looked at
 
 
@@ -128,19 +132,33 @@ def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) ->
 
 
 def _velocity(q: np.ndarray, p: np.ndarray, starts: np.ndarray, table: "Table") -> np.ndarray:
-    """Mean of the velocities of arrival and departure; along a smooth path this is the central difference."""
-    moved = np.diff(q, axis=0)
+    """Velocity at each row: along smooth stretches that of a cubic spline, at corners the mean of both sides."""
+    moved = np.diff(p, axis=0)
+    length = np.linalg.norm(moved, axis=1)
     if table.feed_mm_s is not None and np.nanmax(table.feed_mm_s) > 0:
-        length = np.linalg.norm(np.diff(p, axis=0), axis=1)
-        feed = np.asarray(table.feed_mm_s, dtype=float)
-        rate = np.divide(moved * feed[1:, None], length[:, None], out=np.zeros_like(moved), where=length[:, None] > 1e-9)
+        feed = np.asarray(table.feed_mm_s, dtype=float)[1:]
+        lasts = np.divide(length, feed, out=np.zeros_like(length), where=feed > 0)
     elif table.time_s is not None:
         lasts = np.diff(np.asarray(table.time_s, dtype=float))
-        rate = np.divide(moved, lasts[:, None], out=np.zeros_like(moved), where=lasts[:, None] > 1e-9)
     else:
         return np.zeros_like(q)
-    rate[starts[1:]] = 0.0
-    arrival = np.concatenate([np.full((1, q.shape[1]), np.nan), np.where(starts[1:, None], np.nan, rate)])
-    departure = np.concatenate([np.where(starts[1:, None], np.nan, rate), np.full((1, q.shape[1]), np.nan)])
-    count = np.isfinite(arrival).astype(float) + np.isfinite(departure)
-    return (np.nan_to_num(arrival) + np.nan_to_num(departure)) / np.maximum(count, 1.0)
+    sound = (lasts > 1e-9) & ~starts[1:]
+    ends = np.flatnonzero(_corners(moved, length, lasts, sound))
+    total, sides = np.zeros_like(q), np.zeros(len(q))
+    for first, last in pairwise(ends):
+        if sound[first:last].all():
+            rows = np.arange(first, last + 1)
+            clock = np.concatenate([[0.0], np.cumsum(lasts[first:last])])
+            smooth = len(rows) > 3
+            total[rows] += CubicSpline(clock, q[rows])(clock, 1) if smooth else np.gradient(q[rows], clock, axis=0)
+            sides[rows] += 1
+    return total / np.maximum(sides, 1.0)[:, None]
+
+
+def _corners(moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray) -> np.ndarray:
+    """Rows at which the tool turns sharply, changes its speed or stands, (n,) bool; the first and last row are."""
+    rate = length / np.where(sound, lasts, np.inf)
+    unit = moved / np.maximum(length, 1e-9)[:, None]
+    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < SMOOTH
+    change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
+    return np.concatenate([[True], bend | change | ~sound[1:] | ~sound[:-1], [True]])

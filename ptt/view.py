@@ -91,19 +91,19 @@ class View:
         return replace(self, q=self.q if q is None else q, p=self.p if p is None else p)
 
     def load(self) -> Tensor:
-        """Weight that the payload adds, as the force it puts on the tool.
+        """Weight of platform and payload, as the force on the tool; without their mass in the drawing, the payload's.
 
         Returns:
             (n, 3) N.
         """
         zero = torch.zeros_like(self.payload)
-        return torch.stack([zero, zero, -GRAVITY * self.payload], dim=-1)
+        return torch.stack([zero, zero, -GRAVITY * (self.payload + self.platform_mass)], dim=-1)
 
     def axis_force(self) -> Tensor:
-        """Force or torque that each axis carries because of the payload, measured where a sensor says so.
+        """Force or torque that each axis carries because of platform and payload, measured where a sensor says so.
 
         Returns:
-            (n, k) N (sliders) or N mm (joints): (dp/dq)^T F by virtual work, F = payload x g.
+            (n, k) N (sliders) or N mm (joints): (dp/dq)^T F by virtual work, F = (platform + payload) x g.
         """
         if self.torque is not None:
             return self.torque

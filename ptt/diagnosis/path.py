@@ -6,23 +6,20 @@ from dataclasses import dataclass
 from ptt.diagnosis.design import present_candidates
 from ptt.diagnosis.prices import in_order_of_worth, price
 from ptt.diagnosis.screen import SIMPLE, Finding, significant
-from ptt.diagnosis.wander import Wander
-from ptt.diagnosis.walker import Progress, State, Walker
-from ptt.effects import Library
+from ptt.diagnosis.walker import State, Walker
 from ptt.fit import FitResult
 from ptt.model import Model
-from ptt.noise import Noise
-from ptt.problem import Problem
 
 LEADING = 6  # candidates, at most, that are refitted exactly before one is picked
 ABREAST = 0.02  # share of the leader's gain within which the linear screen does not decide
 CLOSE = 10.0  # difference in chi-squared, tolls counted, below which two models cannot be told apart
 NONLINEAR = 0.003  # share of an effect's worth by which the linear cost of a swap may be off
 TIE = 3.0  # difference in chi-squared that counts as none where it saves parameters
+GOOD_PART = 0.4  # share of what is left beyond noise that a step next to an unknown fault has to take
 GAIN = 1.0  # chi-squared that a change has to gain
 MENDS = 3  # swaps and removals that are refitted exactly in one round
 MOST_ALTERNATIVES = 4
-STEPS = 8
+STEPS = 12
 ROUNDS = 6
 
 
@@ -50,36 +47,22 @@ class Path:
         return self.states[-1] if self.states else self.start
 
 
-def walk(
-    model: Model,
-    problem: Problem,
-    known: Library,
-    noise: Noise,
-    *,
-    wander: Wander | None = None,
-    steps: int = STEPS,
-    progress: Progress | None = None,
-) -> Path:
+def walk(walker: Walker, model: Model, *, steps: int = STEPS) -> Path:
     """Find what is missing.
 
     A flexible effect fits a part of nearly everything, so where several effects are missing it is easily taken first
     and stands in for others. Where it was, a second walk takes the simple effects first; the better end counts.
 
     Args:
+        walker: fits and screens models of one problem.
         model: the model as given.
-        problem: the readings.
-        known: effects by name.
-        noise: the noise floor.
-        wander: its memory, if it has one.
         steps: how many effects may be added.
-        progress: told what is being fitted.
 
     Returns:
         The path; empty where nothing is missing or nothing fits.
     """
-    walker = Walker(problem, known, noise, wander, progress)
     start = walker.look(model)
-    _, untestable = present_candidates(start.fitted, problem, known)
+    _, untestable = present_candidates(start.fitted, walker.problem, walker.known)
     given = frozenset(model.keys)
     end = _settle(walker, start, given, steps)
     added = [key for key in end.fitted.model.keys if key not in given]
@@ -89,6 +72,38 @@ def walk(
         if _cost(walker, other, end) < _cost(walker, end, end) - GAIN:
             end = other
     return _retrace(walker, start, end, given, untestable)
+
+
+def walk_plainly(path: Path, walker: Walker, given: frozenset[str], steps: int = STEPS) -> Path:
+    """The beginning of a path that can be trusted where something unknown is missing.
+
+    Flexible effects, and many small ones, imitate what no effect describes and blur its trace. So only simple effects
+    are taken, as long as each takes a good part of what was left.
+
+    Args:
+        path: the whole path, for its start.
+        walker: that walked it.
+        given: effects that were there before.
+        steps: how many effects may be added.
+
+    Returns:
+        The short path.
+    """
+    state = path.start
+    for _ in range(steps):
+        better = _add_best(walker, state, lambda finding: len(finding.trial.columns) <= SIMPLE)
+        if better is None:
+            break
+        before, after = (_excess(walker, item) for item in (state, better))
+        if after > (1.0 - GOOD_PART) * before:
+            break
+        state = better
+    return _retrace(walker, path.start, state, given, path.untestable)
+
+
+def _excess(walker: Walker, state: State) -> float:
+    """Sum of squares beyond what noise alone would leave, in noise units."""
+    return max(walker.misfit(state) - state.screened.count, 0.0)
 
 
 def _settle(

@@ -10,6 +10,7 @@ from ptt.dependence import Dependence, dependence_of
 from ptt.diagnosis.wander import Wander, take_off
 from ptt.fit import FitResult
 from ptt.holdout import BLOCKS, blocks
+from ptt.model import linearise
 from ptt.noise import Noise, noise_from_repeats
 from ptt.problem import Problem
 
@@ -40,36 +41,52 @@ class Rest:
 
 
 def look_for_rest(
-    fitted: FitResult, problem: Problem, noise: Noise, *, wander: Wander | None = None, seed: int = 0
+    fitted: FitResult,
+    problem: Problem,
+    noise: Noise,
+    gross: np.ndarray,
+    *,
+    wander: Wander | None = None,
+    seed: int = 0,
 ) -> Rest:
     """Test the residual against repeats, against position, and against every context variable.
 
     Args:
         fitted: the model at the end of its path.
-        problem: the readings, gross errors masked.
+        problem: the readings.
         noise: the noise floor.
+        gross: rows held for gross errors, (n,) bool.
         wander: its memory; what it foretells is no rest.
         seed: of the permutations.
 
     Returns:
         The rest.
     """
-    residual = np.where((problem.used & ~fitted.outliers)[:, None], fitted.residual, np.nan)
+    whole = np.where(problem.used[:, None], fitted.residual, np.nan)
+    residual = np.where(gross[:, None], np.nan, whole)
     if wander is not None:
         residual = take_off(residual, wander, problem, np.isfinite(residual).all(axis=1))
     lack = _lack_of_fit(problem, residual, fitted.rank)
     field = _field(fitted, problem, residual)
-    depends = dependence_of(problem.with_noise(noise), residual, seed=seed)
+    # Rows that a fit takes for gross errors may be the local damage that is looked for, so here they are asked too.
+    asked = whole if wander is None else residual
+    depends = dependence_of(problem.with_noise(noise), asked, slopes=_slopes(fitted, problem), seed=seed)
+    if wander is not None:  # what is left of a slow wander is no more news than the wander
+        depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []
     if lack is not None and lack < CHANCE_LACK:
         reasons.append(f"the rest is larger than repeats scatter (p = {lack:.1g})")
     if field < CHANCE_FIELD:
         reasons.append(f"a network over position predicts held-out rests (p = {field:.1g})")
-    if wander is not None:  # what is left of a slow wander is no more news than the wander
-        depends = tuple(item for item in depends if item.on not in ("time", "run"))
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
     reasons += [f"{item.residual} depends on {item.on} (p = {item.p_value:.1g})" for item in strong[:3]]
     return Rest(lack, field, depends, bool(reasons), tuple(reasons))
+
+
+def _slopes(fitted: FitResult, problem: Problem) -> np.ndarray | None:
+    """Derivatives by what was fitted: an error that is missing bends them, and that bend is taken out again."""
+    terms = [(term.effect, term.theta) for term in fitted.model.terms]
+    return linearise(terms, problem.view).jacobian.numpy() if terms else None
 
 
 def _lack_of_fit(problem: Problem, residual: np.ndarray, rank: int) -> float | None:

@@ -6,11 +6,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.dependence import Dependence
-from ptt.diagnosis.path import Path, walk
+from ptt.diagnosis.path import Path, walk, walk_plainly
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.saturated import confirm_noise, noise_floor, saturated_rest
 from ptt.diagnosis.screen import Finding, significant
-from ptt.diagnosis.walker import Progress, State
+from ptt.diagnosis.walker import Progress, State, Walker
 from ptt.diagnosis.wander import Wander, find_wander
 from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
@@ -22,7 +22,7 @@ from ptt.problem import Problem
 from ptt.sums import project, solve
 
 Verdict = Literal["missing", "nothing-missing", "unknown"]
-STEPS = 8
+STEPS = 12
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 OFF = 1.15  # noise floors further apart than this are worth a second walk
 
@@ -152,17 +152,21 @@ def diagnose(
     tell = progress or (lambda what: None)
     tell("noise")
     noise = noise_floor(model, problem, known)
-    path = walk(model, problem, known, noise, steps=steps, progress=progress)
+    walker = Walker(problem, known, noise, None, progress)
+    path = walk(walker, model, steps=steps)
     again = confirm_noise(problem, path.end.design, noise)
     wander = find_wander(problem, saturated_rest(path.start.design)) if path.added else None
     if wander is not None or max(noise.total / again.total, again.total / noise.total) > OFF:
         # A knock or a large error had hidden the noise, or it has a memory: judged by what it really is, walk again.
         noise = again
-        path = walk(model, problem, known, noise, wander=wander, steps=steps, progress=progress)
+        walker = Walker(problem, known, noise, wander, progress)
+        path = walk(walker, model, steps=steps)
     tell("rest")
+    rest = _rest(path, walker, seed)
+    if rest.significant and path.added:
+        path, rest = _plainer(path, rest, walker, frozenset(model.keys), seed)
     gross = problem.used & ~path.end.design.rows
     clean = problem.masked(gross)
-    rest = look_for_rest(path.end.fitted, clean, noise, wander=wander, seed=seed)
     if rest.significant:
         verdict: Verdict = "unknown"
     else:
@@ -177,6 +181,18 @@ def diagnose(
         verdict, suggested, found, path.untestable, rest, (), noise, wander, errors, int(clean.used.sum()), gross, path, ""
     )
     return replace(result, words=explain_verdict(result), measure_next=_measure_next(suggested, known))
+
+
+def _rest(path: Path, walker: Walker, seed: int) -> Rest:
+    gross = walker.problem.used & ~path.end.design.rows
+    return look_for_rest(path.end.fitted, walker.problem, walker.noise, gross, wander=walker.wander, seed=seed)
+
+
+def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed: int) -> tuple[Path, Rest]:
+    """Where something unknown is missing: the steps that help beyond doubt, and what the rest then depends on."""
+    short = walk_plainly(path, walker, given)
+    clear = _rest(short, walker, seed)
+    return (short, clear) if clear.depends_on or not rest.depends_on else (path, rest)
 
 
 def _candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, ...]:

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
+from ptt.mechanisms.sensitivity import sensitivity
 from ptt.view import View
 
 
@@ -47,9 +48,5 @@ class FrameGrowth(Effect):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Tool shift per unit strain of radius and links, times warmth; first order, which leaves out nanometres."""
-        directions = view.growth  # shape: (2, G)
-        shifts = [
-            torch.func.jvp(lambda g: view.mechanism.forward(view.q, g), (torch.zeros_like(row)[None],), (row[None],))[1]
-            for row in directions
-        ]
-        return view.warmth[:, None, None] * torch.stack(shifts, dim=-1)
+        _, _, by_slot = sensitivity(view.mechanism, view.q, torch.zeros_like(view.growth[:1]))
+        return view.warmth[:, None, None] * (by_slot @ view.growth.T)
