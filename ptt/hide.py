@@ -1,0 +1,81 @@
+"""Faults put into a rig by name, and taken out again."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from ptt.errors import InputError
+from ptt.rig import Rig
+from ptt.rig.draw import DrawnRig
+from ptt.rig.draw_faults import KNOWN, UNKNOWN
+from ptt.rig.nominal import draw_machine
+from ptt.rig.schema import Odd
+
+FAULTS = {fault.name: fault for fault in (*KNOWN, *UNKNOWN)}
+_ODD: TypeAdapter[Any] = TypeAdapter(Odd)
+
+
+def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int) -> DrawnRig:
+    """Hide faults of random size in a rig, whether or not its run is the best one to see them.
+
+    Args:
+        drawn: the rig, its targets, and what is hidden already.
+        names: faults of `ptt.rig.draw.fault_names`, effects of the library or not.
+        seed: of the sizes.
+
+    Returns:
+        The rig with these faults, too.
+
+    Raises:
+        InputError: an unknown fault, or one that is hidden already.
+    """
+    random = np.random.default_rng([seed, 51])
+    rig, truth = drawn.rig, dict(drawn.truth)
+    for name in names:
+        if name not in FAULTS or name in truth:
+            raise InputError(f"fault '{name}' is not known or hidden already", fix=f"use others of {', '.join(FAULTS)}")
+        values = FAULTS[name].draw(random, draw_machine(rig.spec), rig.spec)
+        truth[name] = values
+        rig = _put(rig, FAULTS[name].section, _settle(values, len(drawn.targets) * rig.conditions.cycles))
+    return replace(drawn, rig=rig, truth=truth)
+
+
+def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> Rig:
+    """Take faults out of a rig.
+
+    Args:
+        rig: with faults.
+        truth: name of the fault -> keys and values in the rig.
+        names: which of them to take out.
+
+    Returns:
+        The rig without them.
+    """
+    for name in names:
+        section = FAULTS[name].section
+        if section == "odd":
+            rig = replace(rig, odd=tuple(item for item in rig.odd if item.kind != truth[name]["kind"]))
+            continue
+        present = getattr(rig, section)
+        update = {key: type(present).model_fields[key].default for key in _settle(truth[name], 0)}
+        rig = replace(rig, **{section: present.model_copy(update=update)})
+    return rig
+
+
+def _put(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:
+    if section == "odd":
+        return replace(rig, odd=(*rig.odd, _ODD.validate_python(values)))
+    present = getattr(rig, section)
+    joined = {**present.model_dump(exclude_defaults=True), **values}
+    return replace(rig, **{section: type(present).model_validate(joined)})
+
+
+def _settle(values: Mapping[str, Any], rows: int) -> dict[str, Any]:
+    """A knock is drawn at a share of the run and happens at a row."""
+    settled = dict(values)
+    if "knock_share" in settled:
+        settled["knock_row"] = int(settled.pop("knock_share") * rows)
+    return settled

@@ -1,0 +1,361 @@
+"""Challenges: the same seed gives the same bytes, the seal holds, and scores follow the truth."""
+
+import json
+import runpy
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from ptt.challenge import LEVELS, bench, draw_level, new_challenge, open_challenge, seal, unseal
+from ptt.commands.challenge import app
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.effects.registry import make_effect
+from ptt.errors import InputError
+from ptt.fit import fit
+from ptt.hide import FAULTS, clear_faults, hide_faults
+from ptt.machine import load_machine, save_machine
+from ptt.model import Model, Term, write_model
+from ptt.problem import build_problem
+from ptt.rig import simulate
+from ptt.rig.draw import draw_rig
+from ptt.score import judge, remeasure, score
+from ptt.table import read_table
+from ptt.truth import MICRO, find_truth, off_frame, reading_noise, rms_length, table_of
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+KNOWN = library()
+FILES = ("machine.toml", "run.csv", "targets.csv", "sealed.json")
+
+
+def drawn_with(*names: str, seed: int = 1, protocol="volume", rows: int = 160):
+    return hide_faults(draw_rig("none", seed, bench(), protocol, rows=rows), names, seed)
+
+
+def fitted(drawn, *names: str) -> Model:
+    model = Model(bench())
+    for name in names:
+        model = model + make_effect(KNOWN, name)
+    return fit(model, build_problem(bench(), table_of(simulate(drawn.rig, drawn.targets).frame))).model
+
+
+# --- new and the seal ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("level", [*LEVELS, "any"])
+def test_the_same_seed_gives_the_same_bytes(level, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        made = new_challenge(tmp_path / name, level, seed=5, rows=60)
+        assert made.rows <= 70
+    for name in FILES:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    other = new_challenge(tmp_path / "c", level, seed=6, rows=60)
+    assert (other.folder / "run.csv").read_bytes() != (tmp_path / "a" / "run.csv").read_bytes()
+
+
+def test_without_a_seed_every_challenge_is_another(tmp_path: Path) -> None:
+    runs = {(new_challenge(tmp_path / str(i), "none", rows=40).folder / "run.csv").read_bytes() for i in range(3)}
+    assert len(runs) == 3
+
+
+def test_any_draws_every_level() -> None:
+    assert {draw_level("any", seed) for seed in range(60)} == set(LEVELS)
+    assert draw_level("single", 3) == "single"
+
+
+def test_nothing_but_the_seal_tells_what_is_hidden(tmp_path: Path) -> None:
+    for seed in range(4):
+        folder = new_challenge(tmp_path / str(seed), "any", seed=seed, rows=60).folder
+        (name, *_) = (*open_challenge(folder).drawn.truth, "backlash")
+        for file in FILES:
+            text = (folder / file).read_text()
+            assert name not in text and FAULTS[name].section not in text.replace("hidden faults", "")
+
+
+def test_the_seal_gives_back_rig_targets_and_truth(tmp_path: Path) -> None:
+    folder = new_challenge(tmp_path / "c", "multi", seed=11, rows=60).folder
+    opened = open_challenge(folder)
+    drawn = draw_rig("multi", 11, bench(), rows=60)
+    assert opened.level == "multi" and opened.drawn.truth == drawn.truth and opened.drawn.protocol == drawn.protocol
+    again = simulate(opened.drawn.rig, opened.drawn.targets).frame
+    run = read_table(folder / "run.csv")
+    np.testing.assert_allclose(again[["x_meas", "y_meas", "z_meas"]], run.measured, atol=5.1e-5)
+    assert unseal(seal(opened.drawn, "multi")).drawn.truth == drawn.truth
+
+
+def test_targets_hold_what_predict_needs_and_no_reading(tmp_path: Path) -> None:
+    folder = new_challenge(tmp_path / "c", "single", seed=0, rows=60).folder
+    run, targets = read_table(folder / "run.csv"), read_table(folder / "targets.csv", purpose="targets")
+    assert np.isnan(targets.measured).all() and targets.command is None
+    np.testing.assert_array_equal(targets.target, run.target)
+    for name in ("payload_kg", "temp_c", "time_s", "feed_mm_s"):
+        np.testing.assert_array_equal(getattr(targets, name), getattr(run, name))
+
+
+@pytest.mark.parametrize("key", ["sealed", "sha256"])
+def test_a_changed_seal_is_refused(key: str, tmp_path: Path) -> None:
+    folder = new_challenge(tmp_path / "c", "single", seed=2, rows=60).folder
+    path = folder / "sealed.json"
+    whole = json.loads(path.read_text())
+    middle = len(whole[key]) // 2
+    swapped = "A" if whole[key][middle] != "A" else "B"
+    whole[key] = whole[key][:middle] + swapped + whole[key][middle + 1 :]
+    path.write_text(json.dumps(whole))
+    with pytest.raises(InputError, match="was changed since it was sealed"):
+        open_challenge(folder)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"sealed": "??", "sha256": ""}', '{"sealed": 3, "sha256": ""}'])
+def test_what_is_no_seal_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="not a sealed challenge"):
+        unseal(text)
+
+
+def test_bad_input_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="level 'hard'"):
+        new_challenge(tmp_path / "a", "hard")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="too few"):
+        new_challenge(tmp_path / "a", "none", rows=5)
+    with pytest.raises(InputError, match="no challenge"):
+        open_challenge(tmp_path)
+    new_challenge(tmp_path / "a", "none", rows=40)
+    with pytest.raises(InputError, match="holds a challenge already"):
+        new_challenge(tmp_path / "a", "none")
+    with pytest.raises(InputError, match="hidden already"):
+        hide_faults(drawn_with("backlash"), ["backlash"], 0)
+
+
+def test_the_bench_is_the_machine_of_the_sample_data() -> None:
+    sample = load_machine(DATA / "machine.toml")
+    assert bench().machine == sample.machine and bench().tracker.sigma_mm == sample.tracker.sigma_mm
+    assert bench().tracker.frame == "fitted" and not bench().tracker.base_point
+
+
+# --- hiding and the truth -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_hidden_fault_shows_and_can_be_taken_out_again(name: str) -> None:
+    protocol = FAULTS[name].protocols[0]
+    plain = draw_rig("none", 4, bench(), protocol, rows=60)
+    faulty = hide_faults(plain, [name], 4)
+    assert set(faulty.truth) == {name}
+    assert faulty.rig != plain.rig
+    assert clear_faults(faulty.rig, faulty.truth, [name]) == plain.rig
+
+
+def test_size_is_what_the_best_rigid_motion_leaves() -> None:
+    drawn = drawn_with("homing-offset", seed=3)
+    (fault,) = find_truth(drawn, KNOWN).faults
+    sound = simulate(clear_faults(drawn.rig, drawn.truth, drawn.truth), drawn.targets, noise=False)
+    went, wanted = simulate(drawn.rig, drawn.targets, noise=False).truth, sound.truth
+    assert fault.counts
+    # A rotation by milliradians is its first order to within 1e-6 of 100 mm.
+    assert fault.size == pytest.approx(rms_length(off_frame(went - wanted, wanted)), rel=1e-3)
+    assert fault.size < rms_length(went - wanted)
+
+
+def test_off_frame_takes_rigid_motions_off_and_nothing_else() -> None:
+    random = np.random.default_rng(0)
+    place = random.uniform(-60, 60, (40, 3))
+    moved = np.cross([1e-4, -2e-4, 3e-4], place) + np.array([0.1, -0.2, 0.3])
+    np.testing.assert_allclose(off_frame(moved, place), 0.0, atol=1e-12)
+    shift = random.normal(size=(40, 3))
+    np.testing.assert_allclose(off_frame(shift + moved, place), off_frame(shift, place), atol=1e-12)
+    assert rms_length(off_frame(shift, place)) > 0.8 * rms_length(shift)
+
+
+def test_reading_noise_is_what_readings_scatter_by() -> None:
+    drawn = draw_rig("none", 2, bench(), "volume", rows=300)
+    frames = [simulate(drawn.rig, drawn.targets, noise=noise).frame for noise in (True, False)]
+    scatter = np.subtract(*(frame[["x_meas", "y_meas", "z_meas"]].to_numpy(float) for frame in frames))
+    noise = reading_noise(drawn.rig, simulate(drawn.rig, drawn.targets, noise=False).truth)
+    assert np.sqrt(np.square(scatter).sum(axis=1).mean()) == pytest.approx(noise.total, rel=0.06)
+    whitened = scatter @ noise.whitener.T
+    assert np.square(whitened).mean() == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_table_of_a_frame_is_the_table_of_its_file(tmp_path: Path) -> None:
+    folder = new_challenge(tmp_path / "c", "single", seed=0, rows=60).folder
+    opened = open_challenge(folder).drawn
+    direct = build_problem(bench(), table_of(simulate(opened.rig, opened.targets).frame))
+    read = build_problem(load_machine(folder / "machine.toml"), read_table(folder / "run.csv"))
+    np.testing.assert_allclose(direct.measured, read.measured, atol=2e-4)
+    assert direct.view.varies == read.view.varies
+    torch.testing.assert_close(direct.view.direction, read.view.direction)
+
+
+# --- judging ------------------------------------------------------------------------------------------------------
+
+
+def test_the_true_names_are_right() -> None:
+    truth = find_truth(drawn_with("backlash", "lead-scale", "tower-tilt"), KNOWN)
+    judgement = judge(("tower-tilt", "backlash", "lead-scale"), truth)
+    assert judgement.right
+    assert set(judgement.named.values()) == {"right"}
+
+
+def test_a_missing_a_wrong_and_a_second_name() -> None:
+    truth = find_truth(drawn_with("backlash"), KNOWN)
+    assert truth.faults[0].counts
+    assert judge((), truth).faults == {"backlash": "missed"} and not judge((), truth).right
+    wrong = judge(("tower-tilt",), truth)
+    assert wrong.faults == {"backlash": "missed"} and wrong.named == {"tower-tilt": "wrong"}
+    extra = judge(("backlash", "once-per-rev"), truth)
+    assert extra.faults == {"backlash": "found"} and extra.named["once-per-rev"] == "wrong" and not extra.right
+    assert judge(("backlash", "backlash[second]"), truth).named["backlash[second]"] == "wrong"
+
+
+def test_nothing_hidden_nothing_named() -> None:
+    truth = find_truth(draw_rig("none", 3, bench(), "volume", rows=80), KNOWN)
+    assert judge((), truth).right
+    assert not judge(("homing-offset",), truth).right
+
+
+def test_a_fault_too_small_to_count_need_not_be_named() -> None:
+    drawn = drawn_with("lead-scale")
+    drive = drawn.rig.drive.model_copy(update={"scale_um_per_m": (1.0, 0.0, 0.0)})
+    small = replace(
+        drawn, rig=replace(drawn.rig, drive=drive), truth={"lead-scale": {"scale_um_per_m": [1.0, 0.0, 0.0]}}
+    )
+    truth = find_truth(small, KNOWN)
+    assert judge((), truth).faults == {"lead-scale": "too small"} and judge((), truth).right
+    assert judge(("lead-scale",), truth).right
+    assert not judge(("backlash",), truth).right
+
+
+def test_exact_ambiguities_are_fair_names() -> None:
+    """A common lead error is tracker scale less links and radius, a common zero being the tracker's z."""
+    drawn = draw_rig("none", 7, bench(), "volume", rows=160)
+    rig = replace(drawn.rig, drive=drawn.rig.drive.model_copy(update={"scale_um_per_m": (500.0,) * 3}))
+    truth = find_truth(replace(drawn, rig=rig, truth={"lead-scale": {"scale_um_per_m": [500.0] * 3}}), KNOWN)
+    assert truth.faults[0].counts
+    judgement = judge(("tracker-scale", "link-length", "tower-position"), truth)
+    assert judgement.faults == {"lead-scale": "explained"} and judgement.right
+    assert "tracker-scale" in judgement.instead["lead-scale"]
+    assert judge(("tracker-scale",), truth).faults == {"lead-scale": "missed"}
+    assert judge(("tracker-drift",), truth).named == {"tracker-drift": "wrong"}
+
+
+def test_a_fault_outside_the_library_makes_helping_effects_partial() -> None:
+    truth = find_truth(drawn_with("roller-period", seed=3), KNOWN)
+    assert not truth.faults[0].known
+    judgement = judge(("screw-error-map",), truth)
+    assert judgement.faults == {"roller-period": "missed"}
+    assert judgement.named["screw-error-map"] in ("partial", "wrong") and not judgement.right
+
+
+# --- reveal -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("protocol", "names"),
+    [
+        ("volume", ("homing-offset", "once-per-rev")),
+        ("payload", ("axis-compliance", "backlash")),
+        ("path", ("windup",)),
+    ],
+)
+def test_the_true_model_scores_full_and_puts_the_tool_where_it_should_be(protocol, names) -> None:
+    drawn = drawn_with(*names, seed=2, protocol=protocol)
+    truth = find_truth(drawn, KNOWN)
+    result = score(fitted(drawn, *names), truth).to_dict()
+    assert result["right"]
+    assert {item["effect"] for item in result["hidden"]} == set(names) and all(
+        item["model"] for item in result["hidden"]
+    )
+    assert result["left_um"] < 0.1 * result["noise_um"]["total"]
+    error = result["tool_error_um"]
+    assert error["before"]["total"] == pytest.approx(_tool_error(drawn), rel=1e-3)
+    assert error["after"]["total"] < 0.3 * min(error["before"]["total"], result["noise_um"]["total"] * 4.0)
+    if len(names) > 1:
+        missing = score(fitted(drawn, truth.hidden[1]), truth).to_dict()
+        assert not missing["right"] and missing["tool_error_um"]["after"]["total"] > 2.0 * error["after"]["total"]
+
+
+def _tool_error(drawn) -> float:
+    run = simulate(drawn.rig, drawn.targets, noise=False)
+    wanted = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)
+    return MICRO * rms_length(off_frame(run.truth - wanted, wanted))
+
+
+def test_the_wrong_model_scores_wrong_and_makes_the_tool_worse() -> None:
+    drawn = drawn_with("backlash", seed=5)
+    wrong = Model(bench()) + Term(
+        make_effect(KNOWN, "homing-offset"), torch.tensor([0.3, -0.2, 0.0], dtype=torch.float64)
+    )
+    result = score(wrong, find_truth(drawn, KNOWN)).to_dict()
+    assert not result["right"]
+    assert result["hidden"][0]["is"] == "missed" and result["hidden"][0]["model"] is None
+    assert [(item["effect"], item["is"]) for item in result["named"]] == [("homing-offset", "wrong")]
+    assert result["tool_error_um"]["after"]["total"] > result["tool_error_um"]["before"]["total"]
+
+
+def test_metrology_is_never_sent_to_the_machine() -> None:
+    drawn = drawn_with("setup-jump", seed=2)
+    tool = remeasure(fitted(drawn, "setup-jump"), drawn).to_dict()
+    assert tool["before"]["total"] < 1e-3 and tool["after"]["total"] < 1e-3
+
+
+def test_commands_that_the_machine_cannot_follow_are_said_to_be_so() -> None:
+    far = Model(bench()) + Term(make_effect(KNOWN, "homing-offset"), torch.full((3,), 300.0, dtype=torch.float64))
+    assert remeasure(far, drawn_with("backlash")).to_dict()["after"] is None
+
+
+def test_reveal_on_the_command_line(tmp_path: Path) -> None:
+    run = CliRunner()
+    made = run.invoke(app, ["new", str(tmp_path / "c"), "--level", "single", "--seed", "3", "--json"])
+    assert made.exit_code == 0, made.output
+    assert json.loads(made.stdout)["level"] == "single" and "seed" not in made.stdout
+    opened = open_challenge(tmp_path / "c").drawn
+    (name,) = opened.truth
+    save_machine(write_model(fitted(opened, name)), tmp_path / "m.toml")
+    shown = run.invoke(app, ["reveal", str(tmp_path / "c"), "--model", str(tmp_path / "m.toml"), "--json"])
+    assert shown.exit_code == 0, shown.output
+    data = json.loads(shown.stdout)
+    assert data["right"] and data["level"] == "single" and data["hidden"][0]["effect"] == name
+    text = run.invoke(app, ["reveal", str(tmp_path / "c"), "--model", str(tmp_path / "m.toml")]).stdout
+    assert text.rstrip().endswith("RIGHT") and "NOT RIGHT" not in text and name in text
+    bare = run.invoke(app, ["reveal", str(tmp_path / "c"), "--model", str(tmp_path / "c" / "machine.toml")]).stdout
+    assert "MISSED" in bare and bare.rstrip().endswith("NOT RIGHT")
+
+
+# --- the loop: diagnose first, look at the truth afterwards -------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [12, 13, 14])
+def test_a_fresh_rig_is_diagnosed_right(seed: int, tmp_path: Path) -> None:
+    folder = new_challenge(tmp_path / "c", "single", seed=seed).folder
+    file = load_machine(folder / "machine.toml")
+    found = diagnose(Model(file), build_problem(file, read_table(folder / "run.csv")))
+    truth = find_truth(open_challenge(folder).drawn, KNOWN)
+    result = score(found.path.end.fitted.model, truth)
+    assert result.judgement.right, (found.suggested, truth.hidden)
+    assert result.tool.to_dict()["after"]["total"] < 1.3 * MICRO * truth.noise.total
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_sound_machine_is_left_alone(seed: int) -> None:
+    drawn = draw_rig("none", seed, bench(), "volume")
+    found = diagnose(Model(bench()), build_problem(bench(), table_of(simulate(drawn.rig, drawn.targets).frame)))
+    assert found.verdict == "nothing-missing" and judge(found.path.added, find_truth(drawn, KNOWN)).right
+
+
+# --- the sample runs ----------------------------------------------------------------------------------------------
+
+
+def test_the_sealed_samples_are_what_their_script_writes(tmp_path: Path) -> None:
+    script = runpy.run_path(str(DATA / "make_sealed.py"))
+    script["main"](tmp_path)
+    for folder, count in (("sealed_one", 1), ("sealed_three", 3)):
+        for name in ("machine.toml", "run.csv", "targets.csv"):
+            assert (tmp_path / folder / name).read_bytes() == (DATA / folder / name).read_bytes()
+        truth = find_truth(open_challenge(DATA / folder).drawn, KNOWN)
+        assert len(truth.faults) == count
+        assert all(fault.size > script["LEAST"] * truth.noise.total for fault in truth.faults)
+    run = read_table(DATA / "sealed_three" / "run.csv")
+    assert np.ptp(run.payload_kg) > 5.0 and np.ptp(run.temp_c) > 8.0
