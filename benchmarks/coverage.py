@@ -16,16 +16,16 @@ import torch
 
 from ptt.effects import library
 from ptt.effects.base import linear_size
-from ptt.fit import FitResult, fit
+from ptt.fit.observability import unobservable
+from ptt.fit.search import usual_sizes
+from ptt.fit.solve import FitResult, fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model import Model
-from ptt.observability import unobservable
 from ptt.problem import Problem, build_problem
 from ptt.rig.draw import draw_rig
 from ptt.rig.nominal import draw_machine
 from ptt.rig.rig import Rig
 from ptt.rig.simulate import RunResult, simulate
-from ptt.search import usual_sizes
 from ptt.table import read_table
 
 WHITE = 0.004  # mm, of one coordinate: white noise, as the standard errors assume

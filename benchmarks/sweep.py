@@ -23,20 +23,20 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 import torch
 
-from ptt.challenge import bench
+from ptt.challenge.challenge import bench
+from ptt.challenge.hide import FAULTS, hide_faults
+from ptt.challenge.score import judge, remeasure
+from ptt.challenge.truth import MICRO, UNSEEN, Truth, find_truth, table_of
 from ptt.diagnosis.design import build_design
 from ptt.diagnosis.path import present_candidates
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects import library
-from ptt.hide import FAULTS, hide_faults
 from ptt.machine import MachineFile
 from ptt.model import Model
 from ptt.problem import build_problem
 from ptt.rig import simulate
 from ptt.rig.draw import PROTOCOLS, DrawnRig, Protocol, draw_rig, fault_names
-from ptt.score import judge, remeasure
 from ptt.sums import gain, project
-from ptt.truth import MICRO, UNSEEN, Truth, find_truth, table_of
 
 ATTEMPTS = 16
 GROUP = 3  # effects in a declared group, at most

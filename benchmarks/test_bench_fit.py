@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 from ptt.effects import library
 from ptt.effects.base import flatten, linear_size
 from ptt.effects.bench import sample_machine
-from ptt.fit import fit
-from ptt.layout import lay_out
+from ptt.fit.layout import lay_out
+from ptt.fit.observability import unobservable
+from ptt.fit.search import open_terms, usual_sizes
+from ptt.fit.solve import fit
 from ptt.model import Model, predict
 from ptt.noise import Noise
-from ptt.observability import unobservable
 from ptt.problem import Problem, apply_frames, build_problem
-from ptt.search import open_terms, usual_sizes
 from ptt.table import make_table
 from ptt.view import build_view
 

@@ -20,11 +20,11 @@ from ptt.files import write_text
 from ptt.holdout import pose_groups
 from ptt.machine import load_machine
 from ptt.model import Model, read_model
-from ptt.plots import mean_by_pose, plot_error_curves, plot_path, plot_reductions
+from ptt.plots.compensation import mean_by_pose, plot_error_curves, plot_path, plot_reductions
 from ptt.problem import Problem, build_problem
 from ptt.rig import Rig, load_rig, simulate, write_run
 from ptt.table import Table, make_table, read_table
-from ptt.training import PROTOCOLS, Protocol, correction_of, fit_physics, learn_rest, sound
+from ptt.training.train import PROTOCOLS, Protocol, correction_of, fit_physics, learn_rest, sound
 
 HERE = Path(__file__).parent
 GEOMETRY = ("homing-offset", "lead-scale", "once-per-rev", "tower-position", "tower-tilt", "link-length", "windup")

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ptt.challenge import bench, write_challenge
+from ptt.challenge.challenge import bench, write_challenge
+from ptt.challenge.hide import hide_faults
+from ptt.challenge.truth import find_truth
 from ptt.effects import library
-from ptt.hide import hide_faults
 from ptt.rig import parse_rig
 from ptt.rig.draw import DrawnRig, draw_rig
 from ptt.rig.draw_faults import KNOWN
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
-from ptt.truth import find_truth
 
 ONE_SEED, THREE_SEED = 33, 544
 LEAST = 3.0  # times the noise of one reading that every fault leaves

@@ -12,7 +12,7 @@ from ptt.errors import InputError
 from ptt.files import sha256, write_text
 from ptt.machine import load_machine, save_machine
 from ptt.model import Model, read_model, write_model
-from ptt.training import Training
+from ptt.training.train import Training
 
 MODEL, NETWORK, NOTES = "model.toml", "rbf.safetensors", "compensator.json"
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from ptt.errors import MachineError
 from ptt.files import sha256
-from ptt.ladder import Ladder, Step
+from ptt.ladder.climb import Ladder, Step
 from ptt.machine import MachineFile
 from ptt.model import Model, write_model
 

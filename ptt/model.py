@@ -458,4 +458,3 @@ def _plain(values: Tensor) -> float | tuple[float, ...]:
 def _plain_flags(values: Tensor) -> bool | tuple[bool, ...]:
     flags = tuple(bool(value) for value in values)
     return flags[0] if len(flags) == 1 else flags
-

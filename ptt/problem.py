@@ -115,7 +115,11 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     policy = file.tracker.frame
     if used.sum() < 4:
         raise TableError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
-    frame = np.asarray(table.run, dtype=int) if policy in ("fitted-per-run", "measured") else np.zeros(table.rows, dtype=int)
+    frame = (
+        np.asarray(table.run, dtype=int)
+        if policy in ("fitted-per-run", "measured")
+        else np.zeros(table.rows, dtype=int)
+    )
     count = int(frame.max()) + 1
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     base = None
@@ -209,12 +213,13 @@ def _from_base(
         mean = np.array([np.median(readings[name], axis=0) for name in seen])
         rotations[index], shifts[index] = align(place, mean)
         near = into_base(mean, np.full(len(mean), index), rotations, shifts)
-        rows += [
-            (place[i], near[i], drawn[name].sigma_mm, len(readings[name]), index) for i, name in enumerate(seen)
-        ]
+        rows += [(place[i], near[i], drawn[name].sigma_mm, len(readings[name]), index) for i, name in enumerate(seen)]
     sigma = np.array([np.hypot(row[2], DEFAULT_SIGMA / np.sqrt(row[3])) for row in rows])
     base = BaseReadings(
-        np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), sigma, np.array([row[4] for row in rows])
+        np.array([row[0] for row in rows]),
+        np.array([row[1] for row in rows]),
+        sigma,
+        np.array([row[4] for row in rows]),
     )
     return rotations, shifts, base
 

@@ -136,7 +136,9 @@ def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray)
     root = directions[:, seen] / np.sqrt(strength[seen])
     cross = root.T @ gram[base]  # shape: (s, P)
     along = root.T @ side[base]
-    return Projected(gram - cross.T @ cross, side - cross.T @ along, max(square - float(along @ along), 0.0), int(seen.sum()))
+    return Projected(
+        gram - cross.T @ cross, side - cross.T @ along, max(square - float(along @ along), 0.0), int(seen.sum())
+    )
 
 
 def gain(projected: Projected, chosen: np.ndarray) -> tuple[float, int]:

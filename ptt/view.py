@@ -125,7 +125,9 @@ def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
     """
     target = torch.as_tensor(table.target, dtype=torch.float64)
     command = None if table.command is None else torch.as_tensor(table.command, dtype=torch.float64)
-    known = torch.zeros_like(target, dtype=torch.bool)[:, :1] if command is None else torch.isfinite(command).all(1, True)
+    known = (
+        torch.zeros_like(target, dtype=torch.bool)[:, :1] if command is None else torch.isfinite(command).all(1, True)
+    )
     wanted = torch.isfinite(target).all(dim=1) & ~known[:, 0]
     blank = torch.full((table.rows, mechanism.joints), torch.nan, dtype=torch.float64)
     q = blank if command is None else command.clone()

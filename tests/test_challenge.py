@@ -10,22 +10,22 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from ptt.challenge import LEVELS, bench, draw_level, new_challenge, open_challenge, seal, unseal
+from ptt.challenge.challenge import LEVELS, bench, draw_level, new_challenge, open_challenge, seal, unseal
+from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
+from ptt.challenge.score import judge, remeasure, score
+from ptt.challenge.truth import MICRO, find_truth, off_frame, reading_noise, rms_length, table_of
 from ptt.commands.challenge import app
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import InputError
-from ptt.fit import fit
-from ptt.hide import FAULTS, clear_faults, hide_faults
+from ptt.fit.solve import fit
 from ptt.machine import load_machine, save_machine
 from ptt.model import Model, Term, write_model
 from ptt.problem import build_problem
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
-from ptt.score import judge, remeasure, score
 from ptt.table import read_table
-from ptt.truth import MICRO, find_truth, off_frame, reading_noise, rms_length, table_of
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 KNOWN = library()

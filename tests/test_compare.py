@@ -12,16 +12,16 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from ptt.commands.main import app, run_alone
-from ptt.compare import AXES, compare_run, figures
-from ptt.compare_text import format_comparison
+from ptt.compare.comparison import AXES, compare_run, figures
+from ptt.compare.text import format_comparison
 from ptt.effects.registry import library, make_effect
 from ptt.machine import parse_machine, save_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model import Model, Term
 from ptt.noise import Noise
-from ptt.plots_common import round_down
-from ptt.plots_compare import plot_comparison
-from ptt.plots_periods import joint_periods
+from ptt.plots.common import round_down
+from ptt.plots.compare import plot_comparison
+from ptt.plots.periods import joint_periods
 from ptt.problem import build_problem
 from ptt.table import make_table, write_table
 

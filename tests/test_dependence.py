@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ptt.chance import gumbel_tail, log_chance, slow_excess
-from ptt.contexts import context_views, joint_residual, level, residual_views
-from ptt.dependence import Dependence, dependence_of, depends_on
+from ptt.dependence.chance import gumbel_tail, log_chance, slow_excess
+from ptt.dependence.contexts import context_views, joint_residual, level, residual_views
+from ptt.dependence.dependence import Dependence, dependence_of, depends_on
+from ptt.dependence.periods import periodogram, refine_frequency, trial_frequencies
+from ptt.dependence.strata import find_poses, whiten
+from ptt.dependence.where import by_level, where_it_fails, worst_region
 from ptt.machine import parse_machine
-from ptt.periods import periodogram, refine_frequency, trial_frequencies
 from ptt.problem import build_problem
-from ptt.strata import find_poses, whiten
 from ptt.table import make_table
-from ptt.where import by_level, where_it_fails, worst_region
 
 SIGMA = 0.005
 ROD, REACH = 300.0, 100.0

@@ -14,18 +14,18 @@ from ptt.effects import library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
 from ptt.errors import MachineError, ModelError, TableError
-from ptt.fit import FitResult, fit, residual_of, rms, unseen_directions
-from ptt.fit_report import format_fit, report_fit
+from ptt.fit.gauss_newton import bounded_step, descend
+from ptt.fit.observability import correlations, unobservable
+from ptt.fit.outliers import inside
+from ptt.fit.report import format_fit, report_fit
+from ptt.fit.search import best_shape
+from ptt.fit.solve import FitResult, fit, residual_of, rms, unseen_directions
 from ptt.frames import rotation
-from ptt.gauss_newton import bounded_step, descend
 from ptt.holdout import BLOCKS, blocks, folds, pose_groups
 from ptt.machine import BasePoint, MachineFile, format_machine, parse_machine
 from ptt.model import Model, Term, predict, read_model, write_model
 from ptt.noise import given_noise, noise_from_repeats, noise_from_std
-from ptt.observability import correlations, unobservable
-from ptt.outliers import inside
 from ptt.problem import Problem, build_problem
-from ptt.search import best_shape
 from ptt.table import Table, make_table
 from ptt.view import build_view
 
@@ -103,7 +103,7 @@ def test_fit_agrees_with_scipy_on_the_same_residual() -> None:
     problem, _ = hidden_backlash(80)
     result = fitted(["homing-offset", "link-length"], problem, robust=False)
     layout, whitener = result.layout, result.noise.whitener
-    from ptt.whitened import build_system
+    from ptt.fit.whitened import build_system
 
     def residual(unknowns: np.ndarray) -> np.ndarray:
         system = build_system(layout, problem, whitener, unknowns)

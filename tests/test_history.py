@@ -12,10 +12,10 @@ from ptt.commands.main import app
 from ptt.errors import MachineError
 from ptt.files import sha256
 from ptt.history import read_entries, record, runs_of
-from ptt.ladder import climb
+from ptt.ladder.climb import climb
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
 from ptt.model import Model
-from ptt.plots_ladder import plot_history, plot_ladder
+from ptt.plots.ladder import plot_history, plot_ladder
 from ptt.problem import Problem
 from ptt.table import write_table
 

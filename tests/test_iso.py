@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from ptt.axis_accuracy import axis_figures
 from ptt.errors import TableError
-from ptt.iso import align_to_targets, is_axis_file, iso_of_poses, read_axis_figures
-from ptt.pose_accuracy import accuracy_and_repeatability, distance_figures, group_rows, pose_report
+from ptt.iso.axis import axis_figures
+from ptt.iso.figures import align_to_targets, is_axis_file, iso_of_poses, read_axis_figures
+from ptt.iso.pose import accuracy_and_repeatability, distance_figures, group_rows, pose_report
 from ptt.table import make_table
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "iso230" / "iso230_points.csv"

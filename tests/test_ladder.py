@@ -8,9 +8,9 @@ import torch
 from test_fit import KNOWN, empty_run, hidden_backlash, machine, measure, term
 
 from ptt.errors import ModelError
-from ptt.fit import fit
-from ptt.ladder import FOLDS, climb, descend
-from ptt.ladder_text import format_ladder, verdicts
+from ptt.fit.solve import fit
+from ptt.ladder.climb import FOLDS, climb, descend
+from ptt.ladder.text import format_ladder, verdicts
 from ptt.model import Model
 from ptt.problem import Problem, build_problem
 from ptt.table import Table

@@ -14,14 +14,14 @@ from ptt.compensator import load_compensator, save_compensator
 from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError, TableError
 from ptt.evaluate import evaluate_pair
-from ptt.heldout import evaluate_heldout
 from ptt.holdout import pose_groups
 from ptt.machine import load_machine
 from ptt.model import read_model
 from ptt.problem import build_problem
 from ptt.rig import load_rig, simulate, write_run
 from ptt.table import make_table, read_table
-from ptt.training import (
+from ptt.training.heldout import evaluate_heldout
+from ptt.training.train import (
     block_protocol,
     correction_of,
     fit_physics,
@@ -121,7 +121,7 @@ def test_a_frame_of_base_reflectors_is_not_bent_toward_the_machines_errors(first
     file, table, problem = first
     given = fit_physics(read_model(file), problem).residual
     assert given[table.role != "base", 0].mean() == pytest.approx(0.595, abs=0.01)  # mm, as the rig really errs
-    assert anchored(problem).frames == 0
+    assert problem.anchored().frames == 0
 
 
 def test_too_few_poses_are_refused(first):

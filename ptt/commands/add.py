@@ -9,7 +9,7 @@ from ptt.commands.common import Also, Effects, Json, Map, ModelPath, Reading, Ru
 
 if TYPE_CHECKING:
     from ptt.commands.common import Opened, Progress
-    from ptt.ladder import Ladder
+    from ptt.ladder.climb import Ladder
     from ptt.problem import Problem
 
 Out = Annotated[Path, typer.Option("--out", metavar="M2.toml", help="Where the new model is written.")]
@@ -35,7 +35,7 @@ def add(
     """Add effects to a model, refit everything jointly, and show the error fall step by step."""
     from ptt.commands.common import open_run, progress
     from ptt.effects.registry import library, make_effect, parse_key
-    from ptt.ladder import climb
+    from ptt.ladder.climb import climb
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
     known = opened.library or library()
@@ -59,9 +59,9 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
     from dataclasses import replace
 
     from ptt.commands.common import show
-    from ptt.fit_report import format_fit
+    from ptt.fit.report import format_fit
     from ptt.history import record
-    from ptt.ladder_text import format_ladder
+    from ptt.ladder.text import format_ladder
     from ptt.machine import save_machine
 
     if opened.compensator.network is not None:
@@ -70,7 +70,7 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
     if out is not None:
         save_machine(record(ladder, verb, opened.files), out)
     if plots is not None:
-        from ptt.plots_ladder import plot_ladder
+        from ptt.plots.ladder import plot_ladder
 
         plot_ladder(ladder, plots / "ladder.png")
     show(ladder.to_dict(), f"{format_ladder(ladder)}\n\n{format_fit(ladder.report)}", json)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from ptt.backlash import BacklashResult
+    from ptt.backlash.measure import BacklashResult
 
 
 def backlash(
@@ -22,8 +22,8 @@ def backlash(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Measure the backlash of each slider, by data length and by scale counts, for each payload."""
-    from ptt.backlash import measure_backlash
-    from ptt.scale import read_scale_log
+    from ptt.backlash.measure import measure_backlash
+    from ptt.backlash.scale import read_scale_log
 
     lead = _lead_of(model) if lead_mm is None and model is not None else lead_mm
     resolution = None if resolution_um is None else 1e-3 * resolution_um

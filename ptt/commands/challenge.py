@@ -38,7 +38,7 @@ def new(
     json: Json = False,
 ) -> None:
     """Draw a machine with hidden faults, measure it, and seal what is wrong with it."""
-    from ptt.challenge import new_challenge
+    from ptt.challenge.challenge import new_challenge
     from ptt.machine import load_machine
 
     file = None if machine is None else load_machine(machine)
@@ -61,12 +61,12 @@ def reveal(
     json: Json = False,
 ) -> None:
     """Open the seal: what was hidden, what the model says, and where its commands put the real tool."""
-    from ptt.challenge import open_challenge
+    from ptt.challenge.challenge import open_challenge
+    from ptt.challenge.score import score
+    from ptt.challenge.truth import find_truth
     from ptt.files import write_text
     from ptt.rig import format_rig
-    from ptt.score import score
-    from ptt.training import correction_of
-    from ptt.truth import find_truth
+    from ptt.training.train import correction_of
 
     library = open_library(Reading(effects=effects, json=json))
     compensator = open_model(model, library)

@@ -9,7 +9,7 @@ it imports nothing heavier than typer, because `ptt --help` imports them all::
         effects: Effects = None, json: Json = False,
     ) -> None:
         '''Compare a run with a model.'''
-        from ptt.compare import compare_run
+        from ptt.compare.comparison import compare_run
 
         opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
         with progress() as tell:

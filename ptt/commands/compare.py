@@ -40,8 +40,8 @@ def compare(
     json: Json = False,
 ) -> None:
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on."""
-    from ptt.compare import compare_run
-    from ptt.compare_text import format_comparison
+    from ptt.compare.comparison import compare_run
+    from ptt.compare.text import format_comparison
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
     aside = opened.compensator.network is not None
@@ -50,7 +50,7 @@ def compare(
     with progress() as tell:
         result = compare_run(opened.model, opened.problem, noise=_noise_of(opened), progress=tell)
         if plots is not None:
-            from ptt.plots_compare import plot_comparison
+            from ptt.plots.compare import plot_comparison
 
             pictures = plot_comparison(result, opened.problem, plots, progress=tell)
     if plots is not None:

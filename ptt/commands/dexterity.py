@@ -39,7 +39,7 @@ def dexterity(
 
 def _plot(file: Any, path: Path) -> None:
     from ptt.mechanisms import build_mechanism
-    from ptt.plots_workspace import plot_workspace_map
+    from ptt.plots.workspace import plot_workspace_map
 
     plot_workspace_map(build_mechanism(file.machine), file.machine, path)
     note(f"picture in {path}")

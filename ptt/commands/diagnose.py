@@ -5,7 +5,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ptt.commands.common import (
-    Also, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets, note, open_run, progress, show,
+    Also,
+    Effects,
+    Json,
+    Map,
+    ModelPath,
+    Reading,
+    Run,
+    Set,
+    Targets,
+    note,
+    open_run,
+    progress,
+    show,
 )  # fmt: skip
 
 if TYPE_CHECKING:

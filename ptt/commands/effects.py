@@ -73,7 +73,7 @@ def _card(what: str, own: list[Path], plot: Path | None, json: bool) -> None:
 
 
 def _draw(effect: "Effect", folder: Path) -> Path:
-    from ptt.plots_effects import plot_effect
+    from ptt.plots.effects import plot_effect
 
     path = folder / f"{effect.key.replace('[', ' ').replace(']', '').replace(' ', '-')}.png"
     plot_effect(effect, path)

@@ -88,8 +88,8 @@ def _measured(
 def _computed(run: Path, model: Path, frame: Frame | None, z_datum: ZDatum, reading: Reading) -> dict[str, Any]:
     """Figures of whole blocks held out, and beside them those of the source paper's random split."""
     from ptt.errors import InputError
-    from ptt.heldout import evaluate_heldout
-    from ptt.training import PROTOCOLS
+    from ptt.training.heldout import evaluate_heldout
+    from ptt.training.train import PROTOCOLS
 
     if frame is not None:
         raise InputError("--frame is for two runs", where="--frame", fix="the machine file's policy counts here")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from ptt.iso import IsoPoses
+    from ptt.iso.figures import IsoPoses
     from ptt.mechanisms.protocol import Mechanism
     from ptt.table import Table
 
@@ -22,7 +22,7 @@ def iso(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Work out ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
-    from ptt.iso import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
+    from ptt.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
     result: IsoAxes | IsoPoses
     if is_axis_file(run):

@@ -50,7 +50,7 @@ def predict(
     """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker."""
     from ptt.compensate import compensate, missing_context
     from ptt.files import write_text
-    from ptt.training import correction_of
+    from ptt.training.train import correction_of
 
     reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
     compensator = open_model(model, open_library(reading))

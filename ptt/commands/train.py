@@ -9,7 +9,7 @@ import typer
 from ptt.commands.common import Also, Effects, Json, Map, Reading, Run, Set, Targets, open_run, progress, show
 
 if TYPE_CHECKING:
-    from ptt.training import Training
+    from ptt.training.train import Training
 
 
 class HoldOut(StrEnum):
@@ -35,8 +35,8 @@ def train(
 ) -> None:
     """Fit the effects of a machine file, train the RBF on what is left, and write both as a compensator folder."""
     from ptt.compensator import save_compensator
-    from ptt.training import PROTOCOLS
-    from ptt.training import train as train_model
+    from ptt.training.train import PROTOCOLS
+    from ptt.training.train import train as train_model
 
     opened = open_run(run, machine, Reading(also, targets, set_, map_, effects, json))
     protocol = PROTOCOLS[hold_out.value](opened.problem)

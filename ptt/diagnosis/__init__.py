@@ -1,0 +1,1 @@
+"""Which physics is missing: screen, path, ties, rest, verdict."""

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
+from ptt.diagnosis.gross import gross_errors
+from ptt.diagnosis.wander import Wander, take_off
 from ptt.effects import Effect, Library
 from ptt.effects.base import linear_size
 from ptt.effects.metrology import TrackerFrame, rigid_basis
-from ptt.fit import FitResult
+from ptt.fit.solve import FitResult
 from ptt.holdout import blocks
 from ptt.model import linearise, signature, trace
-from ptt.diagnosis.gross import gross_errors
-from ptt.diagnosis.wander import Wander, take_off
 from ptt.noise import Noise
 from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.sums import Sums, accumulate, held_out_solutions
@@ -240,7 +240,7 @@ def _with_base(sums: Sums, fitted: FitResult, problem: Problem, frame: np.ndarra
     extra = np.zeros((len(base.place), 3, gram.shape[-1]))
     for index in range(problem.frames):
         here = base.frame == index
-        extra[np.ix_(here, range(3), frame[6 * index : 6 * index + 6])] = rigid[here]
+        extra[np.ix_(here, np.arange(3), frame[6 * index : 6 * index + 6])] = rigid[here]
     joined = accumulate(extra * weight[:, None, None], left * weight[:, None], np.zeros(len(left), dtype=int), 1)
     # Spread evenly: hiding one of b blocks hides a b-th of the base's weight, which the others make up for.
     share = 1.0 / len(count)

@@ -7,7 +7,7 @@ from ptt.diagnosis.design import present_candidates
 from ptt.diagnosis.prices import in_order_of_worth, price
 from ptt.diagnosis.screen import SIMPLE, Finding, significant
 from ptt.diagnosis.walker import State, Walker
-from ptt.fit import FitResult
+from ptt.fit.solve import FitResult
 from ptt.model import Model
 
 LEADING = 6  # candidates, at most, that are refitted exactly before one is picked
@@ -143,9 +143,7 @@ def _add_best(walker: Walker, state: State, allowed: Callable[[Finding], bool]) 
     return walker.look(fitted.model, fitted=fitted)
 
 
-def _mend(
-    walker: Walker, state: State, given: frozenset[str], allowed: Callable[[Finding], bool]
-) -> State | None:
+def _mend(walker: Walker, state: State, given: frozenset[str], allowed: Callable[[Finding], bool]) -> State | None:
     """One improvement by taking a step out or by swapping it for another effect; None where there is none."""
     options: list[tuple[float, int, str, Finding | None]] = []
     for key in (key for key in state.fitted.model.keys if key not in given):

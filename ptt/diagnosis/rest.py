@@ -6,9 +6,9 @@ import numpy as np
 from scipy import stats
 
 from nets import RbfSettings, train_rbf
-from ptt.dependence import Dependence, dependence_of
+from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.wander import Wander, take_off
-from ptt.fit import FitResult
+from ptt.fit.solve import FitResult
 from ptt.holdout import BLOCKS, blocks
 from ptt.model import linearise
 from ptt.noise import Noise, noise_from_repeats

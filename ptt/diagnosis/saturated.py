@@ -9,7 +9,7 @@ from ptt.diagnosis.design import Design, build_design, present_candidates
 from ptt.diagnosis.screen import saturating, screen
 from ptt.effects import Library
 from ptt.errors import TableError
-from ptt.fit import fit
+from ptt.fit.solve import fit
 from ptt.model import Model
 from ptt.noise import DEFAULT_SIGMA, Noise
 from ptt.problem import Problem

@@ -47,7 +47,7 @@ class Screen:
 
     Attributes:
         findings: the candidates in their best shapes, best net gain first.
-        spread: variance that even the saturated model leaves, in noise units; one where that agrees with the noise floor.
+        spread: variance that even the saturated model leaves, in noise units; one where the noise floor agrees.
         freedom: degrees of freedom behind the noise.
         left: sum of squares of the present model in noise units, divided by spread.
         count: coordinates less seen directions of the present model.
@@ -78,19 +78,21 @@ def screen(design: Design) -> Screen:
         took, freedom = gain(projected, trial.columns)
         if trial.effect.key not in best or took > best[trial.effect.key][0]:
             best[trial.effect.key] = (took, freedom, trial)
-    spread, freedom = _spread(design, saturating(design, [item[2] for item in best.values()]))
-    loose = max(count - projected.seen, 1)
+    spread, behind = _spread(design, saturating(design, [item[2] for item in best.values()]))
+    present = projected.left / spread, max(count - projected.seen, 1)
     # What the frame alone leaves is what there was to explain.
     whole = project(gram, side, square, design.frame).left if len(design.frame) else square
     findings = [
-        _find(trial, took / spread, seen, freedom, len(best), took / max(whole, 1e-300), (projected.left / spread, loose))
+        _find(
+            trial, took / spread, seen, freedom, len(best), took / max(whole, 1e-300), (projected.left / spread, loose)
+        )
         for took, seen, trial in best.values()
     ]
     findings.sort(key=lambda finding: -finding.net)
-    return Screen(tuple(findings), spread, freedom, projected.left / spread, count - projected.seen, len(best))
+    return Screen(tuple(findings), spread, behind, present[0], count - projected.seen, len(best))
 
 
-def toll(freedom: int, noise_freedom: float, tests: int) -> float:
+def toll(freedom: float, noise_freedom: float, tests: int) -> float:
     """Reduction of the sum of squares, in noise units, that chance reaches at the false-alarm rate.
 
     Args:
@@ -119,7 +121,9 @@ def _find(
     left, loose = present
     after = max(loose - seen, 1)
     own = max(left - took, 1e-12) / after
-    chance = max(float(stats.f.sf(took / seen, seen, _finite(freedom))), float(stats.f.sf(took / seen / own, seen, after)))
+    chance = max(
+        float(stats.f.sf(took / seen, seen, _finite(freedom))), float(stats.f.sf(took / seen / own, seen, after))
+    )
     least = toll(seen, freedom, tests)
     if chance * tests > FALSE_ALARM:
         least = max(least, took + 1e-9)

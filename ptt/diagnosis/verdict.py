@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ptt.dependence import Dependence
+from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.path import Path, walk, walk_plainly
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.saturated import confirm_noise, noise_floor, saturated_rest
@@ -15,7 +15,7 @@ from ptt.diagnosis.wander import Wander, find_wander
 from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
 from ptt.effects.base import linear_size
-from ptt.fit import rms
+from ptt.fit.solve import rms
 from ptt.model import Model, Term, parameter_names
 from ptt.noise import Noise
 from ptt.problem import Problem
@@ -114,7 +114,9 @@ class Diagnosis:
             "depends_on": [item.to_dict() for item in self.depends_on],
             "measure_next": list(self.measure_next),
             "noise_um": self.noise.to_dict(),
-            "noise_wanders": None if self.wander is None else {"share": self.wander.share, "constant_s": self.wander.constant},
+            "noise_wanders": None
+            if self.wander is None
+            else {"share": self.wander.share, "constant_s": self.wander.constant},
             "rms_um": self.rms_um,
             "rows": self.rows,
             "outlier_rows": [int(row) for row in np.flatnonzero(self.outliers)],
@@ -178,7 +180,19 @@ def diagnose(
     }
     suggested = tuple((key, *others) for key, others in zip(path.added, path.alternatives, strict=True))
     result = Diagnosis(
-        verdict, suggested, found, path.untestable, rest, (), noise, wander, errors, int(clean.used.sum()), gross, path, ""
+        verdict,
+        suggested,
+        found,
+        path.untestable,
+        rest,
+        (),
+        noise,
+        wander,
+        errors,
+        int(clean.used.sum()),
+        gross,
+        path,
+        "",
     )
     return replace(result, words=explain_verdict(result), measure_next=_measure_next(suggested, known))
 
@@ -202,9 +216,9 @@ def _candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, 
     for key, state, others in zip(path.added, path.states, path.alternatives, strict=True):
         steps.append(_step(key, before, state, path.end, others, problem, noise))
         before = state
-    others = [item for item in significant(path.start.screened) if item.trial.effect.key not in path.added]
+    more = [item for item in significant(path.start.screened) if item.trial.effect.key not in path.added]
     held = path.start.design.held_out_rms(path.start.design.base) * 1e3
-    return (*steps, *(_other(finding, path.start, held, problem) for finding in others[:MOST_SHOWN]))
+    return (*steps, *(_other(finding, path.start, held, problem) for finding in more[:MOST_SHOWN]))
 
 
 def _step(

@@ -12,7 +12,7 @@ from ptt.diagnosis.screen import Finding, Screen, screen
 from ptt.diagnosis.wander import Wander, take_off
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
-from ptt.fit import FitResult, fit
+from ptt.fit.solve import FitResult, fit
 from ptt.model import Model, Term
 from ptt.noise import Noise
 from ptt.problem import Problem
@@ -136,4 +136,3 @@ class Walker:
 def hold(state: State, keys: Sequence[str]) -> np.ndarray:
     """Columns of the frame and of some present effects."""
     return np.concatenate([state.design.frame, *(state.design.present[key] for key in keys)]).astype(int)
-

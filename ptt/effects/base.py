@@ -61,7 +61,9 @@ class Parameter:
         """
         if kind == "three-ptt" or not self.axis:
             return self
-        unit = self.unit.replace("mm", "rad").replace("N", "Nmm") if "N" in self.unit else self.unit.replace("mm", "rad")
+        unit = (
+            self.unit.replace("mm", "rad").replace("N", "Nmm") if "N" in self.unit else self.unit.replace("mm", "rad")
+        )
         values = {**self.__dict__, "unit": unit, "axis": False}
         return Parameter(**(values | {"usual": self.usual if self.usual_rad is None else self.usual_rad}))
 
@@ -200,7 +202,7 @@ def shape_of(effect: Effect, theta: Tensor, joints: int) -> dict[str, Tensor]:
     Returns:
         Stem -> values, (size,).
     """
-    parts = torch.split(theta, sizes(effect, joints))
+    parts = torch.split(theta, list(sizes(effect, joints)))
     return {p.stem: part for p, part in zip(effect.parameters, parts, strict=True) if p.role != "linear"}
 
 

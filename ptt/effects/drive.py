@@ -56,8 +56,20 @@ class ScrewErrorMap(Effect):
     name: ClassVar[str] = "screw-error-map"
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("curve", "mm", 0.02, "height of parabola, cubic, ... along the range", True, 6, axis=True, usual_rad=2e-4),
-        Parameter("straight", "mm", 0.004, "slope and level that belong to the curve", True, 2, axis=True, usual_rad=4e-5, held=True),
+        Parameter(
+            "curve", "mm", 0.02, "height of parabola, cubic, ... along the range", True, 6, axis=True, usual_rad=2e-4
+        ),
+        Parameter(
+            "straight",
+            "mm",
+            0.004,
+            "slope and level that belong to the curve",
+            True,
+            2,
+            axis=True,
+            usual_rad=4e-5,
+            held=True,
+        ),
         Parameter("from", "mm", 1.0, "lower end of the range", True, role="given", axis=True),
         Parameter("to", "mm", 1.0, "upper end of the range", True, role="given", axis=True),
     )
@@ -139,8 +151,12 @@ class Windup(Effect):
     name: ClassVar[str] = "windup"
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("height", "mm", 0.005, "half the change on full reversal", True, lower=0.0, axis=True, usual_rad=1e-4),
-        Parameter("length", "mm", 2.0, "travel over which it changes", lower=1e-3, role="searched", axis=True, usual_rad=2e-2),
+        Parameter(
+            "height", "mm", 0.005, "half the change on full reversal", True, lower=0.0, axis=True, usual_rad=1e-4
+        ),
+        Parameter(
+            "length", "mm", 2.0, "travel over which it changes", lower=1e-3, role="searched", axis=True, usual_rad=2e-2
+        ),
     )
     requires: ClassVar[tuple[str, ...]] = ("direction",)
     reverses: ClassVar[bool] = True
@@ -237,4 +253,3 @@ def covered_range(view: View) -> dict[str, Tensor]:
     low, high = view.q.amin(dim=0), view.q.amax(dim=0)
     still = high - low < 1e-6
     return {"from": low, "to": torch.where(still, low + 1.0, high)}
-

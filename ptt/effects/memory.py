@@ -55,9 +55,7 @@ def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
     return (low - q)[1::2]
 
 
-def gradual_reversal(
-    view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None
-) -> Tensor:
+def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None) -> Tensor:
     """Normalised friction that turns over gradually after a reversal.
 
     dF/dx = (sign(x) - F) / l along the travel (Dahl, 1968): after a long move against the former one F runs

@@ -54,7 +54,9 @@ class TrackerDrift(MetrologyEffect):
     name: ClassVar[str] = "tracker-drift"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("drift", "mm", 0.02, "how far it goes over the whole run, x, y, z", count=3),
-        Parameter("settling", "s", 3600.0, "time constant T; a thousand times the run is a straight line", role="given"),
+        Parameter(
+            "settling", "s", 3600.0, "time constant T; a thousand times the run is a straight line", role="given"
+        ),
         Parameter("duration", "s", 3600.0, "length of the run that the drift is stated for", role="given"),
     )
     requires: ClassVar[tuple[str, ...]] = ("time",)
@@ -63,7 +65,9 @@ class TrackerDrift(MetrologyEffect):
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """A straight line and three speeds of settling."""
         whole = view.time.max()
-        return tuple({"settling": (part * whole).reshape(1), "duration": whole.reshape(1)} for part in (1e3, 0.5, 0.2, 0.07))
+        return tuple(
+            {"settling": (part * whole).reshape(1), "duration": whole.reshape(1)} for part in (1e3, 0.5, 0.2, 0.07)
+        )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Share of the drift that is reached, in each coordinate."""
@@ -79,7 +83,9 @@ class SetupJump(MetrologyEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("shift", "mm", 0.05, "translation of the readings after the knock, x, y, z", count=3),
         Parameter("turn", "rad", 5e-5, "rotation of the readings after the knock, about x, y, z", count=3),
-        Parameter("after", "1", 1.0, "last moment before the knock: seconds, or rows where there is no clock", role="given"),
+        Parameter(
+            "after", "1", 1.0, "last moment before the knock: seconds, or rows where there is no clock", role="given"
+        ),
     )
 
     def needs(self, view: View) -> str | None:

@@ -115,7 +115,11 @@ def make_effect(known: Library, name: str, label: str = "") -> Effect:
     """
     if name not in known:
         near = difflib.get_close_matches(name, known, n=1)
-        fix = f"did you mean '{near[0]}'?" if near else "`ptt effects` lists them; a file of your own needs --effects FILE.py"
+        fix = (
+            f"did you mean '{near[0]}'?"
+            if near
+            else "`ptt effects` lists them; a file of your own needs --effects FILE.py"
+        )
         raise ModelError(f"effect '{name}' is not known", fix=fix)
     return known[name](label)
 
@@ -137,7 +141,9 @@ def _check_class(cls: type[Effect], where: str) -> None:
     if not cls.name:
         raise InputError(f"class {cls.__name__} has no name", where=where, fix='write name = "my-effect" in it')
     if cls.stage not in STAGES:
-        raise InputError(f"stage '{cls.stage}' of {cls.name} is not known", where=where, fix=f"use one of {', '.join(STAGES)}")
+        raise InputError(
+            f"stage '{cls.stage}' of {cls.name} is not known", where=where, fix=f"use one of {', '.join(STAGES)}"
+        )
     roles = [parameter.role == "linear" for parameter in cls.parameters]
     if not any(roles) or roles != sorted(roles, reverse=True):
         raise InputError(

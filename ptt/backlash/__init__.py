@@ -1,0 +1,1 @@
+"""Backlash: measured from a linear-scale log, and compensated on reversal."""

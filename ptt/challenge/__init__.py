@@ -1,0 +1,1 @@
+"""Runs with a sealed hidden effect, and the score."""

@@ -1,0 +1,209 @@
+"""The truth of a rig: what each hidden fault does to the readings, and what a choice of effects leaves of it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+
+from ptt.challenge.hide import clear_faults
+from ptt.effects import Library
+from ptt.effects.metrology import rigid_basis
+from ptt.effects.registry import make_effect, parse_key
+from ptt.fit.solve import FitResult, fit
+from ptt.model import Model
+from ptt.noise import Noise
+from ptt.problem import Problem, build_problem
+from ptt.rig import Rig, simulate
+from ptt.rig.draw import DrawnRig
+from ptt.table import Table, make_table
+
+COUNTS = 2.0  # times the noise of one reading that a fault must leave to count
+UNSEEN = 25.0  # sum of squares in noise units, over a whole run, below which nobody can tell: five sigma
+MICRO = 1e3  # um per mm
+READINGS = ["x_meas", "y_meas", "z_meas"]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One hidden fault as it shows in the readings.
+
+    Attributes:
+        name: of the effect, or of a fault outside the library.
+        values: keys and values of the rig.
+        signature: readings with all faults less readings without this one, best rigid motion taken off, (n, 3) mm.
+        size: root mean square of its length, mm.
+        counts: whether it leaves at least twice the noise of one reading.
+        known: whether an effect of the library describes it.
+    """
+
+    name: str
+    values: Mapping[str, Any]
+    signature: np.ndarray
+    size: float
+    counts: bool
+    known: bool
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A rig whose faults are known, and its run without noise.
+
+    Attributes:
+        drawn: rig, targets, faults.
+        known: effects by name.
+        noise: of one reading.
+        problem: the run without noise, as a model sees it.
+        faults: by size, largest first.
+    """
+
+    drawn: DrawnRig
+    known: Library
+    noise: Noise
+    problem: Problem
+    faults: tuple[Fault, ...]
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """Names of the hidden faults."""
+        return tuple(fault.name for fault in self.faults)
+
+    @cached_property
+    def _left(self) -> dict[frozenset[str], FitResult]:
+        return {}
+
+    def fitted(self, keys: Iterable[str]) -> FitResult:
+        """Fit effects to the run without noise, weighted by the noise it would have had.
+
+        Args:
+            keys: names, with [label] where they have one.
+
+        Returns:
+            The fit.
+        """
+        chosen = frozenset(keys)
+        if chosen not in self._left:
+            model = Model(self.problem.file)
+            for key in sorted(chosen):
+                model = model + make_effect(self.known, *parse_key(key))
+            self._left[chosen] = fit(model, self.problem, robust=False, noise=self.noise)
+        return self._left[chosen]
+
+    def left(self, keys: Iterable[str]) -> float:
+        """What effects, fitted as well as they can be, leave of the run without noise: a sum of squares in noise units.
+
+        It is the non-centrality of the test that would tell them from the truth on this run.
+
+        Args:
+            keys: names, with [label] where they have one.
+
+        Returns:
+            The sum over all coordinates.
+        """
+        return self.fitted(keys).chi2
+
+    def left_rms(self, keys: Iterable[str]) -> float:
+        """The same as a length, mm: root mean square over the readings."""
+        return rms_length(self.fitted(keys).residual[self.problem.used])
+
+
+def find_truth(drawn: DrawnRig, known: Library) -> Truth:
+    """Work out what the faults of a rig do to its run.
+
+    Args:
+        drawn: rig, targets, faults.
+        known: effects by name.
+
+    Returns:
+        The truth.
+    """
+    whole = simulate(drawn.rig, drawn.targets, noise=False)
+    noise = reading_noise(drawn.rig, whole.truth)
+    table = table_of(whole.frame)
+    problem = build_problem(drawn.rig.machine, table).with_noise(noise)
+    faults = [_fault(name, drawn, problem, noise, library_has=name in known) for name in drawn.truth]
+    return Truth(drawn, known, noise, problem, tuple(sorted(faults, key=lambda fault: -fault.size)))
+
+
+def reading_noise(rig: Rig, place: np.ndarray) -> Noise:
+    """Noise of one reading, from the tracker's own figures.
+
+    Args:
+        rig: with its tracker.
+        place: (n, 3) mm, where it reads.
+
+    Returns:
+        The noise, averaged over the places, in the axes of the readings (which are turned by milliradians).
+    """
+    tracker = rig.tracker
+    away = place - np.asarray(tracker.station_mm)
+    distance = np.linalg.norm(away, axis=1)
+    beam = away / distance[:, None]
+    along = np.einsum("ni,nj->nij", beam, beam)
+    if tracker.white_mm is not None:
+        covariance = tracker.white_mm**2 * np.eye(3)
+    else:
+        side = (tracker.sideways_um_per_m * distance / MICRO**2) ** 2
+        covariance = np.mean(
+            (tracker.radial_um / MICRO) ** 2 * along + side[:, None, None] * (np.eye(3) - along), axis=0
+        )
+    return Noise(covariance + (tracker.wander_um / MICRO) ** 2 * np.eye(3), "truth")
+
+
+def table_of(frame: pd.DataFrame) -> Table:
+    """A simulated run as a table, as reading its file would give it.
+
+    Args:
+        frame: of a `RunResult`.
+
+    Returns:
+        The table.
+    """
+    codes, labels = pd.factorize(frame["run"])
+    context = {name: _numbers(frame, name) for name in ("time_s", "payload_kg", "temp_c", "feed_mm_s", "repeat")}
+    table = make_table(
+        _numbers(frame, ["x_cmd", "y_cmd", "z_cmd"]),
+        _numbers(frame, ["b1_cmd", "b2_cmd", "b3_cmd"]),
+        _numbers(frame, READINGS),
+        name=frame["name"].to_numpy(str),
+        role=frame["role"].to_numpy(str),
+        run=codes,
+        **context,
+    )
+    return table.replace(run_label=tuple(str(label) for label in labels))
+
+
+def off_frame(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Take the best small rigid motion off.
+
+    Args:
+        shift: (n, 3) mm.
+        place: (n, 3) mm, where.
+
+    Returns:
+        (n, 3) mm.
+    """
+    rigid = rigid_basis(torch.tensor(place)).numpy().reshape(-1, 6)
+    return np.asarray(shift - (rigid @ np.linalg.lstsq(rigid, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
+
+
+def rms_length(shift: np.ndarray) -> float:
+    """Root mean square length of (n, 3) vectors."""
+    return float(np.sqrt(np.square(shift).sum(axis=1).mean()))
+
+
+def _fault(name: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> Fault:
+    without = simulate(clear_faults(drawn.rig, drawn.truth, [name]), drawn.targets, noise=False).frame
+    poses = problem.used
+    shift = (problem.table.measured - without[READINGS].to_numpy(float))[poses]
+    signature = np.full_like(problem.table.measured, np.nan)
+    signature[poses] = off_frame(shift, problem.table.target[poses])
+    size = rms_length(signature[poses])
+    return Fault(name, drawn.truth[name], signature, size, size >= COUNTS * noise.total, library_has)
+
+
+def _numbers(frame: pd.DataFrame, columns: str | list[str]) -> np.ndarray:
+    return np.array(frame[columns], dtype=float)  # a copy: pandas hands out arrays that cannot be written

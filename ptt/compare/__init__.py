@@ -1,0 +1,1 @@
+"""A run held against a model: how far off, where, and how surely."""

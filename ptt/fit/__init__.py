@@ -1,0 +1,1 @@
+"""Weighted least squares of effects and frames, and what it cannot know."""

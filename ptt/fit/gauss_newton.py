@@ -1,0 +1,133 @@
+"""Bounded Gauss-Newton on normal equations: few unknowns, many rows, nearly linear."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+STEPS = 40
+DONE = 1e-8  # decrease of chi-squared still to be had at the end: parameters within 1e-4 standard errors
+SHORTER = 0.3
+TRIES = 8
+FINE = 1e-3  # decrease below which a step that keeps less than half its promise is the last: kinks are near
+ROUGH = 1e-4  # share of chi-squared below which a step that does not help is put down to kinks, as play has them
+
+Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, float]]
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where the search ended.
+
+    Attributes:
+        unknowns: (u,).
+        status: 'converged' or what kept it from converging.
+    """
+
+    unknowns: np.ndarray
+    status: str
+
+
+def descend(equations: Equations, start: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> Descent:
+    """Minimise a sum of squares between bounds.
+
+    Source: Nocedal and Wright, Numerical Optimization (2006), 10.3 (Gauss-Newton) and 16.5 (active sets).
+
+    Args:
+        equations: unknowns -> J^T J (u, u), J^T r (u,) with r what is left and J the model's derivative, and r^T r.
+        start: (u,).
+        lower: (u,).
+        upper: (u,).
+
+    Returns:
+        Where it ended.
+    """
+    at = np.clip(start, lower, upper)
+    normal, side, cost = equations(at)
+    for _ in range(STEPS):
+        step = bounded_step(normal, side, lower - at, upper - at)
+        decrease = float(2.0 * side @ step - step @ normal @ step)
+        if decrease <= DONE + 1e-13 * cost:
+            return Descent(at, "converged")
+        found = _search_line(equations, at, step, cost, decrease)
+        if found is None:
+            kinked = decrease <= max(ROUGH * cost, FINE)
+            return Descent(at, "converged" if kinked else "not converged: no step lowers the error further")
+        before, (at, (normal, side, cost)) = cost, found
+        if decrease <= FINE and before - cost < 0.5 * decrease:
+            return Descent(at, "converged")
+    return Descent(at, f"not converged after {STEPS} steps")
+
+
+def _search_line(
+    equations: Equations, at: np.ndarray, step: np.ndarray, cost: float, decrease: float
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, float]] | None:
+    share = 1.0
+    for _ in range(1 if decrease <= FINE else TRIES):
+        there = equations(at + share * step)
+        if there[2] <= cost - 1e-4 * share * decrease:
+            return at + share * step, there
+        share *= SHORTER
+    return None
+
+
+def bounded_step(normal: np.ndarray, side: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Minimise s^T N s / 2 - s^T g between bounds that enclose zero, by a primal active set.
+
+    Args:
+        normal: N, (u, u), positive definite.
+        side: g, (u,).
+        lower: (u,), not above zero.
+        upper: (u,), not below zero.
+
+    Returns:
+        s, (u,).
+    """
+    free = np.ones(len(side), dtype=bool)
+    step = np.zeros(len(side))
+    for _ in range(4 * len(side) + 4):
+        wanted = step.copy()
+        wanted[free] = _solve(normal[np.ix_(free, free)], (side - normal[:, ~free] @ step[~free])[free])
+        share, blocking = _first_bound(step, wanted, lower, upper, free)
+        step = step + share * (wanted - step)
+        if blocking is not None:
+            step[blocking] = lower[blocking] if wanted[blocking] < lower[blocking] else upper[blocking]
+            free[blocking] = False
+            continue
+        released = _release(side - normal @ step, step, lower, upper, free)
+        if released is None:
+            return step
+        free[released] = True
+    return step
+
+
+def _first_bound(
+    step: np.ndarray, wanted: np.ndarray, lower: np.ndarray, upper: np.ndarray, free: np.ndarray
+) -> tuple[float, int | None]:
+    """How far the way to the wanted step is open, and which bound is met first."""
+    move = wanted - step
+    room = np.where(move > 0, upper - step, lower - step)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(free & (move != 0), room / move, np.inf)
+    first = int(np.argmin(share)) if len(share) else 0
+    if not len(share) or share[first] >= 1.0:
+        return 1.0, None
+    return max(float(share[first]), 0.0), first
+
+
+def _release(slope: np.ndarray, step: np.ndarray, lower: np.ndarray, upper: np.ndarray, free: np.ndarray) -> int | None:
+    """The bound that holds an unknown back the wrong way, the worst of them."""
+    pull = np.where(step <= lower, slope, np.where(step >= upper, -slope, 0.0))
+    pull[free | (lower == upper)] = 0.0
+    worst = int(np.argmax(pull)) if len(pull) else 0
+    return worst if len(pull) and pull[worst] > 1e-12 * (1.0 + np.abs(slope).max()) else None
+
+
+def _solve(normal: np.ndarray, side: np.ndarray) -> np.ndarray:
+    if not len(side):
+        return side
+    try:
+        return linalg.cho_solve(linalg.cho_factor(normal, check_finite=False), side, check_finite=False)
+    except linalg.LinAlgError:
+        return np.linalg.lstsq(normal, side, rcond=1e-14)[0]

@@ -1,0 +1,1 @@
+"""The ladder: the error after each effect that was added."""

@@ -1,0 +1,72 @@
+"""The physics of a training: effects fitted or kept, in a frame that the machine's errors cannot bend."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.fit.outliers import inside
+from ptt.fit.solve import fit, residual_of
+from ptt.model import Model, predict
+from ptt.noise import DEFAULT_SIGMA, Noise
+from ptt.problem import Problem
+
+
+@dataclass(frozen=True)
+class Physics:
+    """A model with its parameters, and what it leaves.
+
+    Attributes:
+        model: the model with fitted parameters.
+        residual: measured less predicted in the base frame, (n, 3) mm; NaN where not observed.
+        outliers: rows left out as gross errors, (n,) bool.
+        noise: the noise floor that weighted the fit.
+        status: 'converged', 'nothing to fit', or what kept it from converging.
+    """
+
+    model: Model
+    residual: np.ndarray
+    outliers: np.ndarray
+    noise: Noise
+    status: str
+
+
+def fit_physics(model: Model, problem: Problem, *, lean: bool = False) -> Physics:
+    """Fit the effects of a model.
+
+    Args:
+        model: the model; a bare drawing whose frame is known leaves nothing to fit.
+        problem: the readings.
+        lean: skip the confirmation that the set of outliers is stable.
+
+    Returns:
+        The physics.
+    """
+    if not model.terms:
+        return keep_physics(model, problem)
+    found = fit(model, problem, lean=lean)
+    return Physics(found.model, found.residual, found.outliers, found.noise, found.status)
+
+
+def keep_physics(model: Model, problem: Problem) -> Physics:
+    """The residual of a model as it is; only a tracker frame that is not known is fitted.
+
+    Args:
+        model: the model; effects without values are left aside.
+        problem: the readings.
+
+    Returns:
+        The physics.
+    """
+    if problem.frames:
+        found = residual_of(replace(model, terms=tuple(term for term in model.terms if len(term.theta))), problem)
+        return Physics(model, found.residual, found.outliers, found.noise, found.status)
+    noise = problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
+    residual = problem.measured - predict(terms, problem.view).reading.numpy()
+    gross = problem.used & ~inside(residual @ noise.whitener.T, problem.used)
+    return Physics(model, residual, gross, noise, "nothing to fit")
+
+
+def sound(problem: Problem, fitted: Physics) -> np.ndarray:
+    """Rows that count: observed, not masked, no gross error; (n,) bool."""
+    return problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
