@@ -65,7 +65,7 @@ def look_for_rest(
     whole = np.where(problem.used[:, None], fitted.residual, np.nan)
     residual = np.where(gross[:, None], np.nan, whole)
     if wander is not None:
-        residual = take_off(residual, wander, problem, np.isfinite(residual).all(axis=1))
+        residual = take_off(residual, wander, problem, problem.used & ~gross)
     lack = _lack_of_fit(problem, residual, fitted.rank)
     field = _field(fitted, problem, residual)
     # Rows that a fit takes for gross errors may be the local damage that is looked for, so here they are asked too.

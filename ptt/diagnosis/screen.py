@@ -83,16 +83,14 @@ def screen(design: Design) -> Screen:
     # What the frame alone leaves is what there was to explain.
     whole = project(gram, side, square, design.frame).left if len(design.frame) else square
     findings = [
-        _find(
-            trial, took / spread, seen, freedom, len(best), took / max(whole, 1e-300), (projected.left / spread, loose)
-        )
+        _find(trial, took / spread, seen, behind, len(best), took / max(whole, 1e-300), present)
         for took, seen, trial in best.values()
     ]
     findings.sort(key=lambda finding: -finding.net)
     return Screen(tuple(findings), spread, behind, present[0], count - projected.seen, len(best))
 
 
-def toll(freedom: float, noise_freedom: float, tests: int) -> float:
+def toll(freedom: float, noise_freedom: float, tests: float) -> float:
     """Reduction of the sum of squares, in noise units, that chance reaches at the false-alarm rate.
 
     Args:
@@ -121,9 +119,8 @@ def _find(
     left, loose = present
     after = max(loose - seen, 1)
     own = max(left - took, 1e-12) / after
-    chance = max(
-        float(stats.f.sf(took / seen, seen, _finite(freedom))), float(stats.f.sf(took / seen / own, seen, after))
-    )
+    against_noise = stats.f.sf(took / seen, seen, _finite(freedom))
+    chance = float(max(against_noise, stats.f.sf(took / seen / own, seen, after)))
     least = toll(seen, freedom, tests)
     if chance * tests > FALSE_ALARM:
         least = max(least, took + 1e-9)

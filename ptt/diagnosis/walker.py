@@ -116,9 +116,8 @@ class Walker:
         return Term(trial.effect, self._inside_bounds(theta, trial.effect))
 
     def _finest(self, effect: Effect, shapes: Sequence[Shape], state: State) -> Shape:
-        """The shape that takes most off the residual."""
-        problem = self.problem.masked(self.gross)
-        design = build_design(state.fitted, problem, [effect], self.noise, shapes=shapes, wander=self.wander)
+        """The shape that takes most off the residual; rows near a knock that was placed wrong look gross, so all count."""
+        design = build_design(state.fitted, self.problem, [effect], self.noise, shapes=shapes, wander=self.wander)
         return screen(design).findings[0].trial.shape
 
     def _inside_bounds(self, theta: Tensor, effect: Effect) -> Tensor:
