@@ -12,10 +12,11 @@ from ptt.effects import Effect, Library
 from ptt.effects.base import linear_size
 from ptt.effects.metrology import TrackerFrame, rigid_basis
 from ptt.fit.solve import FitResult
+from ptt.fit.whitened import by_own
 from ptt.holdout import blocks
-from ptt.model import linearise, signature, trace
+from ptt.model import linearise, rival, signature, trace
 from ptt.noise import Noise
-from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
+from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.sums import Sums, accumulate, held_out_solutions
 
 BLOCKS = 10
@@ -51,7 +52,7 @@ class Design:
         values: (n, 3).
         rows: rows that count, (n,) bool.
         block: (n,) int, held-out block of each row, -1 for none.
-        frame: indices of the tracker frame's columns.
+        frame: indices of the tracker frame's columns, and of the reflector mounts'.
         present: key -> indices of the columns of each effect in the model.
         trials: candidates in all their shapes.
         scale: (P,) usual size of each column.
@@ -107,6 +108,8 @@ def present_candidates(fitted: FitResult, problem: Problem, known: Library) -> t
             continue
         if cls is TrackerFrame and problem.file.tracker.frame != "trusted":
             continue
+        if rival(effect, [entry.name for entry in problem.file.effect]):  # the user's choice between two of a kind
+            continue
         lack = effect.needs(problem.view)
         if lack:
             if not effect.label:
@@ -124,6 +127,7 @@ def build_design(
     *,
     shapes: Sequence[Mapping[str, Tensor]] | None = None,
     wander: Wander | None = None,
+    sift: bool = True,
 ) -> Design:
     """Linearise the problem around the present model, with every candidate's columns at zero beside it.
 
@@ -134,17 +138,19 @@ def build_design(
         noise: the noise floor.
         shapes: shapes to try; None asks each candidate.
         wander: memory of the noise, taken off columns and readings alike.
+        sift: look for gross errors among the rows.
 
     Returns:
         The design.
     """
     layout = fitted.layout
     terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(fitted.unknowns), strict=True)]
-    chain = trace(terms, problem.view)
+    view = layout.see(problem, fitted.unknowns)
+    chain = trace(terms, view)
     parts: list[np.ndarray] = []
     scales: list[np.ndarray] = []
     held: list[np.ndarray] = [layout.held]
-    machine = linearise(terms, problem.view).jacobian[..., layout.columns()].numpy()
+    machine = linearise(terms, view).jacobian[..., layout.columns()].numpy()
     parts.append(machine)
     scales.append(layout.scale[: machine.shape[-1]])
     present = {
@@ -156,7 +162,10 @@ def build_design(
     for index in range(problem.frames):
         parts.append(np.where((problem.frame == index)[:, None, None], rigid, 0.0))
         scales.append(np.array([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3))
-    frame = np.arange(start, start + 6 * problem.frames)
+    for block in by_own(chain.by_slot[..., -3:].numpy(), problem.mount, problem.mounts) if problem.mounts else ():
+        parts.append(block)
+        scales.append(np.full(3, MOUNT_USUAL))
+    frame = np.arange(start, start + 6 * problem.frames + 3 * problem.mounts)
     start += len(frame)
     trials = []
     for effect in candidates:
@@ -176,7 +185,8 @@ def build_design(
     values = values + columns[..., own] @ fitted.unknowns[own]
     rows = problem.used & np.isfinite(fitted.residual).all(axis=1)
     simple = np.concatenate([own, frame]).astype(int)
-    rows = rows & ~gross_errors(columns, values, rows, simple, _few_shapes(trials, simple))
+    if sift:
+        rows = rows & ~gross_errors(columns, values, rows, simple, _few_shapes(trials, simple))
     if wander is not None:
         columns = take_off(columns, wander, problem, rows)
         values = take_off(values, wander, problem, rows)

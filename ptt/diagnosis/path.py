@@ -16,6 +16,8 @@ CLOSE = 10.0  # difference in chi-squared, tolls counted, below which two models
 NONLINEAR = 0.003  # share of an effect's worth by which the linear cost of a swap may be off
 TIE = 3.0  # difference in chi-squared that counts as none where it saves parameters
 GOOD_PART = 0.4  # share of what is left beyond noise that a step next to an unknown fault has to take
+SMALL_PART = 0.1  # the same, below which a step is not worth taking where nothing reaches the noise
+FAR_FROM_NOISE = 1.3  # variance left by the saturated model, in noise units, that only an unknown fault explains
 GAIN = 1.0  # chi-squared that a change has to gain
 MENDS = 3  # swaps and removals that are refitted exactly in one round
 MOST_ALTERNATIVES = 4
@@ -46,6 +48,10 @@ class Path:
         """The last state."""
         return self.states[-1] if self.states else self.start
 
+    def cut(self, steps: int) -> "Path":
+        """The path's first steps."""
+        return Path(self.start, self.states[:steps], self.added[:steps], self.alternatives[:steps], self.untestable)
+
 
 def walk(walker: Walker, model: Model, *, steps: int = STEPS) -> Path:
     """Find what is missing.
@@ -69,7 +75,7 @@ def walk(walker: Walker, model: Model, *, steps: int = STEPS) -> Path:
     if len(added) > 1 and any(len(end.design.present[key]) > SIMPLE for key in added):
         simple = _settle(walker, start, given, steps, lambda finding: len(finding.trial.columns) <= SIMPLE)
         other = _settle(walker, simple, given, steps)
-        if _cost(walker, other, end) < _cost(walker, end, end) - GAIN:
+        if path_cost(walker, other, end) < path_cost(walker, end, end) - GAIN:
             end = other
     return _retrace(walker, start, end, given, untestable)
 
@@ -101,6 +107,13 @@ def walk_plainly(path: Path, walker: Walker, given: frozenset[str], steps: int =
     return _retrace(walker, path.start, state, given, path.untestable)
 
 
+def _hopeless(walker: Walker, state: State, better: State) -> bool:
+    """Whether a step takes little of what is left while even all effects together would leave more than noise."""
+    if better.screened.spread < FAR_FROM_NOISE:
+        return False
+    return _excess(walker, better) > (1.0 - SMALL_PART) * _excess(walker, state)
+
+
 def _excess(walker: Walker, state: State) -> float:
     """Sum of squares beyond what noise alone would leave, in noise units."""
     return max(walker.misfit(state) - state.screened.count, 0.0)
@@ -117,7 +130,7 @@ def _settle(
     for _ in range(ROUNDS):
         while len(set(state.fitted.model.keys) - given) < steps:
             better = _add_best(walker, state, allowed)
-            if better is None:
+            if better is None or _hopeless(walker, state, better):
                 break
             state = better
         mended = _mend(walker, state, given, allowed)
@@ -155,11 +168,11 @@ def _mend(walker: Walker, state: State, given: frozenset[str], allowed: Callable
     options = [
         option for option in options if option[0] < _most(state, *option[2:]) and (not option[3] or allowed(option[3]))
     ]
-    now = _cost(walker, state, state)
+    now = path_cost(walker, state, state)
     for *_, key, finding in sorted(options, key=lambda option: option[:2])[:MENDS]:
         fitted = walker.fit_swapped(state, key, finding)
         again = walker.look(fitted.model, fitted=fitted)
-        if _cost(walker, again, state) < now + _most(state, key, finding):
+        if path_cost(walker, again, state) < now + _most(state, key, finding):
             return again
     return None
 
@@ -170,8 +183,17 @@ def _most(state: State, key: str, finding: Finding | None) -> float:
     return TIE if fewer else -GAIN
 
 
-def _cost(walker: Walker, state: State, reference: State) -> float:
-    """Misfit of a fitted model and the tolls of its effects, at one noise level and on the rows that count now."""
+def path_cost(walker: Walker, state: State, reference: State) -> float:
+    """Cost of a model: its misfit in noise units, and the tolls of its effects.
+
+    Args:
+        walker: of the problem; the rows that count now count.
+        state: the fitted model.
+        reference: state whose noise level the misfit is measured by.
+
+    Returns:
+        The cost.
+    """
     tolls = sum(price(state, key).toll for key in state.fitted.model.keys)
     return walker.misfit(state) / reference.screened.spread + tolls
 

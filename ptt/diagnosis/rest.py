@@ -1,22 +1,22 @@
 """Is there a rest? What no effect of the library explains must not pass for noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from nets import RbfSettings, train_rbf
+from ptt.compare.lack_of_fit import lack_of_fit_of
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.wander import Wander, take_off
 from ptt.fit.solve import FitResult
 from ptt.holdout import BLOCKS, blocks
 from ptt.model import linearise
-from ptt.noise import Noise, noise_from_repeats
+from ptt.noise import Noise
 from ptt.problem import Problem
 
 CHANCE_LACK = 1e-3  # lack of fit
 CHANCE_FIELD = 5e-4  # a network over position predicts held-out residuals
-CHANCE_DEPENDS = 3e-3  # a smooth function of a context variable predicts residuals
+CHANCE_DEPENDS = 1e-3  # a smooth function of a context variable predicts residuals
 LIGHT = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2), affine=(False,), restarts=1)
 MOST_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
 
@@ -38,6 +38,11 @@ class Rest:
     depends_on: tuple[Dependence, ...]
     significant: bool
     reasons: tuple[str, ...]
+
+    def led_by(self, first: Dependence) -> "Rest":
+        """The same rest, with one dependence, the likeliest cause, before the others."""
+        others = tuple(item for item in self.depends_on if item is not first)
+        return replace(self, depends_on=(first, *others))
 
 
 def look_for_rest(
@@ -66,7 +71,7 @@ def look_for_rest(
     residual = np.where(gross[:, None], np.nan, whole)
     if wander is not None:
         residual = take_off(residual, wander, problem, problem.used & ~gross)
-    lack = _lack_of_fit(problem, residual, fitted.rank)
+    lack = lack_of_fit_of(problem, residual, fitted.rank).p_value
     field = _field(fitted, problem, residual)
     # Rows that a fit takes for gross errors may be the local damage that is looked for, so here they are asked too.
     asked = whole if wander is None else residual
@@ -87,21 +92,6 @@ def _slopes(fitted: FitResult, problem: Problem) -> np.ndarray | None:
     """Derivatives by what was fitted: an error that is missing bends them, and that bend is taken out again."""
     terms = [(term.effect, term.theta) for term in fitted.model.terms]
     return linearise(terms, problem.view).jacobian.numpy() if terms else None
-
-
-def _lack_of_fit(problem: Problem, residual: np.ndarray, rank: int) -> float | None:
-    """F test of the residual against pure error; repeats that a knock parts say nothing and are not asked."""
-    pure = noise_from_repeats(problem.table, residual, problem.view.direction.numpy())
-    if pure is None:
-        return None
-    rows = np.isfinite(residual).all(axis=1)
-    inverse = np.linalg.inv(pure.covariance)
-    whole = float(np.einsum("ni,ij,nj->", residual[rows], inverse, residual[rows]))
-    inner = 3.0 * pure.freedom
-    freedom = 3.0 * rows.sum() - rank - inner
-    if freedom < 3.0 or whole <= inner:
-        return 1.0
-    return float(stats.f.sf((whole - inner) / freedom, freedom, inner))
 
 
 def _field(fitted: FitResult, problem: Problem, residual: np.ndarray) -> float:

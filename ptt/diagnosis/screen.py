@@ -8,7 +8,7 @@ from scipy import stats
 from ptt.diagnosis.design import Design, Trial
 from ptt.sums import gain, project, solve
 
-FALSE_ALARM = 0.005  # chance that a sound run gets any effect named, all candidates and shapes together
+FALSE_ALARM = 0.003  # chance that a sound run gets any effect named, all candidates and shapes together
 AT_ODDS = 1e-4  # chance below which the saturated model's rest and the noise floor are at odds
 AMPLE_FREEDOM = 100  # degrees of freedom that a saturated model with everything in it should leave
 SIMPLE = 12  # columns up to which a candidate is taken into the saturated model of a short run

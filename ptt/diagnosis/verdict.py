@@ -6,10 +6,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.dependence.dependence import Dependence
-from ptt.diagnosis.path import Path, walk, walk_plainly
+from ptt.diagnosis.odd import weigh_oddities
+from ptt.diagnosis.path import Path, path_cost, walk, walk_plainly
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.saturated import confirm_noise, noise_floor, saturated_rest
-from ptt.diagnosis.screen import Finding, significant
+from ptt.diagnosis.screen import SIMPLE, Finding, significant
 from ptt.diagnosis.walker import Progress, State, Walker
 from ptt.diagnosis.wander import Wander, find_wander
 from ptt.diagnosis.words import explain_step, explain_verdict
@@ -23,6 +24,8 @@ from ptt.sums import project, solve
 
 Verdict = Literal["missing", "nothing-missing", "unknown"]
 STEPS = 12
+CLEARLY = 30.0  # chi-squared by which one odd dependence has to beat a path whose own rest already shows a trace
+MANY = 3  # steps beyond which a path is asked whether one odd dependence would not do instead
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 OFF = 1.15  # noise floors further apart than this are worth a second walk
 
@@ -165,11 +168,12 @@ def diagnose(
         path = walk(walker, model, steps=steps)
     tell("rest")
     rest = _rest(path, walker, seed)
-    if rest.significant and path.added:
-        path, rest = _plainer(path, rest, walker, frozenset(model.keys), seed)
+    odd = False
+    if path.added and (rest.significant or _suspicious(path, model)):
+        path, rest, odd = _plainer(path, rest, walker, frozenset(model.keys), seed)
     gross = problem.used & ~path.end.design.rows
     clean = problem.masked(gross)
-    if rest.significant:
+    if rest.significant or odd:
         verdict: Verdict = "unknown"
     else:
         verdict = "missing" if path.added else "nothing-missing"
@@ -202,11 +206,34 @@ def _rest(path: Path, walker: Walker, seed: int) -> Rest:
     return look_for_rest(path.end.fitted, walker.problem, walker.noise, gross, wander=walker.wander, seed=seed)
 
 
-def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed: int) -> tuple[Path, Rest]:
-    """Where something unknown is missing: the steps that help beyond doubt, and what the rest then depends on."""
+def _suspicious(path: Path, model: Model) -> bool:
+    """Whether a path looks as if its steps together imitated something else."""
+    flexible = any(len(path.end.design.present[key]) > SIMPLE for key in path.added)
+    return flexible or len(path.added) > MANY
+
+
+def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed: int) -> tuple[Path, Rest, bool]:
+    """Where something unknown may be missing: the steps that help beyond doubt, and what the rest then depends on.
+
+    One odd dependence after a few plain steps competes with the whole path; the cheaper explanation counts.
+    """
     short = walk_plainly(path, walker, given)
-    clear = _rest(short, walker, seed)
-    return (short, clear) if clear.depends_on or not rest.depends_on else (path, rest)
+    spread, freedom = path.end.screened.spread, path.end.screened.freedom
+    least, kept = path_cost(walker, path.end, path.end), (path, rest, rest.significant)
+    if rest.significant and rest.depends_on:
+        least -= CLEARLY  # a path that ends at a clear trace has not hidden it
+    tried = [(plain, _rest(plain, walker, seed)) for plain in map(short.cut, range(len(short.added), -1, -1))]
+    for plain, left in tried:
+        misfit = walker.misfit(plain.end)
+        tolls = path_cost(walker, plain.end, path.end) - misfit / spread
+        for oddity in weigh_oddities(walker, plain.end, left.depends_on):
+            cost = tolls + oddity.cost(misfit, spread, freedom)
+            if cost < least:
+                least, kept = cost, (plain, left.led_by(oddity.dependence), True)
+    if rest.significant and not kept[1].depends_on:
+        # What the whole path blurs may still show after its plain steps.
+        kept = next(((plain, left, True) for plain, left in tried if left.depends_on), kept)
+    return kept
 
 
 def _candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, ...]:
@@ -271,11 +298,8 @@ def _parameters(term: Term, problem: Problem) -> tuple[tuple[str, str, float, fl
 
 def _measure_next(suggested: tuple[tuple[str, ...], ...], known: Library) -> tuple[str, ...]:
     """What parts each pick from what would do as well."""
-    lines = []
-    for pick, *others in suggested:
-        for other in others:
-            lines.append(f"to tell {pick} from {other}: {_separation(pick, other, known)}")
-    return tuple(lines)
+    pairs = [(pick, other) for pick, *others in suggested for other in others]
+    return tuple(f"to tell {pick} from {other}: {_separation(pick, other, known)}" for pick, other in pairs)
 
 
 def _separation(pick: str, other: str, known: Library) -> str:

@@ -13,7 +13,7 @@ from ptt.diagnosis.wander import Wander, take_off
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.fit.solve import FitResult, fit
-from ptt.model import Model, Term
+from ptt.model import Model, Term, rival
 from ptt.noise import Noise
 from ptt.problem import Problem
 from ptt.sums import project, solve
@@ -81,6 +81,8 @@ class Walker:
 
     def fit_swapped(self, state: State, key: str | None, finding: Finding | None) -> FitResult:
         """Fit the model of a state without one effect, or with a candidate added or in its place."""
+        if key is None and finding is not None:  # what is in part the same thing makes room
+            key = rival(finding.trial.effect, state.fitted.model.keys)
         model = state.fitted.model if key is None else state.fitted.model.without(key)
         if finding is None:
             return self.fit(model)
@@ -116,8 +118,15 @@ class Walker:
         return Term(trial.effect, self._inside_bounds(theta, trial.effect))
 
     def _finest(self, effect: Effect, shapes: Sequence[Shape], state: State) -> Shape:
-        """The shape that takes most off the residual; rows near a knock that was placed wrong look gross, so all count."""
-        design = build_design(state.fitted, self.problem, [effect], self.noise, shapes=shapes, wander=self.wander)
+        """The shape that takes most off the residual.
+
+        Rows in a row that look gross are what a knock leaves when it is placed wrong, so only lone ones are left out.
+        """
+        near = np.convolve(self.gross, [1, 0, 1], mode="same") > 0
+        problem = self.problem.masked(self.gross & ~near)
+        design = build_design(
+            state.fitted, problem, [effect], self.noise, shapes=shapes, wander=self.wander, sift=False
+        )
         return screen(design).findings[0].trial.shape
 
     def _inside_bounds(self, theta: Tensor, effect: Effect) -> Tensor:

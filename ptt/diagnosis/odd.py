@@ -1,0 +1,114 @@
+"""Odd shapes: whether one simple dependence that no effect describes does the work of many effects."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.dependence.contexts import context_views, is_joint
+from ptt.dependence.dependence import Dependence
+from ptt.diagnosis.screen import toll
+from ptt.diagnosis.walker import State, Walker
+from ptt.diagnosis.wander import take_off
+from ptt.model import trace
+from ptt.sums import gain, project
+
+SEARCHED = 500  # shapes and places that a search for one odd dependence tries
+KNOTS = 9
+HARMONICS = 2
+LOCAL = ("step", "bump", "period")  # what a smooth error map of an axis is not
+
+
+@dataclass(frozen=True)
+class Oddity:
+    """A dependence as an explanation.
+
+    Attributes:
+        dependence: what depends on what.
+        gain: sum of squares that it takes off, in whitened units.
+        freedom: seen directions behind it.
+    """
+
+    dependence: Dependence
+    gain: float
+    freedom: int
+
+    def cost(self, misfit: float, spread: float, noise_freedom: float) -> float:
+        """Misfit left with it, in noise units, and its toll."""
+        return (misfit - self.gain) / spread + toll(self.freedom, noise_freedom, SEARCHED)
+
+
+def weigh_oddities(walker: Walker, state: State, found: tuple[Dependence, ...]) -> list[Oddity]:
+    """What each dependence would take off a state's residual if it were an effect.
+
+    A dependence on a joint's own height, direction or speed acts on that joint; others act on the tool.
+
+    Args:
+        walker: of the problem.
+        state: where the dependences were found.
+        found: dependences.
+
+    Returns:
+        Those that are local, periodic or not of an axis, largest gain first.
+    """
+    contexts = context_views(walker.problem)
+    terms = [(term.effect, term.theta) for term in state.fitted.model.terms]
+    by_joint = trace(terms, walker.problem.view).by_joint.numpy()
+    oddities = []
+    for item in found:
+        if item.on not in contexts or item.on in ("time", "run"):
+            continue
+        if is_joint(item.on) and item.shape not in (*LOCAL, "varying"):
+            continue
+        shapes = _shapes(item, contexts)
+        columns = _columns(item, shapes, by_joint)
+        took, seen = _gain(walker, state, columns)
+        oddities.append(Oddity(item, took, seen))
+    return sorted(oddities, key=lambda oddity: -oddity.gain)
+
+
+def _shapes(item: Dependence, contexts: dict[str, np.ndarray]) -> np.ndarray:
+    """Functions of the variable that the dependence may be, (n, m)."""
+    value = np.nan_to_num(contexts[item.on])
+    if item.shape == "period" and item.period_mm:
+        phase = 2.0 * np.pi * value[:, None] * np.arange(1, HARMONICS + 1) / item.period_mm
+        return np.column_stack([np.cos(phase), np.sin(phase)])
+    if item.shape in ("step", "bump") and item.place is not None:
+        low, high = item.place
+        if item.shape == "step":
+            return ((value > 0.5 * (low + high)) * 1.0)[:, None]
+        return _hats(value, np.linspace(low - (high - low) / 2.0, high + (high - low) / 2.0, 6), ends=False)
+    if item.with_ is not None and item.with_ in contexts:
+        second = np.nan_to_num(contexts[item.with_])
+        return value[:, None] * _hats(second, np.quantile(second, np.linspace(0.0, 1.0, 5)), ends=True)
+    return _hats(value, np.unique(np.quantile(value, np.linspace(0.0, 1.0, KNOTS))), ends=True)
+
+
+def _hats(value: np.ndarray, knots: np.ndarray, *, ends: bool) -> np.ndarray:
+    """Piecewise linear functions that are one at one knot and zero at the others, (n, m)."""
+    columns = [np.interp(value, knots, unit) for unit in np.eye(len(knots))]
+    return np.column_stack(columns if ends else columns[1:-1])
+
+
+def _columns(item: Dependence, shapes: np.ndarray, by_joint: np.ndarray) -> np.ndarray:
+    """Reading shift per unit of each shape, (n, 3, P) mm."""
+    joint = re.fullmatch(r"(?:b|q|direction|speed)(\d+)", item.on)
+    if joint:
+        return by_joint[:, :, int(joint[1]) - 1, None] * shapes[:, None, :]
+    return np.concatenate([np.eye(3)[axis][None, :, None] * shapes[:, None, :] for axis in range(3)], axis=-1)
+
+
+def _gain(walker: Walker, state: State, columns: np.ndarray) -> tuple[float, int]:
+    """What the columns take off the rows that count now, beyond the state's model, and their seen directions."""
+    design = state.design
+    scale = 0.02  # mm: an oddity of this size is worth seeing
+    whitened = np.einsum("ij,njp->nip", design.noise.whitener, columns * scale)
+    if walker.wander is not None:
+        whitened = take_off(whitened, walker.wander, walker.problem, design.rows)
+    base, rows = design.base, design.rows & ~walker.gross
+    own = design.columns[rows][..., base].reshape(-1, len(base))
+    joined = np.concatenate([own, whitened[rows].reshape(len(own), -1)], axis=1)
+    values = design.values[rows].ravel()
+    start = np.arange(len(base))
+    projected = project(joined.T @ joined, joined.T @ values, float(values @ values), start)
+    return gain(projected, np.arange(len(base), joined.shape[1]))
