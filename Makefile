@@ -21,10 +21,11 @@ $(VENV)/.test-ready: pyproject.toml $(VENV)/.run-ready
 	touch $@
 
 demo: $(VENV)/.run-ready
-	$(BIN)/python data/demo.py
+	OMP_NUM_THREADS=1 $(BIN)/python data/demo.py
 
 lint: $(VENV)/.test-ready
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 

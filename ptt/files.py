@@ -37,10 +37,16 @@ def write_bytes(path: str | Path, data: bytes) -> None:
     Args:
         path: where to; missing folders are made.
         data: the content.
+
+    Raises:
+        InputError: the folder cannot be made or written.
     """
     target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", where=str(path), fix="check the folder") from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -59,6 +65,9 @@ def write_text(path: str | Path, text: str) -> None:
     Args:
         path: where to; missing folders are made.
         text: the content.
+
+    Raises:
+        InputError: the folder cannot be made or written.
     """
     write_bytes(path, text.encode("utf-8"))
 

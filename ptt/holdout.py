@@ -8,7 +8,8 @@ if TYPE_CHECKING:
     from ptt.table import Table
 
 BLOCKS = 10
-SAME_POSE = 1e-3  # mm: targets closer than this are one pose
+SAME_POSE = 1e-3  # mm (rad): targets (commands) closer than this are one pose
+PLACED = 3  # joints up to which the tool position tells the pose
 
 
 def pose_groups(table: "Table") -> np.ndarray:
@@ -18,12 +19,15 @@ def pose_groups(table: "Table") -> np.ndarray:
         table: n rows.
 
     Returns:
-        (n,) int: equal for rows with the same target (the same commands where there is no target), numbered in
-        order of first appearance; -1 for base reflectors.
+        (n,) int: equal for rows with the same target (the same commands where there is no target, or where an arm
+        has so many joints that a position does not tell its pose), numbered in order of first appearance; -1 for
+        base reflectors.
     """
     place = np.where(np.isfinite(table.target), table.target, 0.0)
-    if table.command is not None and not np.isfinite(table.target).any():
-        place = np.asarray(table.command)
+    if table.command is not None:
+        command = np.asarray(table.command)
+        if not np.isfinite(table.target).any() or (command.shape[1] > PLACED and np.isfinite(command).all()):
+            place = command
     keys = np.round(place / SAME_POSE).astype(np.int64)
     groups = _number(keys)
     groups[table.role == "base"] = -1

@@ -145,8 +145,8 @@ class MachineFile:
     """
 
     machine: ThreePttSpec | SerialSpec
-    controller: ControllerSpec = ControllerSpec()
-    tracker: TrackerSpec = TrackerSpec()
+    controller: ControllerSpec = field(default_factory=ControllerSpec)
+    tracker: TrackerSpec = field(default_factory=TrackerSpec)
     effect: tuple[EffectEntry, ...] = ()
     history: tuple[dict[str, Any], ...] = ()
     text: str = field(default="", repr=False, compare=False)

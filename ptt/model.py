@@ -8,13 +8,14 @@ from torch import Tensor
 
 from ptt.effects import Effect, Library, library
 from ptt.effects.base import STAGES, flatten, linear_size, shape_of, sizes, total_size
-from ptt.effects.registry import make_effect
+from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import ModelError
 from ptt.machine import EffectEntry, MachineFile, ParameterEntry
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.view import View
 
 Shifts = Sequence[tuple[Effect, Tensor]]  # effects with their flat parameters
+ONE_THING = (frozenset({"homing-offset", "dh-offsets"}),)  # pairs that cannot both be in a model
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +112,12 @@ class Linearised:
     Attributes:
         prediction: the prediction.
         jacobian: d reading / d theta, (n, 3, P), terms in the given order.
+        by_mount: d reading / d place of the reflector beside the tool point, (n, 3, 3).
     """
 
     prediction: Prediction
     jacobian: Tensor
+    by_mount: Tensor
 
 
 @dataclass(frozen=True)
@@ -196,6 +199,22 @@ def parameter_names(effect: Effect, kind: str, joints: int) -> list[str]:
     return names
 
 
+def rival(effect: Effect, keys: Sequence[str]) -> str | None:
+    """Find the effect that is in part the same thing.
+
+    Args:
+        effect: about to be added.
+        keys: of the effects that are there.
+
+    Returns:
+        Its key; None where there is none.
+    """
+    for pair in ONE_THING:
+        if effect.name in pair:
+            return next((key for key in keys if parse_key(key)[0] in pair - {effect.name}), None)
+    return None
+
+
 def start_term(effect: Effect, view: View, shape: Mapping[str, Tensor] | None = None) -> Term:
     """Put an effect at zero amplitude.
 
@@ -224,7 +243,7 @@ def predict(terms: Shifts, view: View) -> Prediction:
     q = view.q + _total(terms, "drive", view, view.q)
     at_joints = view.at(q=q)
     geometry = _total(terms, "geometry", at_joints, view.q.new_zeros(1, len(view.mechanism.slots)))
-    p = view.mechanism.forward(q, geometry)
+    p = view.mechanism.forward(q, view.mounted(geometry))
     at_tool = at_joints.at(p=p)
     p = p + _total(terms, "structure", at_tool, p)
     reading = p + _total(terms, "metrology", at_tool.at(p=p), p)
@@ -268,7 +287,7 @@ def linearise(terms: Shifts, view: View) -> Linearised:
     geometry = view.q.new_zeros(1, slots)
     shaped = [differentiate(e, theta, at_joints) if e.stage == "geometry" else None for e, theta in terms]
     geometry = geometry + sum((item[0] for item in shaped if item), torch.zeros_like(geometry))
-    p, by_joint, by_slot = sensitivity(view.mechanism, q, geometry)
+    p, by_joint, by_slot = sensitivity(view.mechanism, q, view.mounted(geometry))
     moving = _by_input(terms, "geometry", q, lambda x: view.at(q=x))
     if moving is not None:
         by_joint = by_joint + by_slot @ moving
@@ -293,7 +312,10 @@ def linearise(terms: Shifts, view: View) -> Linearised:
             block = block + seen @ block
         blocks.append(block)
     jacobian = torch.cat(blocks, dim=-1) if blocks else reading.new_zeros(view.rows, 3, 0)
-    return Linearised(Prediction(q, geometry, actual, reading), jacobian)
+    by_mount = by_slot[..., -3:]
+    for further in (after, seen):
+        by_mount = by_mount if further is None else by_mount + further @ by_mount
+    return Linearised(Prediction(q, geometry, actual, reading), jacobian, by_mount)
 
 
 def trace(terms: Shifts, view: View) -> Chain:
@@ -308,7 +330,7 @@ def trace(terms: Shifts, view: View) -> Chain:
     """
     at = predict(terms, view)
     at_joints = view.at(q=at.q)
-    _, by_joint, by_slot = sensitivity(view.mechanism, at.q, at.geometry)
+    _, by_joint, by_slot = sensitivity(view.mechanism, at.q, view.mounted(at.geometry))
     return Chain(view, at_joints, at_joints.at(p=at.p), by_joint, by_slot, at.reading)
 
 
@@ -392,11 +414,9 @@ def _check_fits(model: Model, effect: Effect) -> None:
         raise ModelError(f"effect '{effect.name}' does not apply to a {kind} machine", fix="leave it out")
     if effect.key in model.keys:
         raise ModelError(f"effect '{effect.key}' is in the model already", fix="give the second one a [label]")
-    names = {term.effect.name for term in model.terms}
-    for pair in ({"homing-offset", "dh-offsets"},):
-        if effect.name in pair and names & (pair - {effect.name}):
-            other = next(iter(pair - {effect.name}))
-            raise ModelError(f"'{effect.name}' and the dtheta of '{other}' are one thing", fix="keep one of them")
+    other = rival(effect, model.keys)
+    if other is not None:
+        raise ModelError(f"'{effect.name}' and the dtheta of '{other}' are one thing", fix="keep one of them")
 
 
 def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:

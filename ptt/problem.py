@@ -11,12 +11,15 @@ from torch import Tensor
 from ptt.errors import TableError
 from ptt.frames import align, rotation
 from ptt.machine import MachineFile
+from ptt.mounts import find_mounts, mount_of_rows
 from ptt.noise import DEFAULT_SIGMA, Noise, given_noise
 from ptt.table import Table
 from ptt.view import View, build_view
 
 SHIFT_USUAL = 10.0  # mm: the frame takes what it can; machine parameters only what it cannot
 TURN_USUAL = 0.05  # rad
+MOUNT_USUAL = 10.0  # mm
+FOREIGN = 20.0  # mm: targets this far from what the commands ask for are of another base or tool
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class Problem:
         used: rows whose readings count, (n,) bool: poses and datums that are observed and not masked.
         frame: index of each row's tracker frame, (n,) int.
         frames: number of frames to be fitted; zero where the frame is trusted.
+        mount: index of the reflector mount of each row, (n,) int; -1 where the tool point is trusted.
+        mounts: number of mounts to be fitted; the view has them where the drawing's arm puts them.
         rotation: first rigid motion, reading_base = (reading - shift) @ rotation, (f, 3, 3).
         shift: (f, 3) mm.
         base: base reflectors, None unless the frame is measured.
@@ -61,6 +66,8 @@ class Problem:
     used: np.ndarray
     frame: np.ndarray
     frames: int
+    mount: np.ndarray
+    mounts: int
     rotation: np.ndarray
     shift: np.ndarray
     base: BaseReadings | None
@@ -68,8 +75,19 @@ class Problem:
 
     @property
     def target(self) -> np.ndarray:
-        """Wanted tool positions, (n, 3) mm; what the commands ask for where the table has no targets."""
-        return np.where(np.isfinite(self.table.target), self.table.target, self.view.p.numpy())
+        """Wanted tool positions, (n, 3) mm; what the commands ask for where the table has no targets.
+
+        Where the reflector sits beside an arm's tool point, its own: the target moved along by the drawing's pose.
+        Targets that an arm's controller states for another base or tool than the drawing's give way to the commands.
+        """
+        nominal, target = self.view.p.numpy(), self.table.target
+        known = np.isfinite(target).all(axis=1)
+        if self.file.machine.kind == "serial" and known.any():
+            drawn = self.view.mechanism.forward(self.view.q).numpy()
+            if np.median(np.linalg.norm(target - drawn, axis=1)[known]) > FOREIGN:
+                return nominal
+            target = target + (nominal - drawn)
+        return np.where(np.isfinite(target), target, nominal)
 
     def masked(self, hidden: np.ndarray) -> "Problem":
         """The same rows in the same travel with some readings hidden.
@@ -121,21 +139,27 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
         else np.zeros(table.rows, dtype=int)
     )
     count = int(frame.max()) + 1
+    mount = mount_of_rows(file, table)
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     base = None
     if policy == "measured":
         rotations, shifts, base = _from_base(file, table, frame, count)
-    elif policy != "trusted":
-        for index in range(count):
-            rows = used & (frame == index)
-            if rows.sum() >= 4:
-                rotations[index], shifts[index] = align(view.p.numpy()[rows], table.measured[rows])
+    if mount.max() >= 0:
+        near = into_base(table.measured, frame, rotations, shifts)
+        view = find_mounts(view, near, used, mount, frame, free=policy not in ("trusted", "measured"))
+    if policy in ("fitted", "fitted-per-run"):
+        rotations, shifts = _from_poses(view, table, used, frame, count)
     measured = into_base(table.measured, frame, rotations, shifts)
-    noise = given_noise(table, measured, view.direction.numpy(), file.tracker.sigma_mm)
+    # Encoders that report where an arm stands differ a little from repeat to repeat, and so does its place.
+    scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured
+    noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm)
     if base is not None:
         base = _weigh_base(base, noise)
     frames = 0 if policy == "trusted" else count
-    return Problem(file, table, view, measured, used, frame, frames, rotations, shifts, base, noise)
+    mounts = int(mount.max()) + 1
+    return Problem(
+        file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise
+    )  # fmt: skip
 
 
 def join_tables(tables: Sequence[Table]) -> Table:
@@ -184,6 +208,18 @@ def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tupl
     turned = torch.einsum("nijc,nj->nic", by_vector[index], reading)
     eye = torch.eye(3, dtype=reading.dtype).expand(len(reading), 3, 3)
     return moved + parameters[index, :3], torch.cat([eye, turned], dim=-1)
+
+
+def _from_poses(
+    view: View, table: Table, used: np.ndarray, frame: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Each frame's best rigid motion onto the drawing."""
+    rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+    for index in range(count):
+        rows = used & (frame == index)
+        if rows.sum() >= 4:
+            rotations[index], shifts[index] = align(view.p.numpy()[rows], table.measured[rows])
+    return rotations, shifts
 
 
 def _from_base(

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import TableError
+from ptt.files import write_text
 from ptt.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
 from ptt.readers.assemble import set_columns, table_fields
 from ptt.readers.joined import join_fields
-from ptt.readers.mapping import write_whole
 from ptt.readers.scale import scale_hint
 
 COORDINATES = ("x", "y", "z")
@@ -251,13 +251,14 @@ def write_table(table: Table, path: str | Path) -> None:
         path: where to.
 
     Raises:
-        TableError: the folder cannot be written, or a name holds a line break.
+        InputError: the folder cannot be written.
+        TableError: a name holds a line break.
     """
     for texts in (table.name, np.asarray(table.run_label), *table.extra.values()):
         broken = [text for text in texts.tolist() if "\n" in text or "\r" in text]
         if broken:
             raise TableError(f"line break in {broken[0]!r}", where=str(path), fix="remove it")
-    write_whole(path, table_to_frame(table).to_csv(index=False, lineterminator="\n"))
+    write_text(path, table_to_frame(table).to_csv(index=False, lineterminator="\n"))
 
 
 def concat_tables(tables: Sequence[Table]) -> Table:

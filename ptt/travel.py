@@ -9,12 +9,12 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
+from ptt.backlash.reversal import STANDSTILL, hold_direction
 from ptt.mechanisms.protocol import Mechanism
 
 if TYPE_CHECKING:
     from ptt.table import Table
 
-STANDSTILL = 1e-6  # mm or rad: less than this is no move
 OVERTRAVEL = 1.0  # mm or rad: how far past a pose an arrival that the table states, but the rows do not show, began
 SMOOTH = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
@@ -99,20 +99,12 @@ def arrival_direction(q: np.ndarray, turning: np.ndarray, starts: np.ndarray) ->
 
     Returns:
         (n, k), +1 or -1. Standstill keeps the last direction; a run's first row arrives as the next one moves;
-        a joint that never moves counts as +1.
+        a joint that never moves in a run counts as +1.
     """
-    rows = np.arange(len(q))[:, None]
-    step = np.diff(q, axis=0, prepend=q[:1])
-    step = np.where(np.abs(q - turning) > STANDSTILL, q - turning, step)
-    sign = np.where(np.abs(step) > STANDSTILL, np.sign(step), 0.0)
-    sign[starts & (np.abs(q - turning) <= STANDSTILL).all(axis=1)] = 0.0
-    first = np.maximum.accumulate(np.where(starts, np.arange(len(q)), 0))[:, None]
-    last_move = np.maximum.accumulate(np.where(sign != 0, rows, -1), axis=0)
-    next_move = np.minimum.accumulate(np.where(sign != 0, rows, len(q))[::-1], axis=0)[::-1]
-    kept = np.take_along_axis(sign, np.maximum(last_move, 0), axis=0)
-    coming = np.take_along_axis(sign, np.minimum(next_move, len(q) - 1), axis=0)
-    direction = np.where(last_move >= first, kept, coming)
-    return np.where(direction == 0, 1.0, direction)
+    turned = np.abs(q - turning) > STANDSTILL
+    step = np.where(turned, q - turning, np.diff(q, axis=0, prepend=q[:1]))
+    step[starts & ~turned.any(axis=1)] = 0.0
+    return hold_direction(np.where(np.abs(step) > STANDSTILL, step, 0.0), starts).astype(float)
 
 
 def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) -> np.ndarray:

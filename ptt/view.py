@@ -9,13 +9,12 @@ from torch import Tensor
 
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
+from ptt.mechanisms.statics import link_torques, weight
 from ptt.travel import Travel, read_travel, run_starts
 
 if TYPE_CHECKING:
     from ptt.machine import MachineFile
     from ptt.table import Table
-
-GRAVITY = 9.80665  # m/s^2, standard gravity
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,8 @@ class View:
     Attributes:
         mechanism: the nominal mechanism, k joints.
         home: joint values the errors are referred to, (k,) mm or rad.
-        lead: screw lead in mm (3-PTT) or gear period in rad (serial); None where the drawing has none.
+        lead: screw lead in mm (3-PTT), None where the drawing has none; gear period in rad (serial), a turn of the
+            joint where the drawing has none.
         reflector: reflector offset from the platform's centre, (3,) mm.
         q: joint values at the stage's input, (n, k) mm or rad; commands for the drive stage.
         p: tool position at the stage's input, (n, 3) mm; nominal before the structure stage.
@@ -43,6 +43,9 @@ class View:
         platform_radius: mm; zero on a serial arm.
         growth: geometry slots per unit strain of radius and links (serial: of every a and every d), (2, G) mm.
         travel_limits: joint limits, (k, 2) mm or rad.
+        mount: where the reflector sits beside the drawing's tool point, in the tool's own frame, (n, 3) mm; None
+            where it sits on it.
+        link_load: torque of the arm's own links, (n, k) N mm; None where the drawing states no masses.
         varies: which contexts vary in the data: 'payload', 'temperature', 'time', 'speed', 'direction'.
     """
 
@@ -66,6 +69,8 @@ class View:
     platform_radius: float
     growth: Tensor
     travel_limits: Tensor
+    mount: Tensor | None = None
+    link_load: Tensor | None = None
     varies: frozenset[str] = field(default_factory=frozenset)
 
     @property
@@ -90,24 +95,38 @@ class View:
         """
         return replace(self, q=self.q if q is None else q, p=self.p if p is None else p)
 
+    def mounted(self, geometry: Tensor) -> Tensor:
+        """Add the reflector's mount to shifts of the mechanism's slots.
+
+        Args:
+            geometry: (n, G) or (1, G).
+
+        Returns:
+            The same, or (n, G) where the reflector sits beside the tool point.
+        """
+        if self.mount is None:
+            return geometry
+        return torch.cat([geometry[:, :-3].expand(self.rows, -1), geometry[:, -3:] + self.mount], dim=1)
+
     def load(self) -> Tensor:
         """Weight of platform and payload, as the force on the tool; without their mass in the drawing, the payload's.
 
         Returns:
             (n, 3) N.
         """
-        zero = torch.zeros_like(self.payload)
-        return torch.stack([zero, zero, -GRAVITY * (self.payload + self.platform_mass)], dim=-1)
+        return weight(self.payload, self.platform_mass)
 
     def axis_force(self) -> Tensor:
-        """Force or torque that each axis carries because of platform and payload, measured where a sensor says so.
+        """Force or torque that each axis carries because of platform, links and payload; measured where a sensor is.
 
         Returns:
-            (n, k) N (sliders) or N mm (joints): (dp/dq)^T F by virtual work, F = (platform + payload) x g.
+            (n, k) N (sliders) or N mm (joints): (dp/dq)^T F by virtual work, F = (platform + payload) x g, and the
+            same of every link's weight at its centre of mass.
         """
         if self.torque is not None:
             return self.torque
-        return torch.einsum("nck,nc->nk", self.jacobian, self.load())
+        force = torch.einsum("nck,nc->nk", self.jacobian, self.load())
+        return force if self.link_load is None else force + self.link_load
 
 
 def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
@@ -173,7 +192,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     return View(
         mechanism=mechanism,
         home=torch.as_tensor(mechanism.home(), dtype=torch.float64),
-        lead=spec.screw_lead_mm if spec.kind == "three-ptt" else spec.gear_period_rad,
+        lead=spec.screw_lead_mm if spec.kind == "three-ptt" else spec.gear_period_rad or 2.0 * np.pi,
         reflector=_tensor(spec.reflector_mm if spec.kind == "three-ptt" else spec.tool_mm),
         q=commands,
         p=position,
@@ -191,6 +210,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
         growth=_growth(file, mechanism),
         travel_limits=joint_limits(file, mechanism.joints),
+        link_load=link_torques(mechanism, file.machine, commands),
         varies=_what_varies(table, travel),
     )
 

@@ -12,7 +12,7 @@ from ptt.dependence.contexts import context_views, joint_residual, level, residu
 from ptt.dependence.dependence import Dependence, dependence_of, depends_on
 from ptt.dependence.periods import periodogram, refine_frequency, trial_frequencies
 from ptt.dependence.strata import find_poses, whiten
-from ptt.dependence.where import by_level, where_it_fails, worst_region
+from ptt.dependence.where import by_level, part_of, where_it_fails, worst_region
 from ptt.machine import parse_machine
 from ptt.problem import build_problem
 from ptt.table import make_table
@@ -404,6 +404,13 @@ def test_where_it_fails_names_the_place_and_the_rows() -> None:
     assert [part.label for part in where.by_payload] == ["0 kg", "2 kg"]
     assert sum(part.rows for part in where.by_time) == sum(part.rows for part in where.by_payload) == 200
     assert where.to_dict()["worst_region"] is not None
+    assert {row.run for row in where.rows} <= set(problem.table.run_label)
+
+
+def test_parts_say_um_or_urad() -> None:
+    way, turn = part_of("slider 1", np.full(4, 2e-3)).to_dict(), part_of("joint 1", np.full(4, 2e-6), "rad").to_dict()
+    assert (way["rms_um"], turn["rms_urad"]) == (pytest.approx(2.0), pytest.approx(2.0))
+    assert "rms_um" not in turn
 
 
 def test_regions_need_readings_and_levels_need_variety() -> None:

@@ -16,10 +16,11 @@ from ptt.effects.geometry import pull
 from ptt.effects.memory import gradual_reversal, play
 from ptt.errors import ModelError
 from ptt.machine import parse_machine
+from ptt.mechanisms.statics import GRAVITY
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model import Model, components, differentiate, predict, read_model
 from ptt.table import make_table
-from ptt.view import GRAVITY, build_view
+from ptt.view import build_view
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

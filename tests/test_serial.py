@@ -395,7 +395,7 @@ def test_redundant_arm_climbs_to_manipulability():
     assert float((after / before).median()) > 1.02
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     lengths=st.lists(st.floats(50.0, 400.0), min_size=2, max_size=4),
     angles=st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4),

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from ptt.errors import TableError
+from ptt.errors import InputError, TableError
 from ptt.table import Table, concat_tables, make_table, read_table, table_to_frame, unit_hint, write_table
 
 HEADER = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
@@ -307,8 +307,10 @@ def test_write_is_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.Monkey
             write_table(make_table(np.eye(3)), path)
     assert path.read_text(encoding="utf-8") == "before\n"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
-    with pytest.raises(TableError, match="cannot be written"):
-        write_table(make_table(np.eye(3)), tmp_path / "nowhere" / "run.csv")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_table(make_table(np.eye(3)), path / "run.csv")
+    write_table(make_table(np.eye(3), measured=np.eye(3)), tmp_path / "new" / "run.csv")
+    assert read_table(tmp_path / "new" / "run.csv").rows == 3
     with pytest.raises(TableError, match="line break in"):
         write_table(make_table(np.eye(3), name=np.array(["a", "b\nc", "d"])), path)
 

@@ -10,7 +10,6 @@ import pytest
 from ptt.commands.common import open_model
 from ptt.commands.main import guard, run_alone
 from ptt.compensate import compensate
-from ptt.compensator import load_compensator, save_compensator
 from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError, TableError
 from ptt.evaluate import evaluate_pair
@@ -20,6 +19,7 @@ from ptt.model import read_model
 from ptt.problem import build_problem
 from ptt.rig import load_rig, simulate, write_run
 from ptt.table import make_table, read_table
+from ptt.training.compensator import load_compensator, save_compensator
 from ptt.training.heldout import evaluate_heldout
 from ptt.training.train import (
     block_protocol,

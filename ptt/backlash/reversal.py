@@ -34,16 +34,31 @@ def travel_direction(q: Array, starts: ArrayLike | None = None, tolerance: float
     q = np.asarray(q, dtype=np.float64)
     if not len(q):
         return np.empty(q.shape, dtype=np.int8)
-    rows = np.arange(len(q))[:, None]
-    first, end = _run_bounds(len(q), starts)
+    first, _ = _run_bounds(len(q), starts)
     held = _last_before(np.isfinite(q))
     sent = np.where(held >= first, np.take_along_axis(q, np.maximum(held, 0), axis=0), np.nan)
     move = np.diff(sent, axis=0, prepend=np.nan)
-    moved = (np.abs(move) > tolerance) & (rows > first)
-    last = _last_before(moved)
-    upcoming = len(q) - 1 - _last_before(moved[::-1])[::-1]  # n where none follows
+    moved = (np.abs(move) > tolerance) & (np.arange(len(q))[:, None] > first)
+    return hold_direction(np.where(moved, move, 0.0), starts)
+
+
+def hold_direction(move: Array, starts: ArrayLike | None = None) -> NDArray[np.int8]:
+    """Fill the rows at which a joint stands with the direction of its moves.
+
+    Args:
+        move: (n, k) last move of each joint on its way to each row, any size, 0 where it stood.
+        starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
+
+    Returns:
+        (n, k) +1 or -1: that of the last move of the run, before the first one that of the first, without any +1.
+    """
+    if not len(move):
+        return np.empty(move.shape, dtype=np.int8)
+    first, end = _run_bounds(len(move), starts)
+    last = _last_before(move != 0.0)
+    upcoming = len(move) - 1 - _last_before(move[::-1] != 0.0)[::-1]  # n where none follows
     source = np.where(last >= first, last, np.where(upcoming <= end, upcoming, -1))
-    negative = np.take_along_axis(moved & (move < 0.0), np.maximum(source, 0), axis=0) & (source >= 0)
+    negative = np.take_along_axis(move < 0.0, np.maximum(source, 0), axis=0) & (source >= 0)
     return np.where(negative, -1, 1).astype(np.int8)
 
 

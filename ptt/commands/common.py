@@ -32,13 +32,13 @@ import typer
 from ptt.commands.output import Progress, note, plain, progress, show, tell_notes
 
 if TYPE_CHECKING:
-    from ptt.compensator import Compensator
     from ptt.effects.registry import Library
     from ptt.machine import MachineFile
     from ptt.model import Model
     from ptt.problem import Problem
     from ptt.readers import Ask
     from ptt.table import Table
+    from ptt.training.compensator import Compensator
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.csv", help="Tracker run: targets or joint commands, and readings.")]
 ModelPath = Annotated[Path, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")]
@@ -145,7 +145,7 @@ def open_model(path: Path, library: "Library | None" = None) -> "Compensator":
     Returns:
         Model and network.
     """
-    from ptt.compensator import load_compensator
+    from ptt.training.compensator import load_compensator
 
     return load_compensator(path, library)
 

@@ -66,9 +66,8 @@ def format_diagnosis(result: "Diagnosis") -> str:
             mark = "+" if any(candidate.effect == step[0] for step in result.suggested) else " "
             fall = f"{candidate.heldout_before:.1f} -> {candidate.heldout_after:.1f}"
             ties = ", ".join(candidate.indistinguishable_from)
-            lines.append(
-                f"{mark} {candidate.effect:<20} {candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}  {ties}"
-            )
+            figures = f"{candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}"
+            lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
         lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given", ""]
     if result.depends_on:
         lines.append("what is left depends on:")

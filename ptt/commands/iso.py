@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ptt.commands.common import parse_settings
+
 if TYPE_CHECKING:
     from ptt.iso.figures import IsoPoses
     from ptt.mechanisms.protocol import Mechanism
@@ -28,7 +30,7 @@ def iso(
     if is_axis_file(run):
         result = read_axis_figures(run)
     else:
-        reading = {"also": also or (), "targets": targets, "set_values": _values(set_ or []), "mapping": map_}
+        reading = {"also": also or (), "targets": targets, "set_values": parse_settings(set_ or []), "mapping": map_}
         table, per_run = _run_table(run, model, reading)
         result = iso_of_poses(table, per_run, not any_direction)
     if json:
@@ -64,20 +66,6 @@ def _with_targets(table: "Table", mechanism: "Mechanism") -> "Table":
         return table
     reached = mechanism.forward(torch.as_tensor(table.command)).numpy()
     return table.replace(target=np.where(np.isnan(table.target), reached, table.target))
-
-
-def _values(pairs: list[str]) -> dict[str, float]:
-    """`payload_kg=2` as a dictionary."""
-    from ptt.errors import InputError
-
-    values = {}
-    for pair in pairs:
-        name, _, value = pair.partition("=")
-        try:
-            values[name.strip()] = float(value)
-        except ValueError:
-            raise InputError(f"cannot read {pair!r}", where="--set", fix="write it as payload_kg=2") from None
-    return values
 
 
 def _text(figures: dict[str, Any]) -> str:

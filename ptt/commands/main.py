@@ -69,6 +69,7 @@ def _root() -> None:
 
 def main() -> None:
     """Entry point of `ptt`."""
+    _work_in_one_thread()
     app()
 
 
@@ -79,6 +80,7 @@ def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
         verb: name of its file in ptt/commands.
         args: arguments; None for those of the command line.
     """
+    _work_in_one_thread()
     command = _build(verb)
     sys.exit(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
 
@@ -108,6 +110,11 @@ def guard(action: Callable[[], Any]) -> int:
         return _fail(f"unexpected {type(error).__name__}: {error}; PTT_TRACEBACK=1 shows where", 1)
     tell_notes()
     return code if isinstance(code, int) else 0
+
+
+def _work_in_one_thread() -> None:
+    # Arrays here are small: threads wait for each other, up to fifty times as long where cores are shared.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def _build(verb: str) -> Any:

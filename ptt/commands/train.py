@@ -34,7 +34,7 @@ def train(
     json: Json = False,
 ) -> None:
     """Fit the effects of a machine file, train the RBF on what is left, and write both as a compensator folder."""
-    from ptt.compensator import save_compensator
+    from ptt.training.compensator import save_compensator
     from ptt.training.train import PROTOCOLS
     from ptt.training.train import train as train_model
 

@@ -10,7 +10,7 @@ from ptt.compare.lack_of_fit import LackOfFit, lack_of_fit_of
 from ptt.compare.lone import lone_readings
 from ptt.dependence.contexts import residual_views
 from ptt.dependence.dependence import Dependence, dependence_of
-from ptt.dependence.where import WhereItFails, WorstRow, where_it_fails
+from ptt.dependence.where import WhereItFails, WorstRow, rows_by_size, where_it_fails
 from ptt.fit.solve import residual_of
 from ptt.model import Model
 from ptt.noise import Noise
@@ -163,7 +163,7 @@ def compare_run(
         residual=fitted.residual,
         joint=joint,
         kept=kept,
-        outliers=_rows_of(problem, fitted.residual, gross),
+        outliers=rows_by_size(problem, fitted.residual, gross),
         frame=problem.file.tracker.frame,
         noise=noise,
         lack_of_fit=lack,
@@ -211,19 +211,3 @@ def one_figure(values: np.ndarray, unit: float) -> dict[str, float]:
         "p95_um": float(np.quantile(size, 0.95)),
         "max_um": float(size.max()),
     }
-
-
-def _rows_of(problem: Problem, residual: np.ndarray, chosen: np.ndarray) -> tuple[WorstRow, ...]:
-    """Rows with their line, name, target and error, worst first."""
-    size, table = np.linalg.norm(residual, axis=1), problem.table
-    order = sorted(np.flatnonzero(chosen), key=lambda row: -size[row])
-    return tuple(
-        WorstRow(
-            int(table.line[row]),
-            str(table.name[row]),
-            (float(problem.target[row, 0]), float(problem.target[row, 1]), float(problem.target[row, 2])),
-            (float(residual[row, 0]), float(residual[row, 1]), float(residual[row, 2])),
-            float(size[row]),
-        )
-        for row in order
-    )

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from ptt.compare.comparison import Comparison, figures
 from ptt.dependence.dependence import Dependence
-from ptt.dependence.where import Part
+from ptt.dependence.where import Part, WorstRow
 
 SHOWN_ROWS = 5
 SHOWN_DEPENDENCES = 8
@@ -141,13 +141,19 @@ def _worst(result: Comparison) -> Table:
     for row in result.where.rows[:SHOWN_ROWS]:
         target = " ".join(f"{value:.1f}" for value in row.target)
         error = " ".join(f"{1e3 * value:+.0f}" for value in row.residual)
-        table.add_row(str(row.line), row.name, target, error, f"{1e3 * row.size:.0f}")
+        table.add_row(_line(result, row), row.name, target, error, f"{1e3 * row.size:.0f}")
     return table
+
+
+def _line(result: Comparison, row: WorstRow) -> str:
+    """Where a row stands; the file too where several were read."""
+    return f"{row.run} {row.line}" if " + " in result.source else str(row.line)
 
 
 def _outliers(result: Comparison) -> str:
     named = [
-        f"line {row.line}{f' ({row.name})' if row.name else ''} {1e3 * row.size:.0f} um" for row in result.outliers
+        f"line {_line(result, row)}{f' ({row.name})' if row.name else ''} {1e3 * row.size:.0f} um"
+        for row in result.outliers
     ]
     more = f" and {len(named) - SHOWN_ROWS} more" if len(named) > SHOWN_ROWS else ""
     return f"gross errors: {', '.join(named[:SHOWN_ROWS])}{more}"

@@ -1,7 +1,7 @@
 """Where a model fails: the worst part of the workspace, the worst rows, and the error by joint, side, load and time."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -15,6 +15,9 @@ WORST = 10
 QUARTERS = 4
 MOST_LEVELS = 8  # more payloads than this are put into quarters
 TO_UM = 1e3
+TO_URAD = 1e6
+
+Unit = Literal["mm", "rad"]
 
 
 @dataclass(frozen=True)
@@ -48,8 +51,9 @@ class Region:
 
 @dataclass(frozen=True)
 class WorstRow:
-    """One of the worst readings: its line in the file, its name, its target and error, mm."""
+    """One of the worst readings: its run, its line in that run's file, its name, its target and error, mm."""
 
+    run: str
     line: int
     name: str
     target: tuple[float, float, float]
@@ -59,6 +63,7 @@ class WorstRow:
     def to_dict(self) -> dict[str, object]:
         """Figures for JSON."""
         return {
+            "run": self.run,
             "line": self.line,
             "name": self.name,
             "target_mm": list(self.target),
@@ -74,9 +79,10 @@ class Part:
     Attributes:
         label: 'slider 2', 'slider 2 up', '2.5 kg', 'first quarter'.
         rows: readings.
-        rms: root mean square of what is looked at, in its own unit (mm; rad for a serial arm's joint).
+        rms: root mean square of what is looked at, in `unit`.
         mean: its mean; for sizes of tool errors, the mean size.
         error: standard error of that mean.
+        unit: 'mm', or 'rad' for a joint that turns.
     """
 
     label: str
@@ -84,15 +90,17 @@ class Part:
     rms: float
     mean: float
     error: float
+    unit: Unit = "mm"
 
     def to_dict(self) -> dict[str, object]:
-        """Figures for JSON, in um (urad for an angle)."""
+        """Figures for JSON, in um, or urad for an angle; the keys say which."""
+        name, factor = ("um", TO_UM) if self.unit == "mm" else ("urad", TO_URAD)
         return {
             "label": self.label,
             "rows": self.rows,
-            "rms_um": self.rms * TO_UM,
-            "mean_um": self.mean * TO_UM,
-            "standard_error_um": self.error * TO_UM,
+            f"rms_{name}": self.rms * factor,
+            f"mean_{name}": self.mean * factor,
+            f"standard_error_{name}": self.error * factor,
         }
 
 
@@ -142,16 +150,17 @@ def where_it_fails(problem: "Problem", residual: np.ndarray) -> WhereItFails:
     size = np.where(seen, np.linalg.norm(residual, axis=1), np.nan)
     views = {name: values for name, values in residual_views(problem, residual).items() if name[:1] in "sj"}
     direction, moves = problem.view.direction.numpy(), problem.table
+    unit: Unit = "rad" if problem.file.machine.kind == "serial" else "mm"
     sides = []
     for index, (name, values) in enumerate(views.items()):
         words = ("up", "down") if name.startswith("slider") else ("forward", "back")
         for sign, word in zip((1.0, -1.0), words, strict=True):
-            sides.append(part_of(f"{name} {word}", values[seen & (direction[:, index] == sign)]))
+            sides.append(part_of(f"{name} {word}", values[seen & (direction[:, index] == sign)], unit))
     payload = np.zeros(len(size)) if moves.payload_kg is None else np.asarray(moves.payload_kg, dtype=float)
     return WhereItFails(
         worst_region(problem.target[seen], size[seen]),
-        _worst_rows(problem, residual, size),
-        tuple(part_of(name, values[seen]) for name, values in views.items()),
+        rows_by_size(problem, residual, seen)[:WORST],
+        tuple(part_of(name, values[seen], unit) for name, values in views.items()),
         tuple(part for part in sides if part.rows),
         by_level(payload[seen], size[seen], "kg"),
         by_quarter(size[seen]),
@@ -187,21 +196,22 @@ def worst_region(place: np.ndarray, size: np.ndarray) -> Region | None:
     return best
 
 
-def part_of(label: str, values: np.ndarray) -> Part:
+def part_of(label: str, values: np.ndarray, unit: Unit = "mm") -> Part:
     """Summarise a part of the rows.
 
     Args:
         label: its name.
-        values: (m,) mm or rad.
+        values: (m,) in the unit.
+        unit: 'mm' or 'rad'.
 
     Returns:
         The part; zeros where it is empty.
     """
     rows = len(values)
     if not rows:
-        return Part(label, 0, 0.0, 0.0, 0.0)
+        return Part(label, 0, 0.0, 0.0, 0.0, unit)
     error = float(values.std(ddof=1) / np.sqrt(rows)) if rows > 1 else float("inf")
-    return Part(label, rows, float(np.sqrt(np.mean(values**2))), float(values.mean()), error)
+    return Part(label, rows, float(np.sqrt(np.mean(values**2))), float(values.mean()), error, unit)
 
 
 def by_level(values: np.ndarray, size: np.ndarray, unit: str) -> tuple[Part, ...]:
@@ -240,26 +250,38 @@ def by_quarter(size: np.ndarray) -> tuple[Part, ...]:
     return tuple(part_of(word, values) for word, values in parts if len(values))
 
 
-def _mean_over_poses(place: np.ndarray, size: np.ndarray) -> tuple[float, float]:
-    """Mean and standard error; visits of one pose share their error, so each pose counts once in the latter."""
-    number = np.unique(np.round(place, 3), axis=0, return_inverse=True)[1].reshape(-1)
-    mean = np.bincount(number, size) / np.bincount(number)
-    error = mean.std(ddof=1) / np.sqrt(len(mean)) if len(mean) > 1 else size.std(ddof=1)
-    return float(mean.mean()), float(error)
+def rows_by_size(problem: "Problem", residual: np.ndarray, chosen: np.ndarray) -> tuple[WorstRow, ...]:
+    """Name chosen rows, the largest error first.
 
+    Args:
+        problem: n rows.
+        residual: (n, 3) mm.
+        chosen: (n,) bool.
 
-def _worst_rows(problem: "Problem", residual: np.ndarray, size: np.ndarray) -> tuple[WorstRow, ...]:
-    order = np.argsort(-np.nan_to_num(size, nan=-1.0), kind="stable")[: min(WORST, int(np.isfinite(size).sum()))]
+    Returns:
+        The rows.
+    """
+    size, table = np.linalg.norm(residual, axis=1), problem.table
+    order = sorted(np.flatnonzero(chosen), key=lambda row: -size[row])
     return tuple(
         WorstRow(
-            int(problem.table.line[row]),
-            str(problem.table.name[row]),
+            table.run_label[table.run[row]],
+            int(table.line[row]),
+            str(table.name[row]),
             _triple(problem.target[row]),
             _triple(residual[row]),
             float(size[row]),
         )
         for row in order
     )
+
+
+def _mean_over_poses(place: np.ndarray, size: np.ndarray) -> tuple[float, float]:
+    """Mean and standard error; visits of one pose share their error, so each pose counts once in the latter."""
+    number = np.unique(np.round(place, 3), axis=0, return_inverse=True)[1].reshape(-1)
+    mean = np.bincount(number, size) / np.bincount(number)
+    error = mean.std(ddof=1) / np.sqrt(len(mean)) if len(mean) > 1 else size.std(ddof=1)
+    return float(mean.mean()), float(error)
 
 
 def _triple(values: np.ndarray) -> tuple[float, float, float]:

@@ -26,7 +26,8 @@ class Parameter:
         count: values, for each joint where `per_joint`.
         lower: physical lower bound.
         upper: physical upper bound.
-        role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, not fitted).
+        role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
+            the fit).
         axis: measured along the axis, so its unit follows the joint's.
         usual_rad: usual size on a serial arm, where it differs.
         held: kept near zero at its usual size by a prior, because the effect is defined without it; what data of

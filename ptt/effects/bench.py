@@ -13,11 +13,12 @@ from ptt.table import Table, make_table
 from ptt.view import View, build_view
 
 SEED = 7
-FREE = 90  # rows that go anywhere
+FREE = {"three-ptt": 90, "serial": 260}  # rows that go anywhere
 CREEP = 48  # rows that creep back and forth, so that short travel after a reversal is seen
 TURN_EVERY = 8
 PER_ROW = (  # the fields of a view that have one entry a row
     "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
+    "mount", "link_load",
 )  # fmt: skip
 
 _MACHINES = {
@@ -87,13 +88,14 @@ def sample_table(kind: str) -> Table:
     """
     random = np.random.default_rng(SEED)
     middle, half = np.array(_MIDDLE[kind]), np.array(_HALF[kind])
-    free = middle + half * random.uniform(-1.0, 1.0, (FREE, 3))
+    count = FREE[kind]
+    free = middle + half * random.uniform(-1.0, 1.0, (count, 3))
     way = np.where(np.arange(CREEP) // TURN_EVERY % 2 == 0, 1.0, -1.0)[:, None]
     step = way * half * random.uniform(0.01, 0.05, (CREEP, 3))
-    places = np.concatenate([free[: FREE // 2], middle + np.cumsum(step, axis=0), free[FREE // 2 :]])
+    places = np.concatenate([free[: count // 2], middle + np.cumsum(step, axis=0), free[count // 2 :]])
     rows = len(places)
     columns = {
-        "run": np.repeat([0, 1, 2], [FREE // 2, CREEP, FREE - FREE // 2]),
+        "run": np.repeat([0, 1, 2], [count // 2, CREEP, count - count // 2]),
         "time_s": 25.0 * np.arange(rows),
         "payload_kg": random.choice([0.0, 2.0, 5.0], rows),
         "temp_c": 20.0 + 6.0 * (1.0 - np.exp(-np.arange(rows) / 50.0)),

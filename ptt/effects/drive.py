@@ -55,6 +55,7 @@ class ScrewErrorMap(Effect):
 
     name: ClassVar[str] = "screw-error-map"
     stage: ClassVar[Stage] = "drive"
+    mechanisms: ClassVar[tuple[str, ...]] = ("three-ptt",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "curve", "mm", 0.02, "height of parabola, cubic, ... along the range", True, 6, axis=True, usual_rad=2e-4

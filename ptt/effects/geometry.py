@@ -10,8 +10,9 @@ from torch import Tensor
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.drive import covered_range
 from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.mechanisms.statics import link_forces
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.view import GRAVITY, View
+from ptt.view import View
 
 LEGS = 3
 SLOTS = 15  # of ThreePtt: centre x, y, z and link length of each leg, then tool x, y, z
@@ -227,8 +228,4 @@ def pull(view: View) -> Tensor:
     Returns:
         (n, 3) N, positive where the link is pulled; zero without any weight.
     """
-    link = machine(view).link_vectors(view.p)
-    unit = link / link.norm(dim=-1, keepdim=True)
-    weight = -GRAVITY * (view.payload + view.platform_mass)
-    # The links carry the weight: sum_i F_i (-unit_i) + weight z = 0, a pulled link drawing the platform to its slider.
-    return weight[:, None] * torch.linalg.solve(unit.transpose(1, 2), UPWARD.expand(view.rows, 3))
+    return -link_forces(machine(view), view.p, view.payload, view.platform_mass)

@@ -103,10 +103,10 @@ class SetupJump(MetrologyEffect):
         return tuple({"after": moment.reshape(1)} for moment in chosen.unique())
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
-        """Every row between the neighbouring trials."""
+        """Every row between the trials two before and two after: rows that look gross can blur the first choice."""
         tried = torch.cat([trial["after"] for trial in self.search(view)])
         place = int(torch.argmin((tried - shape["after"]).abs()))
-        low, high = tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)]
+        low, high = tried[max(place - 2, 0)], tried[min(place + 2, len(tried) - 1)]
         moments = self.clock(view).unique()
         return tuple({"after": moment.reshape(1)} for moment in moments[(moments >= low) & (moments <= high)])
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from ptt.effects import drive, geometry, metrology, structure
+from ptt.effects import drive, geometry, metrology, serial, structure
 from ptt.effects.base import STAGES, Effect
 from ptt.errors import InputError, ModelError
 
@@ -30,6 +30,8 @@ _CLASSES: tuple[type[Effect], ...] = (
     geometry.JointOffset,
     geometry.JointClearance,
     geometry.PlatformTwist,
+    serial.JointErrorMap,
+    serial.DhOffsets,
     structure.ColumnBend,
     structure.FrameGrowth,
     metrology.TrackerFrame,

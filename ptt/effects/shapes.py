@@ -12,7 +12,7 @@ KNOTS = 9
 
 @lru_cache(maxsize=8)
 def _spline(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of natural cubic splines through discrete orthogonal polynomials of degree 2, 3, ... at the knots."""
+    """Natural cubic splines through discrete orthogonal polynomials of degree 2, 3, ... at the knots."""
     knots = np.linspace(0.0, 1.0, KNOTS)
     powers = np.vander(2.0 * knots - 1.0, count + 2, increasing=True)
     orthogonal, triangle = np.linalg.qr(powers)

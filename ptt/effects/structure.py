@@ -48,5 +48,5 @@ class FrameGrowth(Effect):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Tool shift per unit strain of radius and links, times warmth; first order, which leaves out nanometres."""
-        _, _, by_slot = sensitivity(view.mechanism, view.q, torch.zeros_like(view.growth[:1]))
+        _, _, by_slot = sensitivity(view.mechanism, view.q, view.mounted(torch.zeros_like(view.growth[:1])))
         return view.warmth[:, None, None] * (by_slot @ view.growth.T)

@@ -1,22 +1,25 @@
-"""Which numbers a fit may change: effect parameters and tracker frames, packed in units of their usual size."""
+"""Which numbers a fit may change: parameters, reflector mounts and tracker frames, packed in their usual sizes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ptt.model import Model, Term, parameter_names
-from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
+from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
+from ptt.view import View
 
 FRAME_NAMES = ("tracker x", "tracker y", "tracker z", "tracker rotation about x", "tracker rotation about y",
                "tracker rotation about z")  # fmt: skip
+MOUNT_NAMES = ("reflector mount x", "reflector mount y", "reflector mount z")
+FRAME, MOUNT = -1, -2  # owners of unknowns that are no effect's
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Order and scale of the unknowns: free effect parameters, term by term, then six for each frame.
+    """Order and scale of the unknowns: free effect parameters, term by term, then three a mount, then six a frame.
 
     Attributes:
         terms: the model's terms, their given parameters held.
@@ -25,9 +28,10 @@ class Layout:
         lower: (u,) bound in units of scale.
         upper: (u,) bound in units of scale.
         held: (u,) bool, kept near zero at its scale by definition of the effect.
-        owner: (u,) int, index of the term; -1 for frames.
+        owner: (u,) int, index of the term; FRAME or MOUNT for those.
         names: one for each unknown.
         frames: number of frames.
+        mounts: number of reflector mounts.
     """
 
     terms: tuple[Term, ...]
@@ -39,6 +43,7 @@ class Layout:
     owner: np.ndarray
     names: tuple[str, ...]
     frames: int
+    mounts: int = 0
 
     def thetas(self, unknowns: np.ndarray) -> list[Tensor]:
         """Full flat parameters of every term at these unknowns."""
@@ -57,10 +62,18 @@ class Layout:
         values = (unknowns * self.scale)[len(unknowns) - 6 * self.frames :]
         return torch.as_tensor(values.reshape(self.frames, 6))
 
+    def see(self, problem: Problem, unknowns: np.ndarray) -> View:
+        """The problem's rows with the reflectors where these unknowns put them."""
+        if not self.mounts or problem.view.mount is None:
+            return problem.view
+        end = len(unknowns) - 6 * self.frames
+        values = (unknowns * self.scale)[end - 3 * self.mounts : end].reshape(-1, 3)
+        return replace(problem.view, mount=problem.view.mount + torch.as_tensor(values[problem.mount]))
+
     def start(self) -> np.ndarray:
-        """Unknowns at the terms' present values and unmoved frames."""
+        """Unknowns at the terms' present values, mounts and frames unmoved."""
         parts = [term.theta.numpy()[free] for term, free in zip(self.terms, self.free, strict=True)]
-        values = np.concatenate([*parts, np.zeros(6 * self.frames)])
+        values = np.concatenate([*parts, np.zeros(3 * self.mounts + 6 * self.frames)])
         return values / self.scale
 
     def columns(self) -> np.ndarray:
@@ -73,7 +86,7 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
 
     Args:
         model: for the mechanism family.
-        problem: for the number of frames.
+        problem: for the number of frames and mounts.
         terms: the terms, with values.
 
     Returns:
@@ -96,16 +109,24 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         free.append(np.array(flags, dtype=bool))
         local = parameter_names(term.effect, kind, joints)
         names += [f"{term.effect.key} {name}" for name, flag in zip(local, flags, strict=True) if flag]
+    for mount in range(problem.mounts):
+        scale += [MOUNT_USUAL] * 3
+        lower += [-np.inf] * 3
+        upper += [np.inf] * 3
+        held += [False] * 3
+        owner += [MOUNT] * 3
+        run = f" of run {problem.table.run_label[mount]}" if problem.mounts > 1 else ""
+        names += [name + run for name in MOUNT_NAMES]
     for frame in range(problem.frames):
         scale += [SHIFT_USUAL] * 3 + [TURN_USUAL] * 3
         lower += [-np.inf] * 6
         upper += [np.inf] * 6
         held += [False] * 6
-        owner += [-1] * 6
+        owner += [FRAME] * 6
         run = f" of run {problem.table.run_label[frame]}" if problem.frames > 1 else ""
         names += [name + run for name in FRAME_NAMES]
     return Layout(
         tuple(terms), tuple(free), np.array(scale), np.array(lower), np.array(upper), np.array(held, dtype=bool),
         np.array(owner, dtype=int),
-        tuple(names), problem.frames,
+        tuple(names), problem.frames, problem.mounts,
     )  # fmt: skip

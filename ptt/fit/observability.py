@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.fit.layout import FRAME_NAMES, Layout
+from ptt.fit.layout import FRAME, FRAME_NAMES, MOUNT, MOUNT_NAMES, Layout
 from ptt.fit.patterns import Pattern, patterns
 from ptt.fit.solve import FitResult
 
@@ -182,9 +182,11 @@ _NONE = np.zeros(0, dtype=int)
 
 def _groups(layout: Layout, index: int) -> dict[str | int, np.ndarray]:
     """What may imitate: each motion of the tracker by its name (all frames at once), each other effect by its index."""
-    frames = np.flatnonzero(layout.owner < 0).reshape(-1, 6).T
+    frames = np.flatnonzero(layout.owner == FRAME).reshape(-1, 6).T
+    mounts = np.flatnonzero(layout.owner == MOUNT).reshape(-1, 3).T
     every = " of every run" if frames.shape[1] > 1 else ""
     groups: dict[str | int, np.ndarray] = {f"{name}{every}": own for name, own in zip(FRAME_NAMES, frames, strict=True)}
+    groups |= dict(zip(MOUNT_NAMES, mounts, strict=True)) if mounts.size else {}
     for other in range(len(layout.terms)):
         columns = np.flatnonzero(layout.owner == other)
         if other != index and len(columns):

@@ -11,10 +11,10 @@ from ptt.effects import Effect
 from ptt.effects.base import flatten, linear_size
 from ptt.effects.metrology import SetupJump, rigid_basis
 from ptt.fit.outliers import linear_residual
-from ptt.fit.whitened import by_own_frame, whiten
+from ptt.fit.whitened import by_own, whiten
 from ptt.model import Chain, Model, Term, linearise, signature, trace
 from ptt.noise import DEFAULT_SIGMA, Noise
-from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
+from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
 
 SEEN = 1.0  # information, in usual sizes, below which a direction is left out
 WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
@@ -106,8 +106,8 @@ def held_values(effect: Effect, problem: Problem) -> np.ndarray:
 
 
 def _held(known: Sequence[Term], problem: Problem) -> np.ndarray:
-    """The same for the base columns: free values of known terms, then frames."""
-    joints, frames = problem.view.joints, np.zeros(6 * problem.frames, dtype=bool)
+    """The same for the base columns: free values of known terms, then mounts and frames."""
+    joints, frames = problem.view.joints, np.zeros(3 * problem.mounts + 6 * problem.frames, dtype=bool)
     flags = [np.concatenate([np.full(p.size(joints), p.held) for p in term.effect.parameters]) for term in known]
     return np.concatenate([*(flag[_free(term, problem) > 0] for flag, term in zip(flags, known, strict=True)), frames])
 
@@ -153,8 +153,11 @@ def _base_columns(stage: _Stage, shifts: list[tuple[Effect, Tensor]], known: Seq
         free = np.concatenate([_free(term, problem) for term in known])
         parts.append(linearise(shifts, problem.view).jacobian.numpy()[..., free > 0][stage.rows])
         scales.append(free[free > 0])
-    rigid = rigid_basis(stage.chain.reading)
-    for block in by_own_frame(rigid, problem.frame, problem.frames) if problem.frames else ():
+    for block in by_own(stage.chain.by_slot[..., -3:].numpy(), problem.mount, problem.mounts) if problem.mounts else ():
+        parts.append(block[stage.rows])
+        scales.append(np.full(3, MOUNT_USUAL))
+    rigid = rigid_basis(stage.chain.reading).numpy()
+    for block in by_own(rigid, problem.frame, problem.frames) if problem.frames else ():
         parts.append(block[stage.rows])
         scales.append(np.array([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3))
     if not parts:

@@ -84,14 +84,17 @@ def build_system(layout: Layout, problem: Problem, whitener: np.ndarray, unknown
         The system.
     """
     terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
-    at = linearise(terms, problem.view)
+    at = linearise(terms, layout.see(problem, unknowns))
     columns = layout.columns()
     machine = at.jacobian if columns.all() else at.jacobian[..., torch.as_tensor(columns)]
+    if layout.mounts:
+        own = by_own(at.by_mount.numpy(), problem.mount, layout.mounts)
+        machine = torch.cat([machine, *(torch.as_tensor(block) for block in own)], dim=-1)
     reading, blocks, motion = at.prediction.reading, [machine.numpy()], layout.frame_parameters(unknowns)
     if layout.frames:
         reading, by_frame = apply_frames(reading, problem.frame, motion)
         blocks = [_turned(machine, motion, problem.frame).numpy()]
-        blocks += by_own_frame(by_frame, problem.frame, layout.frames)
+        blocks += by_own(by_frame.numpy(), problem.frame, layout.frames)
     jacobian = whiten(blocks, whitener, layout.scale)
     residual = (problem.measured - reading.numpy()) @ whitener.T
     return System(residual, jacobian, *_base_rows(problem, layout, motion, machine.shape[-1]), at.prediction)
@@ -123,12 +126,11 @@ def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) ->
     return result
 
 
-def by_own_frame(by_frame: Tensor, frame: np.ndarray, frames: int) -> list[np.ndarray]:
-    """Columns of each frame's own six parameters, zero in the rows of other frames; (n, 3, 6) each."""
-    columns = by_frame.numpy()
-    if frames == 1:
+def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarray]:
+    """Columns (n, 3, c) of each frame's or mount's own parameters, zero in the rows of the others."""
+    if count == 1:
         return [columns]
-    return [np.where((frame == index)[:, None, None], columns, 0.0) for index in range(frames)]
+    return [np.where((owner == index)[:, None, None], columns, 0.0) for index in range(count)]
 
 
 def _turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
@@ -146,7 +148,7 @@ def _base_rows(problem: Problem, layout: Layout, motion: Tensor, machine: int) -
     if base is None or not layout.frames:
         return np.zeros((0, 3)), np.zeros((0, 3, machine + 6 * layout.frames))
     moved, by_frame = apply_frames(torch.as_tensor(base.place), base.frame, motion)
-    own = by_own_frame(by_frame, base.frame, layout.frames)
+    own = by_own(by_frame.numpy(), base.frame, layout.frames)
     jacobian = np.concatenate([np.zeros((len(base.place), 3, machine)), *own], axis=-1) * layout.scale
     weight = 1.0 / base.sigma
     return (base.reading - moved.numpy()) * weight[:, None], jacobian * weight[:, None, None]

@@ -10,6 +10,9 @@ from ptt.mechanisms.three_ptt import ThreePtt
 NEAR_RATIO = 0.1
 """A pose is near a singularity where a margin is below this: some error or force grows tenfold on its way through."""
 
+ROUNDING = 1e-14
+"""Share of the largest singular value under which the least one is rounding."""
+
 SPACING_SINE = 0.5 * 3.0**0.5
 SYMMETRY_TOLERANCE = 1e-9
 
@@ -147,11 +150,11 @@ def condition_number(jacobian: Tensor) -> Tensor:
         jacobian: (n, 3, k); a common factor does not matter.
 
     Returns:
-        (n,), 1 is even in all directions, infinite is singular, NaN where the Jacobian is.
+        (n,), 1 is even in all directions, infinite is singular up to rounding, NaN where the Jacobian is.
     """
     values = singular_values(jacobian)
     ratio = values[..., 0] / values[..., -1]
-    return torch.where(values[..., -1] == 0.0, torch.inf, ratio)
+    return torch.where(values[..., -1] <= ROUNDING * values[..., 0], torch.inf, ratio)
 
 
 def manipulability(jacobian: Tensor) -> Tensor:

@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEG_SLOTS, LEGS, ThreePtt
 
 
@@ -20,6 +21,8 @@ def sensitivity(mechanism: Mechanism, q: Tensor, geometry: Tensor) -> tuple[Tens
     """
     if isinstance(mechanism, ThreePtt):
         return _three_ptt(mechanism, q, geometry)
+    if isinstance(mechanism, Serial):
+        return _serial(mechanism, q, geometry)
     whole = geometry.expand(len(q), -1)
     inputs = torch.cat([q, whole], dim=1)
     k = q.shape[1]
@@ -46,3 +49,14 @@ def _three_ptt(mechanism: ThreePtt, q: Tensor, geometry: Tensor) -> tuple[Tensor
     by_leg = torch.einsum("ncl,lns->ncls", by_joint, equivalent.transpose(0, 1))
     tool = torch.eye(3, dtype=q.dtype).expand(len(q), 3, 3)
     return p, by_joint, torch.cat([by_leg.flatten(2), tool], dim=-1)
+
+
+def _serial(mechanism: Serial, q: Tensor, geometry: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """One walk along the chain: each link's twists carry the tip; those by theta are those by the joint values."""
+    links = mechanism.walk(q, geometry)
+    end = links[-1].end
+    tip = end.point(mechanism.tool(q, geometry))
+    columns = [column[..., :3] for link in links for column in link.columns(tip)]
+    columns += [end.x, end.y, end.z]
+    by_slot = torch.stack(torch.broadcast_tensors(*columns), dim=-1)
+    return tip, by_slot[..., 3 : 5 * mechanism.joints : 5], by_slot

@@ -3,7 +3,9 @@
 import torch
 from torch import Tensor
 
+from ptt.machine import SerialSpec, ThreePttSpec
 from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import ThreePtt
 
 GRAVITY = 9.80665
@@ -65,3 +67,32 @@ def axis_forces(
     """
     load = weight(payload_kg, platform_mass_kg)
     return (mechanism.jacobian(q) * load.unsqueeze(-1)).sum(-2)
+
+
+def link_torques(mechanism: Mechanism, spec: ThreePttSpec | SerialSpec, q: Tensor) -> Tensor | None:
+    """Torques with which the weight of an arm's own links pushes its joints toward growing joint values.
+
+    Source: virtual work, tau = sum over links of (dc_i/dq)^T (0, 0, -m_i g), c_i the link's centre of mass.
+
+    Args:
+        mechanism: the machine, base z upward.
+        spec: its drawing; masses in kg, centres of mass in mm in the frame that the link carries.
+        q: (n, k) rad, joint values.
+
+    Returns:
+        tau: (n, k) N mm; None where the drawing states no mass, as for a 3-PTT.
+    """
+    if not isinstance(mechanism, Serial) or not isinstance(spec, SerialSpec):
+        return None
+    links = [(index, joint) for index, joint in enumerate(spec.joint) if joint.mass_kg]
+    if not links:
+        return None
+    frames = mechanism.walk(q)
+    torque = torch.zeros_like(q)
+    for index, joint in links:
+        centre = frames[index].end.point(torch.tensor(joint.com_mm or (0.0, 0.0, 0.0), dtype=q.dtype))
+        force = weight(float(joint.mass_kg or 0.0)).to(q)
+        for moved in range(index + 1):
+            by_joint = frames[moved].before_z.turning("z", centre)[..., :3]
+            torque[:, moved] += (by_joint * force).sum(dim=-1)
+    return torque

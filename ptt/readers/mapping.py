@@ -18,8 +18,6 @@ Every key may be left out; what is absent is worked out from the file, and asked
     [targets]                # the same for the file given with --targets: targets.columns, targets.units ...
 """
 
-import os
-import tempfile
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
@@ -29,6 +27,7 @@ from typing import Any
 import tomlkit
 
 from ptt.errors import TableError
+from ptt.files import write_text
 
 Ask = Callable[[str, Sequence[str]], str]
 """Asks a person: (question, choices) -> one of the choices."""
@@ -132,7 +131,7 @@ def save_mapping(mapping: Mapping, path: str | Path) -> None:
     document = tomlkit.document()
     document.add(tomlkit.comment("What the columns of such files hold and in which units; edit freely."))
     document.update(_plain(mapping))
-    write_whole(path, tomlkit.dumps(document))
+    write_text(path, tomlkit.dumps(document))
 
 
 def _plain(mapping: Mapping) -> dict[str, Any]:
@@ -140,33 +139,6 @@ def _plain(mapping: Mapping) -> dict[str, Any]:
     if mapping.targets is not None:
         values["targets"] = _plain(mapping.targets)
     return {name: value for name, value in values.items() if value}
-
-
-def write_whole(path: str | Path, text: str) -> None:
-    """Write UTF-8 text through a temporary file beside the target, so that a half-written file never shows.
-
-    Args:
-        path: where to.
-        text: content, written as it is.
-
-    Raises:
-        TableError: the folder does not exist or cannot be written.
-    """
-    path = Path(path)
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise TableError(f"cannot be written ({error.strerror})", where=str(path), fix="check the folder") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            file.write(text)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def answer(question: str, choices: Sequence[str], ask: Ask | None, where: str, key: str) -> str:

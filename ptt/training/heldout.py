@@ -4,10 +4,10 @@ from typing import Literal
 
 import numpy as np
 
-from ptt.compensator import Compensator
 from ptt.evaluate import Evaluation
 from ptt.model import Model
 from ptt.problem import Problem
+from ptt.training.compensator import Compensator
 from ptt.training.train import Progress, Protocol, fit_physics, hold_out, learn_rest, sound
 
 

@@ -57,7 +57,7 @@ def keep_physics(model: Model, problem: Problem) -> Physics:
     Returns:
         The physics.
     """
-    if problem.frames:
+    if problem.frames or problem.mounts:
         found = residual_of(replace(model, terms=tuple(term for term in model.terms if len(term.theta))), problem)
         return Physics(model, found.residual, found.outliers, found.noise, found.status)
     noise = problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")

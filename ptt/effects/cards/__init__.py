@@ -3,12 +3,12 @@
 import inspect
 
 from ptt.effects.base import Effect
-from ptt.effects.cards import drive, geometry, others
+from ptt.effects.cards import drive, geometry, others, serial
 from ptt.effects.cards.card import RESIDUALS, TELLING, Card
 
 __all__ = ["CARDS", "RESIDUALS", "TELLING", "Card", "card_of"]
 
-CARDS: dict[str, Card] = {**drive.CARDS, **geometry.CARDS, **others.CARDS}
+CARDS: dict[str, Card] = {**drive.CARDS, **geometry.CARDS, **serial.CARDS, **others.CARDS}
 UNSAID = "not stated"
 
 

@@ -1,0 +1,105 @@
+"""`ptt plan`: poses to measure first."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ptt.commands.common import Effects, Json, Reading, open_library, open_model, show
+
+if TYPE_CHECKING:
+    from ptt.design.first_run import FirstRun
+
+
+def plan(
+    machine: Annotated[Path, typer.Argument(metavar="M.toml", help="machine.toml or compensator folder.")],
+    out: Annotated[Path, typer.Option("--out", metavar="TARGETS.csv", help="Targets to write.")],
+    rows: Annotated[int, typer.Option("--rows", help="About how many rows, base reflectors left aside.")] = 200,
+    payloads: Annotated[
+        str, typer.Option("--payloads", metavar="KG,KG,...", help="Loads, one after the other: 0,2.5,5.")
+    ] = "",
+    repeats: Annotated[
+        int, typer.Option("--repeats", min=0, help="Degrees of freedom that true repeats are to have.")
+    ] = 30,
+    box: Annotated[
+        str, typer.Option("--box", metavar="X,Y,Z", help="Half the size of a volume to stay inside of, mm: 60,60,50.")
+    ] = "",
+    seed: Annotated[int, typer.Option("--seed", help="Of poses and order.")] = 0,
+    effects: Effects = None,
+    json: Json = False,
+) -> None:
+    """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and say what it will tell."""
+    from ptt.design.first_run import plan_first_run
+    from ptt.table import write_table
+
+    known = open_library(Reading(effects=effects))
+    model = open_model(machine, known).model
+    loads = read_numbers(payloads, "--payloads")
+    half = read_numbers(box, "--box", 3)
+    size = None if not half else (half[0], half[1], half[2])
+    result = plan_first_run(model, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=known)
+    write_table(result.targets, out)
+    show({**result.to_dict(), "out": str(out)}, format_plan(result, str(out)), json)
+
+
+def read_numbers(text: str, where: str, count: int | None = None) -> tuple[float, ...]:
+    """Read positive numbers separated by commas.
+
+    Args:
+        text: as typed; '' for none.
+        where: the option, for messages.
+        count: how many there must be; None for any.
+
+    Returns:
+        The numbers.
+
+    Raises:
+        InputError: not numbers, negative, or not as many.
+    """
+    from math import isfinite
+
+    from ptt.errors import InputError
+
+    fix = "write them as 60,60,50" if count == 3 else "write them as 0,2.5,5"
+    try:
+        values = tuple(float(part) for part in text.split(",")) if text.strip() else ()
+    except ValueError:
+        raise InputError(f"cannot read '{text}'", where=where, fix=fix) from None
+    if any(value < 0 or not isfinite(value) for value in values) or (values and count not in (None, len(values))):
+        raise InputError(f"cannot use '{text}'", where=where, fix=fix)
+    return values
+
+
+def format_plan(result: "FirstRun", out: str) -> str:
+    """The plan as text.
+
+    Args:
+        result: the plan.
+        out: where it was written.
+
+    Returns:
+        Lines.
+    """
+    lines = [f"{out}: {result.targets.rows} rows", result.words, ""]
+    lines.append(f"{'effect':<20} {'seen':>8}  expected standard errors at {result.sigma * 1e3:g} um noise")
+    for effect in result.effects:
+        if effect.needs:
+            lines.append(f"{effect.effect:<20} {'-':>8}  needs {effect.needs}")
+            continue
+        told: dict[tuple[str, str], list[float]] = {}
+        hidden = set()
+        for name, unit, std, _ in effect.parameters:
+            stem = (name.split(" ")[0], unit)
+            told.setdefault(stem, [])
+            if std is None:
+                hidden.add(stem)
+            else:
+                told[stem].append(std)
+        parts = [
+            f"{stem} {max(values):.2g}" if values and stem_unit not in hidden else
+            f"{stem} {max(values):.2g}, some unseen" if values else f"{stem} unseen"
+            for stem_unit, values in told.items()
+            for stem in [stem_unit[0]]
+        ]  # fmt: skip
+        lines.append(f"{effect.effect:<20} {f'{effect.seen} of {effect.size}':>8}  {'; '.join(parts)}")
+    return "\n".join(lines)

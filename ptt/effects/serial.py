@@ -1,0 +1,77 @@
+"""Effects of serial arms: links and joint axes are not where the drawing has them, joints turn unevenly."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, cast
+
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Effect, Parameter, Stage, per_joint
+from ptt.mechanisms.serial import LINK_SLOTS, Serial
+from ptt.view import View
+
+BETA = 4  # place of the Hayati angle among a link's slots
+ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least
+SLOW, FAST = 32, 32  # harmonics of a turn: those of usual size, and smaller ones above them
+
+
+@dataclass(frozen=True)
+class DhOffsets(Effect):
+    """Denavit-Hartenberg parameters are off, link by link; axes that the drawing has parallel lean by beta too.
+
+    Every link has all five parameters. What they do twice (the offset along parallel axes, the first and last link
+    against a fitted frame and tool) the fit leaves where it is; beta acts between parallel axes only, because
+    elsewhere twist and joint angle of the neighbours do the same.
+    """
+
+    name: ClassVar[str] = "dh-offsets"
+    stage: ClassVar[Stage] = "geometry"
+    mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("da", "mm", 0.5, "link too long along its common normal", True),
+        Parameter("dalpha", "rad", 1e-3, "twist between the joint axes too large", True),
+        Parameter("dd", "mm", 0.5, "offset along the joint axis too large", True),
+        Parameter("dtheta", "rad", 2e-3, "joint angle larger than the encoder says", True),
+        Parameter("dbeta", "rad", 1e-3, "lean of parallel joint axes across their common normal (Hayati)", True),
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Unit of each link's slots, parameter by parameter."""
+        arm, width = cast(Serial, view.mechanism), len(LINK_SLOTS)
+        slots, joints = len(arm.slots), view.joints
+        units = torch.eye(slots, width * joints, dtype=view.q.dtype).unflatten(1, (joints, width)).clone()
+        parallel = torch.tensor(arm.parallel_axes())
+        units[:, :, BETA] *= parallel
+        return units.transpose(1, 2).flatten(1).expand(view.rows, slots, width * joints)
+
+
+@dataclass(frozen=True)
+class JointErrorMap(Effect):
+    """Each joint turns unevenly, alike at every turn: sum over m of a_m cos(m q) + b_m sin(m q).
+
+    Encoder rings, their eccentricity and strain-wave gears all repeat with the turn of the joint. There are many
+    harmonics, so each is held near zero at its usual size; what the visited range does not tell stays there.
+    """
+
+    name: ClassVar[str] = "joint-error-map"
+    stage: ClassVar[Stage] = "drive"
+    mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("cosine", "rad", 1e-4, "part in phase with zero, harmonics from the first", True, SLOW, held=True),
+        Parameter("sine", "rad", 1e-4, "part a quarter turn later, harmonics from the first", True, SLOW, held=True),
+        Parameter("fast_cosine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True),
+        Parameter("fast_sine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True),
+    )
+
+    def needs(self, view: View) -> str | None:
+        """More coordinates than harmonics."""
+        least = ROWS_A_JOINT * view.joints
+        return None if view.rows >= least else f"at least {least} rows"
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Cosines and sines of the multiples of each joint's angle."""
+        order = torch.arange(1, SLOW + FAST + 1, dtype=view.q.dtype)
+        phase = view.q[..., None] * order  # shape: (n, k, m)
+        cosine, sine = torch.cos(phase), torch.sin(phase)
+        return per_joint(cosine[..., :SLOW], sine[..., :SLOW], cosine[..., SLOW:], sine[..., SLOW:])

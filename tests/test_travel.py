@@ -1,0 +1,26 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ptt.backlash.reversal import travel_direction
+from ptt.travel import arrival_direction, run_starts
+
+
+def test_a_joint_that_stands_through_a_run_does_not_arrive_as_the_next_run_moves():
+    q = np.array([[0.0], [0.0], [5.0], [4.0]])
+    starts = run_starts(np.array([0, 0, 1, 1]))
+    assert arrival_direction(q, q, starts).ravel().tolist() == [1.0, 1.0, -1.0, -1.0]
+
+
+def test_a_turn_on_the_way_decides():
+    q = np.array([[0.0], [1.0], [2.0], [2.0]])
+    turning = np.array([[0.0], [1.5], [2.0], [2.0]])
+    assert arrival_direction(q, turning, run_starts(np.zeros(4))).ravel().tolist() == [-1.0, -1.0, 1.0, 1.0]
+
+
+@given(st.lists(st.integers(-2, 2), min_size=1, max_size=12), st.data())
+def test_without_turns_the_order_of_the_commands_decides(heights, data):
+    q = np.array(heights, dtype=float)[:, None]
+    run = np.sort(data.draw(st.lists(st.integers(0, 2), min_size=len(q), max_size=len(q))))
+    starts = run_starts(run)
+    np.testing.assert_array_equal(arrival_direction(q, q, starts), travel_direction(q, starts))
