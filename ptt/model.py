@@ -267,7 +267,7 @@ def components(terms: Shifts, view: View) -> dict[str, Tensor]:
     }
 
 
-def linearise(terms: Shifts, view: View) -> Linearised:
+def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     """Predict, with exact derivatives by forward mode along the chain.
 
     Each effect is differentiated by its own parameters (its basis, or torch.func where it is not linear); what comes
@@ -276,10 +276,13 @@ def linearise(terms: Shifts, view: View) -> Linearised:
     Args:
         terms: effects with their flat parameters.
         view: n rows.
+        crossed: also follow how a shift of one stage changes the shifts of the next, a thousandth of the whole; a
+            search that only compares models goes without.
 
     Returns:
         The prediction and d reading / d theta.
     """
+    links = terms if crossed else ()
     slots = len(view.mechanism.slots)
     drive = [differentiate(e, theta, view) if e.stage == "drive" else None for e, theta in terms]
     q = view.q + sum((item[0] for item in drive if item), torch.zeros_like(view.q))
@@ -288,17 +291,17 @@ def linearise(terms: Shifts, view: View) -> Linearised:
     shaped = [differentiate(e, theta, at_joints) if e.stage == "geometry" else None for e, theta in terms]
     geometry = geometry + sum((item[0] for item in shaped if item), torch.zeros_like(geometry))
     p, by_joint, by_slot = sensitivity(view.mechanism, q, view.mounted(geometry))
-    moving = _by_input(terms, "geometry", q, lambda x: view.at(q=x))
+    moving = _by_input(links, "geometry", q, lambda x: view.at(q=x))
     if moving is not None:
         by_joint = by_joint + by_slot @ moving
     at_tool = at_joints.at(p=p)
     carried = [differentiate(e, theta, at_tool) if e.stage == "structure" else None for e, theta in terms]
-    after = _by_input(terms, "structure", p, lambda x: at_joints.at(p=x))
-    raised = _by_input(terms, "structure", q, lambda x: at_tool.at(q=x))
+    after = _by_input(links, "structure", p, lambda x: at_joints.at(p=x))
+    raised = _by_input(links, "structure", q, lambda x: at_tool.at(q=x))
     actual = p + sum((item[0] for item in carried if item), torch.zeros_like(p))
     at_target = at_joints.at(p=actual)
     read = [differentiate(e, theta, at_target) if e.stage == "metrology" else None for e, theta in terms]
-    seen = _by_input(terms, "metrology", actual, lambda x: at_joints.at(p=x))
+    seen = _by_input(links, "metrology", actual, lambda x: at_joints.at(p=x))
     reading = actual + sum((item[0] for item in read if item), torch.zeros_like(p))
     blocks = []
     for d, g, s, m in zip(drive, shaped, carried, read, strict=True):

@@ -214,7 +214,7 @@ def test_links_and_skew_joints_are_told_apart_by_the_poses_chosen(bench: Machine
 
 
 def test_the_separation_that_is_promised_is_reached(bench: MachineFile, tmp_path: Path) -> None:
-    """Without noise, the wrong effect fitted to old and new rows leaves what was promised."""
+    """Without noise, the wrong effect fitted to old and new rows leaves what was promised, by second order more."""
     rig = make_rig(bench, geometry={"link_mm": [0.1, -0.05, 0.08]})
     path, problem, found = measure(rig, tmp_path)
     fitted = found.path.end.fitted
@@ -230,7 +230,7 @@ def test_the_separation_that_is_promised_is_reached(bench: MachineFile, tmp_path
         frame.to_csv(tmp_path / f"{name}.csv", index=False)
     both = build_problem(bench, read_table(tmp_path / "path.csv", also=[tmp_path / "more.csv"]))
     wrong = fit(Model(bench) + library()["joint-offset"](), both, noise=fitted.noise, robust=False)
-    assert np.sqrt(wrong.chi2) == pytest.approx(plan.after, rel=0.25)
+    assert 0.85 * plan.after < np.sqrt(wrong.chi2) < 1.5 * plan.after
 
 
 def test_a_path_that_picked_wrong_is_put_right(bench: MachineFile, tmp_path: Path) -> None:

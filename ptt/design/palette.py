@@ -17,7 +17,8 @@ from ptt.model import linearise, signature, trace
 from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.view import View
 
-EASE = 1e-6  # prior on every unknown, in usual sizes squared: a thousand usual sizes cost one sigma
+EASE = 1e-4  # prior on every unknown, in usual sizes squared: a hundred usual sizes cost one sigma
+FAINT = 0.01  # share of the fitted amplitudes at which columns are taken: what imitates exactly does so to first order
 CHUNK = 20000  # rows whose columns are held in memory at once
 PER_ROW = ("q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time",
            "torque", "mount", "link_load")  # fmt: skip
@@ -78,6 +79,15 @@ class Palette:
         place = [term.effect.key for term in self.fitted.layout.terms].index(key)
         return np.flatnonzero(self.fitted.layout.owner == place)
 
+    @property
+    def linear(self) -> np.ndarray:
+        """Columns of amplitudes of the model's effects, (P,) bool; what they do grows with nothing else."""
+        layout, flags = self.fitted.layout, np.zeros(self.width, dtype=bool)
+        for number, (term, free) in enumerate(zip(layout.terms, layout.free, strict=True)):
+            sizes = [(p.role == "linear", p.size(self.problem.view.joints)) for p in term.effect.parameters]
+            flags[np.flatnonzero(layout.owner == number)] = np.concatenate([np.full(size, flag) for flag, size in sizes])[free]
+        return flags
+
     def base(self, without: str) -> np.ndarray:
         """Columns of the frames and of all effects of the model but one."""
         taken = np.concatenate([self.of(without), *self.index]).astype(int)
@@ -85,13 +95,9 @@ class Palette:
 
     def amplitudes(self, key: str) -> np.ndarray:
         """Fitted amplitudes of an effect in usual sizes, (P,); zero in all columns but its linear ones."""
-        own = self.of(key)
-        term = next(term for term in self.fitted.layout.terms if term.effect.key == key)
-        free = self.fitted.layout.free[[item.effect.key for item in self.fitted.layout.terms].index(key)]
-        sizes = [(p.role == "linear", p.size(self.problem.view.joints)) for p in term.effect.parameters]
-        linear = np.concatenate([np.full(size, flag) for flag, size in sizes])[free]
+        own = np.intersect1d(self.of(key), np.flatnonzero(self.linear))
         values = np.zeros(self.width)
-        values[own[linear]] = self.fitted.unknowns[own[linear]]
+        values[own] = self.fitted.unknowns[own]
         return values
 
 
@@ -137,9 +143,14 @@ def paint(palette: Palette, view: View, frame: np.ndarray | None, mount: np.ndar
         (n, 3, P), whitened, in usual sizes.
     """
     fitted, layout = palette.fitted, palette.fitted.layout
-    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(fitted.unknowns), strict=True)]
+    linear = palette.linear
+    faint = fitted.unknowns * np.where(linear[: len(fitted.unknowns)], FAINT, 1.0)
+    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(faint), strict=True)]
     chain = trace(terms, view)
-    parts = [linearise(terms, view).jacobian[..., torch.as_tensor(layout.columns())].numpy()] if terms else []
+    parts = []
+    if terms:
+        machine = linearise(terms, view).jacobian[..., torch.as_tensor(layout.columns())].numpy()
+        parts.append(machine * np.where(linear[: machine.shape[-1]], 1.0, 1.0 / FAINT))
     rigid = rigid_basis(chain.reading)
     if layout.mounts:
         held = np.zeros(view.rows, dtype=int) if mount is None else mount

@@ -77,15 +77,15 @@ class Walker:
 
     def fit(self, model: Model) -> FitResult:
         """Fit a model to the rows that are no gross errors."""
-        return fit(model, self.problem.masked(self.gross), noise=self.noise, robust=False)
+        return fit(model, self.problem.masked(self.gross), noise=self.noise, robust=False, coarse=True)
 
     def fit_swapped(self, state: State, key: str | None, finding: Finding | None) -> FitResult:
         """Fit the model of a state without one effect, or with a candidate added or in its place."""
-        if key is None and finding is not None:  # what is in part the same thing makes room
-            key = rival(finding.trial.effect, state.fitted.model.keys)
         model = state.fitted.model if key is None else state.fitted.model.without(key)
         if finding is None:
             return self.fit(model)
+        other = rival(finding.trial.effect, model.keys)
+        model = model if other is None else model.without(other)  # what is in part the same thing makes room
         self.tell(f"fit {finding.trial.effect.key}")
         return self.fit(model + self._term(state, key, finding))
 

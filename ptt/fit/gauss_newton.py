@@ -10,6 +10,7 @@ STEPS = 40
 DONE = 1e-8  # decrease of chi-squared still to be had at the end: parameters within 1e-4 standard errors
 SHORTER = 0.3
 TRIES = 8
+FEW_TRIES = 3  # of a coarse search
 FINE = 1e-3  # decrease below which a step that keeps less than half its promise is the last: kinks are near
 ROUGH = 1e-4  # share of chi-squared below which a step that does not help is put down to kinks, as play has them
 
@@ -29,7 +30,9 @@ class Descent:
     status: str
 
 
-def descend(equations: Equations, start: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> Descent:
+def descend(
+    equations: Equations, start: np.ndarray, lower: np.ndarray, upper: np.ndarray, done: float = DONE
+) -> Descent:
     """Minimise a sum of squares between bounds.
 
     Source: Nocedal and Wright, Numerical Optimization (2006), 10.3 (Gauss-Newton) and 16.5 (active sets).
@@ -39,6 +42,7 @@ def descend(equations: Equations, start: np.ndarray, lower: np.ndarray, upper: n
         start: (u,).
         lower: (u,).
         upper: (u,).
+        done: decrease still to be had at which it ends.
 
     Returns:
         Where it ended.
@@ -48,23 +52,23 @@ def descend(equations: Equations, start: np.ndarray, lower: np.ndarray, upper: n
     for _ in range(STEPS):
         step = bounded_step(normal, side, lower - at, upper - at)
         decrease = float(2.0 * side @ step - step @ normal @ step)
-        if decrease <= DONE + 1e-13 * cost:
+        if decrease <= done + 1e-13 * cost:
             return Descent(at, "converged")
-        found = _search_line(equations, at, step, cost, decrease)
+        found = _search_line(equations, at, step, cost, decrease, max(FINE, done))
         if found is None:
             kinked = decrease <= max(ROUGH * cost, FINE)
             return Descent(at, "converged" if kinked else "not converged: no step lowers the error further")
         before, (at, (normal, side, cost)) = cost, found
-        if decrease <= FINE and before - cost < 0.5 * decrease:
+        if decrease <= max(FINE, 10.0 * done) and before - cost < 0.5 * decrease:
             return Descent(at, "converged")
     return Descent(at, f"not converged after {STEPS} steps")
 
 
 def _search_line(
-    equations: Equations, at: np.ndarray, step: np.ndarray, cost: float, decrease: float
+    equations: Equations, at: np.ndarray, step: np.ndarray, cost: float, decrease: float, fine: float
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, float]] | None:
     share = 1.0
-    for _ in range(1 if decrease <= FINE else TRIES):
+    for _ in range(1 if decrease <= fine else FEW_TRIES if fine > FINE else TRIES):
         there = equations(at + share * step)
         if there[2] <= cost - 1e-4 * share * decrease:
             return at + share * step, there

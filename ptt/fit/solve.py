@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from ptt.fit.gauss_newton import Equations, descend
+from ptt.fit.gauss_newton import DONE, Equations, descend
 from ptt.fit.layout import Layout, lay_out
 from ptt.fit.outliers import inside, linear_residual
 from ptt.fit.search import open_terms
@@ -15,6 +15,7 @@ from ptt.model import Model, Prediction, Term
 from ptt.noise import DEFAULT_SIGMA, Noise
 from ptt.problem import Problem
 
+NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
 SEEN = 1.0  # a direction counts as seen where the data know it better than its usual size
 PRIOR_SHARE = 0.02  # a parameter with more than this share in unseen directions is not measured
 PRIOR_HALF = 0.5  # share of its prior's variance from which a parameter that is held near zero counts as unmeasured
@@ -79,7 +80,13 @@ class FitResult:
 
 
 def fit(
-    model: Model, problem: Problem, *, robust: bool = True, noise: Noise | None = None, lean: bool = False
+    model: Model,
+    problem: Problem,
+    *,
+    robust: bool = True,
+    noise: Noise | None = None,
+    lean: bool = False,
+    coarse: bool = False,
 ) -> FitResult:
     """Fit all effects and frames of a model.
 
@@ -89,22 +96,24 @@ def fit(
         robust: leave out gross errors; they are named in the result.
         noise: the noise floor; None takes the problem's, or a first guess where it has none.
         lean: skip the confirmation that the set of outliers is stable.
+        coarse: stop a hundredth of chi-squared from the end, which is near enough to compare models.
 
     Returns:
         The fit; what kept it from converging is in its status.
     """
     noise = noise or problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
     layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
-    evaluate = Evaluator(layout, problem, noise)
+    evaluate = Evaluator(layout, problem, noise, coarse=coarse)
     unknowns = np.clip(layout.start(), layout.lower, layout.upper)
     system = evaluate(unknowns)
     kept = _without_outliers(system, problem.used, layout) if robust else problem.used.copy()
     status, unseen = "nothing to fit", np.zeros((len(unknowns), 0))
-    for attempt in range(1 if lean else ROUNDS):
+    for attempt in range(1 if lean or coarse else ROUNDS):
         unseen = unseen_directions(_informed(system, kept, layout))
         if len(unknowns):
             prior = unseen @ unseen.T + np.diag(layout.held.astype(float))
-            ended = descend(_equations(evaluate, kept, prior), unknowns, layout.lower, layout.upper)
+            done = NEAR if coarse else DONE
+            ended = descend(_equations(evaluate, kept, prior), unknowns, layout.lower, layout.upper, done)
             unknowns, status = ended.unknowns, ended.status
         system = evaluate(unknowns)
         again = inside(system.residual, problem.used) if robust else kept

@@ -56,8 +56,8 @@ class System:
 class Evaluator:
     """Builds the system at given unknowns and remembers the last one, which fit and outlier search both ask for."""
 
-    def __init__(self, layout: Layout, problem: Problem, noise: Noise) -> None:
-        self.layout, self.problem, self.noise = layout, problem, noise
+    def __init__(self, layout: Layout, problem: Problem, noise: Noise, *, coarse: bool = False) -> None:
+        self.layout, self.problem, self.noise, self.coarse = layout, problem, noise, coarse
         self.calls = 0
         self._at: np.ndarray | None = None
         self._system: System | None = None
@@ -66,12 +66,16 @@ class Evaluator:
         """The system at these unknowns, (u,) in usual sizes."""
         if self._system is None or self._at is None or not np.array_equal(self._at, unknowns):
             self.calls += 1
-            self._system = build_system(self.layout, self.problem, self.noise.whitener, unknowns)
+            self._system = build_system(
+                self.layout, self.problem, self.noise.whitener, unknowns, crossed=not self.coarse
+            )
             self._at = unknowns.copy()
         return self._system
 
 
-def build_system(layout: Layout, problem: Problem, whitener: np.ndarray, unknowns: np.ndarray) -> System:
+def build_system(
+    layout: Layout, problem: Problem, whitener: np.ndarray, unknowns: np.ndarray, *, crossed: bool = True
+) -> System:
     """Linearise the model and the frames at a point.
 
     Args:
@@ -79,12 +83,13 @@ def build_system(layout: Layout, problem: Problem, whitener: np.ndarray, unknown
         problem: the readings.
         whitener: (3, 3) 1/mm.
         unknowns: (u,) in usual sizes.
+        crossed: as in `ptt.model.linearise`.
 
     Returns:
         The system.
     """
     terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
-    at = linearise(terms, layout.see(problem, unknowns))
+    at = linearise(terms, layout.see(problem, unknowns), crossed=crossed)
     columns = layout.columns()
     machine = at.jacobian if columns.all() else at.jacobian[..., torch.as_tensor(columns)]
     if layout.mounts:

@@ -1,0 +1,181 @@
+"""The diagnosis on rigs that share nothing with the effects: right when something is there, silent when nothing is."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.commands.main import app
+from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.wander import Wander, find_wander, take_off
+from ptt.effects import library
+from ptt.machine import format_machine
+from ptt.model import Model
+from ptt.problem import Problem, build_problem
+from ptt.rig.draw import draw_rig
+from ptt.rig.simulate import simulate, write_run
+from ptt.sums import accumulate, gain, held_out_squares, project, solve
+from ptt.table import read_table
+
+MACHINE = bench_machine()
+
+
+def run(folder, level: str, seed: int, *, rows: int = 300, fault: str | None = None, **tracker: float):
+    drawn = draw_rig(level, seed, MACHINE, rows=rows, fault=fault)
+    rig = drawn.rig
+    if tracker:
+        rig = replace(rig, tracker=rig.tracker.model_copy(update=tracker))
+    path = folder / f"{level}{seed}.csv"
+    write_run(simulate(rig, drawn.targets).frame, path)
+    return drawn, path
+
+
+def learn(folder, *arguments, **options) -> tuple[dict, Diagnosis]:
+    drawn, path = run(folder, *arguments, **options)
+    return drawn.truth, diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)))
+
+
+@pytest.mark.parametrize(
+    ("fault", "seed"),
+    [
+        ("homing-offset", 11),
+        ("screw-error-map", 12),
+        ("once-per-rev", 13),
+        ("backlash", 14),
+        ("windup", 15),
+        ("following-error", 16),
+        ("axis-compliance", 17),
+        ("tower-position", 18),
+        ("link-length", 19),
+        ("guide-straightness", 20),
+        ("joint-clearance", 21),
+        ("platform-twist", 22),
+        ("column-bend", 23),
+        ("tracker-drift", 24),
+        ("setup-jump", 25),
+    ],
+)
+def test_one_hidden_effect_is_named_first(tmp_path, fault, seed):
+    truth, found = learn(tmp_path, "single", seed, fault=fault)
+    assert list(truth) == [fault]
+    assert found.verdict == "missing"
+    assert found.suggested[0][0] == fault
+    assert len(found.suggested[0]) <= 4
+    assert found.rms_um["after"]["total"] < 1.25 * found.noise.total * 1e3
+
+
+def test_silent_where_nothing_is_hidden(tmp_path):
+    verdicts = [learn(tmp_path, "none", seed)[1].verdict for seed in range(40, 52)]
+    assert verdicts.count("nothing-missing") >= 11
+
+
+def test_silent_on_few_rows_and_among_gross_errors(tmp_path):
+    few = [learn(tmp_path, "none", seed, rows=60)[1] for seed in range(60, 66)]
+    assert [item.verdict for item in few].count("nothing-missing") >= 5
+    spoiled = [learn(tmp_path, "none", seed, outlier_share=0.05)[1] for seed in range(70, 76)]
+    assert [item.verdict for item in spoiled].count("nothing-missing") >= 5
+    assert all(item.outliers.sum() >= 5 for item in spoiled)
+
+
+def test_slow_wander_is_no_machine_error(tmp_path):
+    machine = {name for name, cls in library().items() if cls.stage != "metrology"}
+    for seed in range(80, 84):
+        _, found = learn(tmp_path, "none", seed, wander_um=5.0, wander_s=900.0)
+        assert not {step[0].partition("[")[0] for step in found.suggested} & machine
+
+
+def test_unknown_fault_is_not_forced_into_the_library(tmp_path):
+    truth, found = learn(tmp_path, "unknown", 122, fault="guide-damage")
+    assert "guide-damage" in truth
+    assert found.verdict == "unknown"
+    slider = found.depends_on[0].on
+    assert slider.startswith("b")
+    low, high = found.depends_on[0].place
+    assert high - low < 40.0
+
+
+def test_two_effects_are_both_found(tmp_path):
+    truth, found = learn(tmp_path, "multi", 2013)
+    picks = [set(step) for step in found.suggested]
+    assert all(any(name in step for step in picks) for name in truth)
+    assert len(found.suggested) == len(truth)
+
+
+def test_json_holds_what_is_documented(tmp_path):
+    _, path = run(tmp_path, "single", 14, fault="backlash")
+    model = tmp_path / "machine.toml"
+    model.write_text(format_machine(MACHINE))
+    outcome = CliRunner().invoke(app, ["diagnose", str(path), "--model", str(model), "--json"])
+    assert outcome.exit_code == 0, outcome.output
+    data = json.loads(outcome.stdout)
+    assert data["verdict"] == "missing"
+    assert data["suggested"][0][0] == "backlash"
+    first = data["candidates"][0]
+    assert first["effect"] == "backlash"
+    assert first["heldout_rms_um"]["after"] < first["heldout_rms_um"]["before"]
+    assert {"name", "unit", "value", "std"} <= set(first["parameters"][0])
+    for key in ("not_testable", "depends_on", "measure_next", "noise_um", "rows"):
+        assert key in data
+    assert "backlash" in data["words"]
+
+
+def test_what_the_data_cannot_test_is_listed_with_its_need(tmp_path):
+    _, found = learn(tmp_path, "none", 41)
+    assert "payload" in found.not_testable["column-bend"]
+
+
+def test_sums_of_chunks_are_sums_of_all():
+    random = np.random.default_rng(1)
+    columns, values = random.normal(size=(60, 3, 5)), random.normal(size=(60, 3))
+    block = np.repeat(np.arange(4), 15)
+    whole = accumulate(columns, values, block, 4)
+    parts = accumulate(columns[:23], values[:23], block[:23], 4) + accumulate(columns[23:], values[23:], block[23:], 4)
+    np.testing.assert_allclose(parts.gram, whole.gram, rtol=1e-12)
+    np.testing.assert_allclose(parts.side, whole.side, rtol=1e-12, atol=1e-12)
+
+
+def test_projected_gain_is_what_a_fit_gains():
+    random = np.random.default_rng(2)
+    columns, values = random.normal(size=(80, 3, 7)), random.normal(size=(80, 3))
+    sums = accumulate(columns, values, np.zeros(80, dtype=int), 1)
+    gram, side, square, _ = sums.total
+    first, second = np.arange(4), np.arange(4, 7)
+    took, seen = gain(project(gram, side, square, first), second)
+    left = [solve(gram, side, square, chosen).left for chosen in (first, np.arange(7))]
+    assert seen == 3
+    assert took == pytest.approx(left[0] - left[1], rel=1e-9)
+
+
+def test_held_out_squares_are_those_of_refits():
+    random = np.random.default_rng(3)
+    columns, values = random.normal(size=(50, 3, 4)), random.normal(size=(50, 3))
+    block = np.arange(50) // 10
+    squares = held_out_squares(accumulate(columns, values, block, 5), np.arange(4))
+    for index in range(5):
+        rows = block != index
+        fitted, *_ = np.linalg.lstsq(columns[rows].reshape(-1, 4), values[rows].ravel(), rcond=None)
+        left = values[~rows] - columns[~rows] @ fitted
+        assert squares[index] == pytest.approx(np.square(left).sum(), rel=1e-9)
+
+
+def test_wander_is_found_and_taken_off(tmp_path):
+    _, path = run(tmp_path, "none", 90)
+    problem: Problem = build_problem(MACHINE, read_table(path))
+    random = np.random.default_rng(4)
+    rows = problem.used
+    noise = random.normal(size=(problem.table.rows, 3))
+    assert find_wander(problem, np.where(rows[:, None], noise, np.nan)) is None
+    slow = np.zeros_like(noise)
+    clock = problem.view.time.numpy()
+    for row in range(1, len(slow)):
+        decay = np.exp(-(clock[row] - clock[row - 1]) / 900.0)
+        slow[row] = decay * slow[row - 1] + np.sqrt(1.0 - decay**2) * 2.0 * random.normal(size=3)
+    found = find_wander(problem, np.where(rows[:, None], noise + slow, np.nan))
+    assert found is not None
+    white = take_off(noise + slow, Wander(4.0, 900.0), problem, rows)[rows]
+    neighbours = np.mean(white[1:] * white[:-1]) / np.mean(np.square(white))
+    assert abs(neighbours) < 0.12
+    assert np.mean(np.square(white)) == pytest.approx(1.0, abs=0.15)

@@ -1,0 +1,121 @@
+"""Hidden faults of virtual serial arms are named right, a sound arm gets nothing named, and compensation mends it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.effects.registry import library, make_effect
+from ptt.fit.solve import fit
+from ptt.machine import MachineFile, load_machine
+from ptt.mechanisms import build_mechanism
+from ptt.model import Model
+from ptt.problem import Problem, build_problem
+from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
+from ptt.table import Table, make_table
+
+pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
+
+MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
+ROWS, SIGMA = 220, 0.01
+EXPECTED = {
+    "compliance": "axis-compliance",
+    "backlash": "backlash",
+    "link": "dh-offsets",
+    "growth": "frame-growth",
+}
+
+
+def arm(name: str, **tracker: object) -> MachineFile:
+    file = load_machine(MACHINES / f"{name}.toml")
+    own = {"sigma_mm": SIGMA, "frame": "fitted", "tool": "fitted", **tracker}
+    return replace(file, tracker=file.tracker.model_copy(update=own))
+
+
+def broken(kind: str, joints: int, random: np.random.Generator) -> ArmFaults:
+    faults = ArmFaults.none(joints)
+    if kind == "compliance":
+        return replace(faults, compliance=random.uniform(0.5e-8, 3e-8, joints))
+    if kind == "backlash":
+        gap = random.uniform(3e-4, 1e-3, joints)
+        return replace(faults, gap=np.where(random.permutation(joints - 1).tolist() + [9] < np.full(joints, 2), gap, 0.0))
+    if kind == "link":
+        link = np.zeros((joints, 4))
+        link[random.integers(1, joints - 2), :3] = random.uniform(0.3, 0.8) * np.array([1.0, 2e-3, 0.0])
+        return replace(faults, link=link)
+    return replace(faults, growth=float(random.uniform(0.9e-5, 1.4e-5))) if kind == "growth" else faults
+
+
+def measure(file: MachineFile, faults: ArmFaults, random: np.random.Generator) -> tuple[ArmRig, Table]:
+    spec = file.machine
+    mechanism = build_mechanism(spec)
+    low, high = np.clip(mechanism.limits().numpy(), -2.0, 2.0)
+    q = random.uniform(0.8 * low, 0.8 * high, (ROWS, len(spec.joint)))
+    warm = 20.0 + 7.0 * (1.0 - np.exp(-np.arange(ROWS) / 60.0))
+    load = np.where(np.arange(ROWS) // 55 % 2 == 0, 0.0, 5.0)
+    frame = rigid(random.uniform(-0.5, 0.5, 3), random.uniform(-800.0, 800.0, 3))
+    rig = ArmRig(spec, faults, random.uniform(-30.0, 30.0, 3), frame, SIGMA)
+    readings = rig.measure(q, load, warm, int(random.integers(1 << 30)))
+    context = {"measured": readings, "payload_kg": load, "temp_c": warm, "time_s": 30.0 * np.arange(ROWS)}
+    return rig, make_table(None, q, **context)
+
+
+def look(file: MachineFile, table: Table) -> Diagnosis:
+    return diagnose(Model(file), build_problem(file, table))
+
+
+@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
+@pytest.mark.parametrize("kind", list(EXPECTED))
+def test_hidden_fault_is_named_first(name: str, kind: str) -> None:
+    file = arm(name)
+    random = np.random.default_rng([len(name), len(kind)])
+    _, table = measure(file, broken(kind, len(file.machine.joint), random), random)
+    found = look(file, table)
+    assert found.verdict == "missing", found.words
+    assert [step[0] for step in found.suggested] == [EXPECTED[kind]], found.words
+
+
+@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
+def test_sound_arm_gets_nothing_named(name: str) -> None:
+    file = arm(name)
+    _, table = measure(file, ArmFaults.none(len(file.machine.joint)), np.random.default_rng(5))
+    found = look(file, table)
+    assert found.verdict == "nothing-missing", found.words
+
+
+@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa", "assembly_robot"])
+def test_sound_rig_agrees_with_the_mechanism(name: str) -> None:
+    file = arm(name)
+    spec, joints = file.machine, len(file.machine.joint)
+    q = np.random.default_rng(3).uniform(-1.5, 1.5, (40, joints))
+    rig = ArmRig(spec, ArmFaults.none(joints), np.zeros(3), np.eye(4), 0.0)
+    mine = rig.measure(q, np.zeros(40), np.full(40, spec.reference_temp_c), 0)
+    torch.testing.assert_close(torch.tensor(mine), build_mechanism(spec).forward(torch.tensor(q)), rtol=0, atol=1e-9)
+
+
+def test_link_weights_load_the_joints_as_the_rig_feels_them() -> None:
+    from ptt.view import build_view
+
+    file = arm("ur10")
+    q = np.random.default_rng(4).uniform(-2.0, 2.0, (15, 6))
+    load = np.linspace(0.0, 5.0, 15)
+    rig = ArmRig(file.machine, ArmFaults.none(6), np.zeros(3), np.eye(4), 0.0)
+    felt = np.array([[rig._torque(row, j, mass, 1.0) for j in range(6)] for row, mass in zip(q, load, strict=True)])
+    seen = build_view(file, make_table(None, q, payload_kg=load)).axis_force()
+    torch.testing.assert_close(seen, torch.tensor(felt), rtol=1e-5, atol=1e-2)
+
+
+def test_mount_and_frame_are_found_beside_the_links() -> None:
+    file = arm("ur10")
+    random = np.random.default_rng(8)
+    rig, table = measure(file, broken("link", 6, random), random)
+    problem: Problem = build_problem(file, table)
+    fitted = fit(Model(file) + make_effect(library(), "dh-offsets"), problem)
+    assert problem.mounts == 1 and fitted.layout.names[-9:-6] == tuple(f"reflector mount {axis}" for axis in "xyz")
+    mount = fitted.layout.see(problem, fitted.unknowns).mount
+    assert mount is not None
+    torch.testing.assert_close(mount[0], torch.tensor(rig.reflector_mm), rtol=0, atol=1.0)
+    assert fitted.status == "converged" and 0.8 < fitted.chi2 / fitted.freedom < 1.2
