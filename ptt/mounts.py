@@ -80,8 +80,7 @@ def _step(
     view: View, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray, frame: np.ndarray, free: bool
 ) -> np.ndarray:
     """A Gauss-Newton step of all mounts, (m, 3) mm."""
-    geometry = view.mounted(view.q.new_zeros(1, len(view.mechanism.slots)))
-    by_mount = sensitivity(view.mechanism, view.q, geometry)[2][..., -3:].numpy()
+    by_mount = mount_slopes(view)
     p, width = view.p.numpy(), 3 * (int(mount.max()) + 1)
     blocks = [np.where((mount == index)[:, None, None], by_mount, 0.0) for index in range(width // 3)]
     left = reading - p
@@ -98,3 +97,16 @@ def _step(
     near = rows & (distance <= TRIM * max(float(np.median(distance[rows])), 1e-9))
     columns = np.concatenate(blocks, axis=2)[near].reshape(3 * int(near.sum()), -1)
     return np.linalg.lstsq(columns, left[near].ravel(), rcond=UNSEEN)[0][:width].reshape(-1, 3)
+
+
+def mount_slopes(view: View) -> np.ndarray:
+    """Derivative of the readings by the place of the reflector beside the tool point.
+
+    Args:
+        view: n rows.
+
+    Returns:
+        (n, 3, 3), the axes of the tool's frame.
+    """
+    geometry = view.mounted(view.q.new_zeros(1, len(view.mechanism.slots)))
+    return sensitivity(view.mechanism, view.q, geometry)[2][..., -3:].numpy()

@@ -38,7 +38,7 @@ def arm(name: str, **tracker: object) -> MachineFile:
 def broken(kind: str, joints: int, random: np.random.Generator) -> ArmFaults:
     faults = ArmFaults.none(joints)
     if kind == "compliance":
-        return replace(faults, compliance=random.uniform(0.5e-8, 3e-8, joints))
+        return replace(faults, compliance=random.uniform(0.2e-8, 1.2e-8, joints))
     if kind == "backlash":
         gap = random.uniform(3e-4, 1e-3, joints)
         return replace(faults, gap=np.where(random.permutation(joints - 1).tolist() + [9] < np.full(joints, 2), gap, 0.0))

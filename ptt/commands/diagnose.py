@@ -1,5 +1,6 @@
 """`ptt diagnose`: which physical effect is missing."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,6 +24,9 @@ from ptt.commands.common import (
 if TYPE_CHECKING:
     from ptt.diagnosis.verdict import Diagnosis
 
+Next = Annotated[
+    Path | None, typer.Option("--measure-next", metavar="OUT.csv", help="Write poses that part what is confused.")
+]
 Steps = Annotated[int, typer.Option("--steps", min=1, help="How many effects the path may add.")]
 
 
@@ -35,6 +39,7 @@ def diagnose(
     map_: Map = None,
     effects: Effects = None,
     steps: Steps = 12,
+    measure_next: Next = None,
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
@@ -47,7 +52,20 @@ def diagnose(
         result = learn(
             opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: tell(what, 0, 0)
         )
+    if measure_next is not None:
+        _write_poses(result, measure_next)
     show(result.to_dict(), format_diagnosis(result), json)
+
+
+def _write_poses(result: "Diagnosis", out: Path) -> None:
+    from ptt.table import write_table
+
+    poses = result.separation.targets if result.separation else None
+    if poses is None:
+        note("no poses to write: nothing is confused that poses could part")
+        return
+    write_table(poses, out)
+    note(f"{out}: {poses.rows} poses to measure; then diagnose both runs together with --also")
 
 
 def format_diagnosis(result: "Diagnosis") -> str:

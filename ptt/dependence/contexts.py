@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ptt.mounts import mount_slopes
+
 if TYPE_CHECKING:
     from ptt.problem import Problem
 
@@ -12,6 +14,7 @@ ENOUGH = 12  # rows beyond the number of slopes before anything is taken out
 FAR = 6.0  # robust standard deviations
 FEWEST = 3  # rows that each direction, level or run needs
 COORDINATES = ("x", "y", "z")
+SHORT = 0.05  # lever, as a share of the usual one (of the longest), below which a joint hardly moves the tool
 
 
 def residual_views(problem: "Problem", residual: np.ndarray) -> dict[str, np.ndarray]:
@@ -22,13 +25,13 @@ def residual_views(problem: "Problem", residual: np.ndarray) -> dict[str, np.nda
         residual: (n, 3) mm, tool space, base frame; NaN where not observed.
 
     Returns:
-        'x', 'y', 'z' (n,) mm, and 'slider 1'.. (n,) mm or 'joint 1'.. (n,) rad, the latter the smallest joint errors
-        that explain the residual (least squares); NaN on rows that do not count. J e of the source paper.
+        'x', 'y', 'z' (n,) mm, and 'slider 1'.. (n,) mm or 'joint 1'.. (n,) rad; NaN on rows that do not count. J e of
+        the source paper; on an arm what each joint alone would have to do, see `lone_joints`.
     """
     view, serial = problem.view, problem.file.machine.kind == "serial"
     seen = problem.used & np.isfinite(residual).all(axis=1)
     inner = np.full((view.rows, view.joints), np.nan)
-    inner[seen] = joint_residual(view.jacobian.numpy()[seen], residual[seen])
+    inner[seen] = (lone_joints if serial else joint_residual)(view.jacobian.numpy()[seen], residual[seen])
     tool = np.where(seen[:, None], residual, np.nan)
     word = "joint" if serial else "slider"
     views = dict(zip(COORDINATES, tool.T, strict=True))
@@ -47,13 +50,16 @@ def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = 
         slopes: (n, 3, P) derivative of the readings by the fitted parameters, None for a model as given.
 
     Returns:
-        (n, 3) mm; a frame that is trusted or held by base reflectors takes nothing.
+        (n, 3) mm; a frame that is trusted or held by base reflectors takes nothing. Reflector mounts take theirs.
     """
     seen = problem.used & np.isfinite(residual).all(axis=1)
     columns = [] if slopes is None else [slopes[seen]]
     if problem.frames and problem.base is None:
         rigid, member = rigid_slopes(problem.view.p.numpy()[seen]), problem.frame[seen]
         columns += [rigid * (member == frame)[:, None, None] for frame in np.unique(member)]
+    if problem.mounts:
+        turned, member = mount_slopes(problem.view)[seen], problem.mount[seen]
+        columns += [turned * (member == mount)[:, None, None] for mount in np.unique(member)]
     together = np.concatenate(columns, axis=2) if columns else np.zeros((int(seen.sum()), 3, 0))
     if not together.shape[2] or seen.sum() < together.shape[2] + ENOUGH:
         return residual
@@ -107,6 +113,24 @@ def joint_residual(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
         if (np.abs(np.linalg.det(jacobian)) > 1e-9 * size).all():
             return np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
     return np.einsum("nkc,nc->nk", np.linalg.pinv(jacobian, rcond=1e-6), residual)
+
+
+def lone_joints(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Tool errors along the way that each joint alone would move the tool, over the joint's usual lever.
+
+    Unlike joint errors proper they are as noisy in one pose as in another: near singular poses blow nothing up.
+
+    Args:
+        jacobian: dp/dq, (n, 3, k).
+        residual: (n, 3) mm.
+
+    Returns:
+        (n, k) rad.
+    """
+    lever = np.linalg.norm(jacobian, axis=1)  # shape: (n, k)
+    usual = np.sqrt(np.square(lever).mean(axis=0)) if len(lever) else lever.sum(axis=0)
+    usual = np.maximum(usual, SHORT * usual.max(initial=1e-9))
+    return np.einsum("nck,nc->nk", jacobian, residual) / np.maximum(lever, SHORT * usual) / usual
 
 
 def context_views(problem: "Problem") -> dict[str, np.ndarray]:

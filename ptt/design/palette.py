@@ -85,7 +85,8 @@ class Palette:
         layout, flags = self.fitted.layout, np.zeros(self.width, dtype=bool)
         for number, (term, free) in enumerate(zip(layout.terms, layout.free, strict=True)):
             sizes = [(p.role == "linear", p.size(self.problem.view.joints)) for p in term.effect.parameters]
-            flags[np.flatnonzero(layout.owner == number)] = np.concatenate([np.full(size, flag) for flag, size in sizes])[free]
+            own = np.concatenate([np.full(size, flag) for flag, size in sizes])[free]
+            flags[np.flatnonzero(layout.owner == number)] = own
         return flags
 
     def base(self, without: str) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.dependence.dependence import Dependence
+from ptt.design.separation import Separation, plan_separation
 from ptt.diagnosis.odd import weigh_oddities
 from ptt.diagnosis.path import Path, path_cost, walk, walk_plainly
 from ptt.diagnosis.rest import Rest, look_for_rest
@@ -78,7 +79,7 @@ class Diagnosis:
         candidates: the steps, then what else was significant on the model as given, best first.
         not_testable: effect -> what the data lack.
         rest: what is left after the path.
-        measure_next: what to measure to part what cannot be told apart.
+        separation: what to measure to part what cannot be told apart; None where nothing is confused.
         noise: the noise floor.
         wander: memory of the noise, if it has one.
         rms_um: error before and after the path.
@@ -93,7 +94,7 @@ class Diagnosis:
     candidates: tuple[Candidate, ...]
     not_testable: dict[str, str]
     rest: Rest
-    measure_next: tuple[str, ...]
+    separation: Separation | None
     noise: Noise
     wander: Wander | None
     rms_um: dict[str, dict[str, float]]
@@ -107,6 +108,11 @@ class Diagnosis:
         """What the rest after the path depends on, largest share first."""
         return self.rest.depends_on
 
+    @property
+    def measure_next(self) -> tuple[str, ...]:
+        """What to measure next, in words."""
+        return tuple(self.separation.lines) if self.separation else ()
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON, keys as documented."""
         return {
@@ -116,6 +122,7 @@ class Diagnosis:
             "not_testable": [{"effect": name, "needs": lack} for name, lack in self.not_testable.items()],
             "depends_on": [item.to_dict() for item in self.depends_on],
             "measure_next": list(self.measure_next),
+            "separation": self.separation and self.separation.to_dict(),
             "noise_um": self.noise.to_dict(),
             "noise_wanders": None
             if self.wander is None
@@ -189,7 +196,7 @@ def diagnose(
         found,
         path.untestable,
         rest,
-        (),
+        None,
         noise,
         wander,
         errors,
@@ -198,7 +205,9 @@ def diagnose(
         path,
         "",
     )
-    return replace(result, words=explain_verdict(result), measure_next=_measure_next(suggested, known))
+    tell("measure next")
+    apart = plan_separation(path.end.fitted, clean, suggested, known, seed=seed)
+    return replace(result, words=explain_verdict(result), separation=apart)
 
 
 def _rest(path: Path, walker: Walker, seed: int) -> Rest:
@@ -294,21 +303,3 @@ def _parameters(term: Term, problem: Problem) -> tuple[tuple[str, str, float, fl
         seen = term.measured is None or bool(term.measured[index])
         rows.append((name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))
     return tuple(rows)
-
-
-def _measure_next(suggested: tuple[tuple[str, ...], ...], known: Library) -> tuple[str, ...]:
-    """What parts each pick from what would do as well."""
-    pairs = [(pick, other) for pick, *others in suggested for other in others]
-    return tuple(f"to tell {pick} from {other}: {_separation(pick, other, known)}" for pick, other in pairs)
-
-
-def _separation(pick: str, other: str, known: Library) -> str:
-    from ptt.effects.cards import card_of
-
-    for one, two in ((pick, other), (other, pick)):
-        name = one.partition("[")[0]
-        if name in known:
-            for thing, what in card_of(known[name]()).confused_with:
-                if thing == two.partition("[")[0]:
-                    return what
-    return "poses over a larger volume, both directions of arrival, several payloads"
