@@ -68,6 +68,9 @@ def compensate(
 ) -> Commands:
     """Invert drive, geometry and structure of a model, never its metrology.
 
+    Metrology includes where a reflector sat on an arm: what is put right is the drawing's tool point. Of a mount that
+    was fitted along, the data cannot tell shifts of the last link; those stay at zero.
+
     The exact inverse is found by Newton steps through the whole chain. Reversal effects look at the order of the
     corrected commands, because the correction may move the turning points.
 
@@ -88,15 +91,16 @@ def compensate(
         TableError: a row without target.
     """
     tell = progress or (lambda what, done, of: None)
-    wanted = _wanted(targets)
-    place = torch.as_tensor(wanted)
     mechanism = build_mechanism(model.file.machine)
+    near = _posture(model, targets)
+    wanted = _wanted(targets) if near is None else mechanism.forward(near).numpy()
+    place = torch.as_tensor(wanted)
     lines = [int(line) for line in targets.line]
-    require_reachable(mechanism, place, targets.source, lines=lines)
+    require_reachable(mechanism, place, targets.source, lines=lines, near=near)
     asked = wanted if correction is None else correction(wanted)
     steady, turning, words = _split(model, reversal)
     goal = torch.as_tensor(asked)
-    start = require_reachable(mechanism, goal, f"{targets.source}, corrected", lines=lines)
+    start = require_reachable(mechanism, goal, f"{targets.source}, corrected", lines=lines, near=near)
     tell("invert", 0, 2)
     height, step = _newton(steady, lambda q: _see(model, targets, q), start, goal)
     _require(height, step, targets)
@@ -108,7 +112,7 @@ def compensate(
         _require(q, torch.zeros_like(step), targets)
     tell("done", 2, 2)
     nominal = mechanism.forward(height)
-    simple = _first_order(mechanism, place, nominal)
+    simple = _first_order(mechanism, place, nominal, height)
     return Commands(
         q.numpy(),
         (q - height).numpy(),
@@ -157,6 +161,16 @@ def _wanted(targets: Table) -> np.ndarray:
             fix="fill x_cmd, y_cmd, z_cmd or take the row out",
         )
     return np.asarray(targets.target, dtype=float)
+
+
+def _posture(model: Model, targets: Table) -> Tensor | None:
+    """Joint commands that say how an arm is to reach its targets, (n, k) rad; None where there are none.
+
+    An arm reaches a position in many postures, so its nominal commands are the target: the corrected ones lie beside.
+    """
+    if model.file.machine.kind != "serial" or targets.command is None or not np.isfinite(targets.command).all():
+        return None
+    return torch.as_tensor(np.array(targets.command, dtype=float))
 
 
 def _split(model: Model, reversal: Reversal | None) -> tuple[Shifts, Shifts, str]:
@@ -227,15 +241,18 @@ def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:
     return height + sum(gaps, torch.zeros(height.shape[1], dtype=height.dtype)) * view.direction
 
 
-def _first_order(mechanism: Mechanism, wanted: Tensor, nominal: Tensor) -> Tensor:
+def _first_order(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, near: Tensor) -> Tensor:
     """H_m(b - db) = f(p) - J_a dp (eq. 13 of the source paper) with dp = p - N(p), N the corrected target.
 
     J_a is taken half-way, at p - dp/2: there the first-order form is good to the third order in dp.
     """
     shift = wanted - nominal
-    at = mechanism.inverse(wanted - 0.5 * shift)
+    at = mechanism.inverse(wanted - 0.5 * shift, None, near)
     # J_a = db/dp is the inverse of dp/dq; least squares serves arms whose Jacobian is not square.
-    return mechanism.inverse(wanted) - torch.linalg.lstsq(mechanism.jacobian(at), shift[..., None]).solution[..., 0]
+    return (
+        mechanism.inverse(wanted, None, near)
+        - torch.linalg.lstsq(mechanism.jacobian(at), shift[..., None]).solution[..., 0]
+    )
 
 
 def _status(model: Model, mechanism: Mechanism, q: Tensor, wanted: Tensor) -> np.ndarray:

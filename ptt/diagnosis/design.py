@@ -14,7 +14,7 @@ from ptt.effects.metrology import TrackerFrame, rigid_basis
 from ptt.fit.solve import FitResult
 from ptt.fit.whitened import by_own
 from ptt.holdout import blocks
-from ptt.model import linearise, rival, signature, trace
+from ptt.model import Chain, linearise, rival, signature, trace
 from ptt.noise import Noise
 from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.sums import Sums, accumulate, held_out_solutions
@@ -143,58 +143,97 @@ def build_design(
     Returns:
         The design.
     """
-    layout = fitted.layout
-    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(fitted.unknowns), strict=True)]
-    view = layout.see(problem, fitted.unknowns)
-    chain = trace(terms, view)
-    parts: list[np.ndarray] = []
-    scales: list[np.ndarray] = []
-    held: list[np.ndarray] = [layout.held]
-    machine = linearise(terms, view).jacobian[..., layout.columns()].numpy()
-    parts.append(machine)
-    scales.append(layout.scale[: machine.shape[-1]])
-    present = {
-        term.effect.key: np.flatnonzero(layout.owner[: machine.shape[-1]] == index)
-        for index, term in enumerate(layout.terms)
-    }
-    rigid = rigid_basis(chain.reading).numpy()
-    start = machine.shape[-1]
-    for index in range(problem.frames):
-        parts.append(np.where((problem.frame == index)[:, None, None], rigid, 0.0))
-        scales.append(np.array([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3))
-    for block in by_own(chain.by_slot[..., -3:].numpy(), problem.mount, problem.mounts) if problem.mounts else ():
-        parts.append(block)
-        scales.append(np.full(3, MOUNT_USUAL))
-    frame = np.arange(start, start + 6 * problem.frames + 3 * problem.mounts)
-    start += len(frame)
-    trials = []
-    for effect in candidates:
-        usual = usual_sizes(effect, problem)
-        tried = effect.search(problem.view) if shapes is None else shapes
-        for shape in tried:
-            basis = signature(chain, effect, shape).numpy()
-            parts.append(basis)
-            scales.append(usual)
-            held.append(_held(effect, problem))
-            trials.append(Trial(effect, dict(shape), np.arange(start, start + basis.shape[-1]), len(tried)))
-            start += basis.shape[-1]
-    scale = np.concatenate(scales) if scales else np.zeros(0)
-    columns = np.einsum("ij,njp->nip", noise.whitener, np.concatenate(parts, axis=-1) * scale, optimize=True)
-    values = np.nan_to_num(fitted.residual) @ noise.whitener.T
-    own = np.arange(machine.shape[-1])
-    values = values + columns[..., own] @ fitted.unknowns[own]
+    stack = _Stack()
+    terms = list(zip((term.effect for term in fitted.model.terms), _thetas(fitted), strict=True))
+    chain = trace(terms, fitted.layout.see(problem, fitted.unknowns))
+    present = _stack_present(stack, fitted, problem, terms)
+    own = np.arange(stack.width)
+    frame = _stack_frames(stack, problem, chain)
+    trials = _stack_candidates(stack, problem, chain, candidates, shapes)
+    columns = stack.whiten(noise.whitener)
+    values = np.nan_to_num(fitted.residual) @ noise.whitener.T + columns[..., own] @ fitted.unknowns[own]
     rows = problem.used & np.isfinite(fitted.residual).all(axis=1)
     simple = np.concatenate([own, frame]).astype(int)
     if sift:
         rows = rows & ~gross_errors(columns, values, rows, simple, _few_shapes(trials, simple))
     if wander is not None:
-        columns = take_off(columns, wander, problem, rows)
-        values = take_off(values, wander, problem, rows)
+        columns, values = (take_off(item, wander, problem, rows) for item in (columns, values))
     block = blocks(problem.table, BLOCKS)
     sums = accumulate(columns[rows], values[rows], block[rows], BLOCKS)
-    sums = _with_base(sums, fitted, problem, frame)
-    sums = _with_held(sums, np.concatenate(held).astype(float))
+    sums = _with_held(_with_base(sums, fitted, problem, frame), np.concatenate(stack.held).astype(float))
+    scale = np.concatenate([np.zeros(0), *stack.scales])
     return Design(columns, values, rows, block, frame, present, tuple(trials), scale, sums, noise)
+
+
+class _Stack:
+    """Columns side by side, with the usual size of each and whether it is held near zero."""
+
+    def __init__(self) -> None:
+        self.parts: list[np.ndarray] = []
+        self.scales: list[np.ndarray] = []
+        self.held: list[np.ndarray] = []
+        self.width = 0
+
+    def push(self, block: np.ndarray, scale: np.ndarray, held: np.ndarray | None = None) -> np.ndarray:
+        """Add columns (n, 3, p); returns their indices."""
+        count = block.shape[-1]
+        self.parts.append(block)
+        self.scales.append(scale)
+        self.held.append(np.zeros(count, dtype=bool) if held is None else held)
+        self.width += count
+        return np.arange(self.width - count, self.width)
+
+    def whiten(self, whitener: np.ndarray) -> np.ndarray:
+        """All columns in noise units per usual size, (n, 3, P)."""
+        scaled = np.concatenate(self.parts, axis=-1) * np.concatenate(self.scales)
+        return np.einsum("ij,njp->nip", whitener, scaled, optimize=True)
+
+
+def _thetas(fitted: FitResult) -> list[Tensor]:
+    return fitted.layout.thetas(fitted.unknowns)
+
+
+def _stack_present(
+    stack: _Stack, fitted: FitResult, problem: Problem, terms: Sequence[tuple[Effect, Tensor]]
+) -> dict[str, np.ndarray]:
+    """Columns of what the present model may change; key -> indices."""
+    layout = fitted.layout
+    free = linearise(terms, layout.see(problem, fitted.unknowns)).jacobian[..., layout.columns()].numpy()
+    width = free.shape[-1]
+    own = stack.push(free, layout.scale[:width], layout.held[:width])
+    return {term.effect.key: own[layout.owner[:width] == index] for index, term in enumerate(layout.terms)}
+
+
+def _stack_frames(stack: _Stack, problem: Problem, chain: Chain) -> np.ndarray:
+    """Columns of the tracker frames and of reflector mounts that are not known; their indices."""
+    rigid = rigid_basis(chain.reading).numpy()
+    usual = np.array([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3)
+    indices = [
+        stack.push(np.where((problem.frame == index)[:, None, None], rigid, 0.0), usual)
+        for index in range(problem.frames)
+    ]
+    if problem.mounts:
+        own = by_own(chain.by_slot[..., -3:].numpy(), problem.mount, problem.mounts)
+        indices += [stack.push(block, np.full(3, MOUNT_USUAL)) for block in own]
+    return np.concatenate([np.zeros(0, dtype=int), *indices])
+
+
+def _stack_candidates(
+    stack: _Stack,
+    problem: Problem,
+    chain: Chain,
+    candidates: Sequence[Effect],
+    shapes: Sequence[Mapping[str, Tensor]] | None,
+) -> list[Trial]:
+    """Columns of every candidate in all its shapes."""
+    trials = []
+    for effect in candidates:
+        usual, held = usual_sizes(effect, problem), _held(effect, problem)
+        tried = effect.search(problem.view) if shapes is None else shapes
+        for shape in tried:
+            columns = stack.push(signature(chain, effect, shape).numpy(), usual, held)
+            trials.append(Trial(effect, dict(shape), columns, len(tried)))
+    return trials
 
 
 def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:

@@ -162,52 +162,49 @@ def diagnose(
     """
     known = library() if known is None else known
     tell = progress or (lambda what: None)
+    walker, path = _find_path(model, problem, known, steps, tell)
+    tell("rest")
+    rest = _rest(path, walker, seed)
+    unknown = rest.significant
+    if path.added and (unknown or _suspicious(path, model)):
+        path, rest, unknown = _plainer(path, rest, walker, frozenset(model.keys), seed)
+    tell("measure next")
+    gross = problem.used & ~path.end.design.rows
+    clean = problem.masked(gross)
+    suggested = tuple((key, *others) for key, others in zip(path.added, path.alternatives, strict=True))
+    result = Diagnosis(
+        verdict="unknown" if unknown else "missing" if path.added else "nothing-missing",
+        suggested=suggested,
+        candidates=_candidates(path, clean, walker.noise),
+        not_testable=path.untestable,
+        rest=rest,
+        separation=plan_separation(path.end.fitted, clean, suggested, known, seed=seed),
+        noise=walker.noise,
+        wander=walker.wander,
+        rms_um={
+            "before": rms(path.start.fitted.residual, clean.used),
+            "after": rms(path.end.fitted.residual, clean.used),
+        },
+        rows=int(clean.used.sum()),
+        outliers=gross,
+        path=path,
+        words="",
+    )
+    return replace(result, words=explain_verdict(result))
+
+
+def _find_path(model: Model, problem: Problem, known: Library, steps: int, tell: Progress) -> tuple[Walker, Path]:
+    """Walk; and walk again if the end of the path shows another noise than was thought, or one with a memory."""
     tell("noise")
     noise = noise_floor(model, problem, known)
-    walker = Walker(problem, known, noise, None, progress)
+    walker = Walker(problem, known, noise, None, tell)
     path = walk(walker, model, steps=steps)
     again = confirm_noise(problem, path.end.design, noise)
     wander = find_wander(problem, saturated_rest(path.start.design)) if path.added else None
-    if wander is not None or max(noise.total / again.total, again.total / noise.total) > OFF:
-        # A knock or a large error had hidden the noise, or it has a memory: judged by what it really is, walk again.
-        noise = again
-        walker = Walker(problem, known, noise, wander, progress)
-        path = walk(walker, model, steps=steps)
-    tell("rest")
-    rest = _rest(path, walker, seed)
-    odd = False
-    if path.added and (rest.significant or _suspicious(path, model)):
-        path, rest, odd = _plainer(path, rest, walker, frozenset(model.keys), seed)
-    gross = problem.used & ~path.end.design.rows
-    clean = problem.masked(gross)
-    if rest.significant or odd:
-        verdict: Verdict = "unknown"
-    else:
-        verdict = "missing" if path.added else "nothing-missing"
-    found = _candidates(path, clean, noise)
-    errors = {
-        "before": rms(path.start.fitted.residual, clean.used),
-        "after": rms(path.end.fitted.residual, clean.used),
-    }
-    suggested = tuple((key, *others) for key, others in zip(path.added, path.alternatives, strict=True))
-    result = Diagnosis(
-        verdict,
-        suggested,
-        found,
-        path.untestable,
-        rest,
-        None,
-        noise,
-        wander,
-        errors,
-        int(clean.used.sum()),
-        gross,
-        path,
-        "",
-    )
-    tell("measure next")
-    apart = plan_separation(path.end.fitted, clean, suggested, known, seed=seed)
-    return replace(result, words=explain_verdict(result), separation=apart)
+    if wander is None and max(noise.total / again.total, again.total / noise.total) <= OFF:
+        return walker, path
+    walker = Walker(problem, known, again, wander, tell)
+    return walker, walk(walker, model, steps=steps)
 
 
 def _rest(path: Path, walker: Walker, seed: int) -> Rest:

@@ -55,6 +55,14 @@ SENTENCES: dict[str, tuple[str, str, float, str, int]] = {
         "mrad",
         2,
     ),
+    "joint-error-map": (
+        "{who} turn{s} unevenly, alike at every turn, by {what} (all harmonics together): encoder or gear",
+        "cosine+sine+fast_cosine+fast_sine",
+        1e6,
+        "urad",
+        0,
+    ),
+    "dh-offsets": ("{who} differ{s} from the drawing, in length by {what}: link geometry", "da", 1e3, "um", 0),
     "column-bend": ("the column bends sideways by {what} of payload: column bend", "sway", 1e3, "um/kg", 1),
     "frame-growth": ("frame and links grow with warmth by {what}: frame growth", "radius+link", 1e6, "um/m/K", 1),
     "tracker-frame": ("the readings are shifted by {what}, and turned: tracker frame", "shift", 1e3, "um", 0),
@@ -63,6 +71,7 @@ SENTENCES: dict[str, tuple[str, str, float, str, int]] = {
     "setup-jump": ("the tracker was knocked part-way: its readings jump by {what}", "shift", 1e3, "um", 0),
 }
 LEGS = {"link-length", "joint-offset", "joint-clearance", "platform-twist"}
+LINKS = {"dh-offsets"}
 TOWERS = {"tower-position", "tower-tilt"}
 SIGNIFICANT = 3.0  # standard errors from which a joint's share is worth a word
 
@@ -131,8 +140,9 @@ def _sentence(term: Term, problem: Problem) -> str:
         return f"{term.effect.key} explains a part"
     text, stems, factor, unit, decimals = entry
     values, stds = _magnitudes(term, stems.split("+"), problem.view.joints)
-    per_joint = next(p for p in term.effect.parameters if p.stem == stems.split("+")[0]).per_joint
-    if problem.file.machine.kind == "serial" and per_joint and unit in ("um", "um/N"):
+    shown_first = next(p for p in term.effect.parameters if p.stem == stems.split("+")[0])
+    per_joint = shown_first.per_joint
+    if problem.file.machine.kind == "serial" and shown_first.axis and unit in ("um", "um/N"):
         unit = {"um": "urad", "um/N": "urad/Nmm"}[unit]
         factor *= 1e3
     if not per_joint:
@@ -164,7 +174,7 @@ def _magnitudes(term: Term, stems: Sequence[str], joints: int) -> tuple[np.ndarr
 
 def _noun(name: str, problem: Problem) -> str:
     if problem.file.machine.kind == "serial":
-        return "joint"
+        return "link" if name in LINKS else "joint"
     return "link" if name in LEGS else "tower" if name in TOWERS else "slider"
 
 

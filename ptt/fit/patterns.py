@@ -9,6 +9,8 @@ from ptt.effects.base import Parameter
 from ptt.fit.layout import Layout
 from ptt.model import Term
 
+LEGS = 3
+
 
 @dataclass(frozen=True)
 class Pattern:
@@ -58,13 +60,14 @@ def _joint_patterns(term: Term, layout: Layout, index: int, own: np.ndarray) -> 
     joints = next(iter(blocks.values()))[1].shape[0] if blocks else 0
     if not joints:
         return
-    what = "sliders" if term.effect.stage == "drive" else "legs"
+    arm = "three-ptt" not in term.effect.mechanisms or joints != LEGS
+    what = "joints" if arm else "sliders" if term.effect.stage == "drive" else "legs"
     angle = 2.0 * np.pi * np.arange(joints) / joints
     for stem, (_, places) in blocks.items():
         for c in range(places.shape[1]):
             name = stem if places.shape[1] == 1 else f"{stem} {c + 1}"
             yield f"{name} of all {what} together", dict(zip(places[:, c].tolist(), np.ones(joints), strict=True))
-    if joints != 3:
+    if arm:
         return
     if {"radial", "tangential"} <= set(blocks):
         radial, tangential = blocks["radial"][1], blocks["tangential"][1]

@@ -95,6 +95,7 @@ def require_reachable(
     where: str = "",
     geometry: Tensor | None = None,
     lines: Sequence[int] | None = None,
+    near: Tensor | None = None,
 ) -> Tensor:
     """Joint values of tool positions that must all be within reach.
 
@@ -104,6 +105,7 @@ def require_reachable(
         where: file that the rows come from, for the message.
         geometry: (n, G) or (1, G), shift of each geometry slot.
         lines: (n,) line numbers to name in the message instead of zero-based rows.
+        near: (n, k) mm or rad, joint values to stay close to.
 
     Returns:
         q: (n, k) mm or rad, all finite.
@@ -111,7 +113,7 @@ def require_reachable(
     Raises:
         WorkspaceError: a position is out of reach; it names the rows.
     """
-    q = mechanism.inverse(p, geometry)
+    q = mechanism.inverse(p, geometry, near)
     fix = "check the units and the machine file, or take these targets out"
     _refuse_nonfinite(q, "no joint values reach the target", fix, where, lines)
     return q
