@@ -1,9 +1,10 @@
-"""A real UR10 under a laser tracker: how far each step of the physics takes the held-out error, beside general learners.
+"""A real UR10 under a laser tracker: how far each step of the physics takes the held-out error, beside learners.
 
-Run it as `python benchmarks/ur10.py [ABCD] [--seeds 3] [--stride 1] [--no-peers] [--transfer]`. Base frame and reflector
-mount are fitted with every model; a held-out row never touches any of them. Random: 30 % of the rows, several draws.
-Blocks: contiguous parts of the run held out in turn, all visits of a pose together. Figures are um, RMS of the
+Run it as `python benchmarks/ur10.py [ABCD] [--seeds 3] [--stride 1] [--no-peers] [--transfer]`. Base frame and
+reflector mount are fitted with every model; a held-out row never touches any of them. Random: 30 % of the rows, several
+draws. Blocks: contiguous parts of the run held out in turn, all visits of a pose together. Figures are um, RMS of the
 distance. Peers learn what the Denavit-Hartenberg fit leaves, from sines, cosines and values of the joint angles.
+Series C turns joint 1 through angles that A and B never visit, so the transfer extrapolates there.
 """
 
 import argparse
@@ -64,7 +65,9 @@ def read_series(name: str, stride: int = 1) -> Table:
 
 def take_rows(table: Table, rows: np.ndarray) -> Table:
     """Some rows of a table."""
-    columns = {key: value for key, value in vars(table).items() if isinstance(value, np.ndarray) and len(value) == table.rows}
+    columns = {
+        key: value for key, value in vars(table).items() if isinstance(value, np.ndarray) and len(value) == table.rows
+    }
     return replace(table, **{key: value[rows] for key, value in columns.items()})
 
 
@@ -130,7 +133,9 @@ def ladder(name: str, problem: Problem, seeds: int) -> FitResult:
         )
         if kept:
             best, chosen = block, names
-    print(f"  reference figures: drawing {REFERENCE[name][0]:.0f}, full DH fit on a random 30 % {REFERENCE[name][1]:.0f}")
+    print(
+        f"  reference figures: drawing {REFERENCE[name][0]:.0f}, full DH fit on a random 30 % {REFERENCE[name][1]:.0f}"
+    )
     return fit(build_model(problem.file, chosen), problem)
 
 
@@ -174,7 +179,9 @@ def process(inputs: np.ndarray, values: np.ndarray, group: np.ndarray) -> Callab
     middle, scale = x.mean(axis=0), x.std(axis=0) + 1e-9
     size = values.std()
     kernel = RBF(np.ones(x.shape[1]), (0.05, 1e3)) + WhiteKernel(0.1, (1e-4, 1e1))
-    found = GaussianProcessRegressor(kernel, normalize_y=True).fit((x[rows[:400]] - middle) / scale, values[rows[:400]] / size)
+    found = GaussianProcessRegressor(kernel, normalize_y=True).fit(
+        (x[rows[:400]] - middle) / scale, values[rows[:400]] / size
+    )
     learned = GaussianProcessRegressor(found.kernel_, optimizer=None, normalize_y=True)
     learned.fit((x[rows] - middle) / scale, values[rows] / size)
     return lambda at: learned.predict((_angles(at) - middle) / scale) * size
@@ -195,7 +202,7 @@ PEERS: dict[str, Learn] = {"gradient boosting": boosting, "Gaussian process": pr
 
 
 def transfer(stride: int) -> None:
-    """Fit on A and B together, each with its own frame and mount, and hold the model against C, frame and mount its own."""
+    """Fit on A and B together and hold the model against C; every series has its own frame and mount."""
     both = open_series(concat_tables([read_series("A", stride), read_series("B")]), per_run=True)
     other = open_series(read_series("C"))
     print(f"fitted on A and B ({int(both.used.sum())} readings), tested on C ({int(other.used.sum())}):")
@@ -217,7 +224,9 @@ def _transfer_peers(both: Problem, other: Problem) -> None:
     inputs = [np.hstack([problem.view.p.numpy(), problem.view.q.numpy()]) for problem in (both, other)]
     for label, learn in PEERS.items():
         told = learn(inputs[0][near], plain.residual[near], np.zeros(int(near.sum())))(inputs[1])
-        print(f"  {'dh-offsets + ' + label:<54} {'':>12}   C {total(found.residual - told, other.used):8.1f}", flush=True)
+        print(
+            f"  {'dh-offsets + ' + label:<54} {'':>12}   C {total(found.residual - told, other.used):8.1f}", flush=True
+        )
 
 
 def main() -> None:
