@@ -34,6 +34,10 @@ class Sums:
             self.gram + other.gram, self.side + other.side, self.square + other.square, self.count + other.count
         )
 
+    def of(self, chosen: np.ndarray) -> "Sums":
+        """The same sums for some of the columns, by their indices."""
+        return Sums(self.gram[:, chosen[:, None], chosen], self.side[:, chosen], self.square, self.count)
+
     @cached_property
     def total(self) -> tuple[np.ndarray, np.ndarray, float, int]:
         """Sums over all blocks."""
@@ -168,9 +172,10 @@ def held_out_solutions(sums: Sums, chosen: np.ndarray, hidden: Sequence[int]) ->
     Returns:
         One (p,) solution for each hidden block.
     """
-    gram, side, square, _ = sums.total
+    few, everything = sums.of(chosen), np.arange(len(chosen))
+    gram, side, square, _ = few.total
     return [
-        solve(gram - sums.gram[index], side - sums.side[index], square - float(sums.square[index]), chosen).values
+        solve(gram - few.gram[index], side - few.side[index], square - float(few.square[index]), everything).values
         for index in hidden
     ]
 

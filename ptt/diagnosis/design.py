@@ -80,10 +80,11 @@ class Design:
         """Error of hidden blocks when the chosen columns are fitted on the others, mm (total of the axes)."""
         used = np.flatnonzero(np.bincount(self.block[self.rows & (self.block >= 0)], minlength=len(self.sums.count)))
         color = np.linalg.inv(self.noise.whitener).T
+        columns = self.columns[..., chosen]
         squares, count = 0.0, 0
         for index, solution in zip(used, held_out_solutions(self.sums, chosen, used.tolist()), strict=True):
             hidden = self.rows & (self.block == index)
-            left = self.values[hidden] - self.columns[hidden][..., chosen] @ solution
+            left = self.values[hidden] - columns[hidden] @ solution
             squares += float(np.square(left @ color).sum())
             count += int(hidden.sum())
         return float(np.sqrt(squares / max(count, 1)))

@@ -166,7 +166,7 @@ def diagnose(
     tell("rest")
     rest = _rest(path, walker, seed)
     unknown = rest.significant
-    if path.added and (unknown or _suspicious(path, model)):
+    if path.added and (unknown or _suspicious(path)):
         path, rest, unknown = _plainer(path, rest, walker, frozenset(model.keys), seed)
     tell("measure next")
     gross = problem.used & ~path.end.design.rows
@@ -212,7 +212,7 @@ def _rest(path: Path, walker: Walker, seed: int) -> Rest:
     return look_for_rest(path.end.fitted, walker.problem, walker.noise, gross, wander=walker.wander, seed=seed)
 
 
-def _suspicious(path: Path, model: Model) -> bool:
+def _suspicious(path: Path) -> bool:
     """Whether a path looks as if its steps together imitated something else."""
     flexible = any(len(path.end.design.present[key]) > SIMPLE for key in path.added)
     return flexible or len(path.added) > MANY
@@ -236,8 +236,8 @@ def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed
             cost = tolls + oddity.cost(misfit, spread, freedom)
             if cost < least:
                 least, kept = cost, (plain, left.led_by(oddity.dependence), True)
-    if rest.significant and not kept[1].depends_on:
-        # What the whole path blurs may still show after its plain steps.
+    if rest.significant and not kept[1].depends_on and _suspicious(path):
+        # What such a path blurs may still show after its plain steps.
         kept = next(((plain, left, True) for plain, left in tried if left.depends_on), kept)
     return kept
 
