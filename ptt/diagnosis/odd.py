@@ -1,11 +1,12 @@
 """Odd shapes: whether one simple dependence that no effect describes does the work of many effects."""
 
 import re
+from itertools import combinations_with_replacement
 from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.dependence.contexts import context_views, is_joint
+from ptt.dependence.contexts import COORDINATES, context_views, is_joint
 from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.screen import toll
 from ptt.diagnosis.walker import State, Walker
@@ -17,6 +18,8 @@ SEARCHED = 500  # shapes and places that a search for one odd dependence tries
 KNOTS = 9
 HARMONICS = 2
 LOCAL = ("step", "bump", "period")  # what a smooth error map of an axis is not
+DEGREES = (2, 3, 4)  # of a free field over the workspace
+FIELD = 30.0  # chi-squared by which a free field, which fits much, has to beat known physics
 
 
 @dataclass(frozen=True)
@@ -27,21 +30,25 @@ class Oddity:
         dependence: what depends on what.
         gain: sum of squares that it takes off, in whitened units.
         freedom: seen directions behind it.
+        handicap: chi-squared by which it has to be better than others.
     """
 
     dependence: Dependence
     gain: float
     freedom: int
+    handicap: float = 0.0
 
     def cost(self, misfit: float, spread: float, noise_freedom: float) -> float:
-        """Misfit left with it, in noise units, and its toll."""
-        return (misfit - self.gain) / spread + toll(self.freedom, noise_freedom, SEARCHED)
+        """Misfit left with it, in noise units, its toll and its handicap."""
+        return (misfit - self.gain) / spread + toll(self.freedom, noise_freedom, SEARCHED) + self.handicap
 
 
 def weigh_oddities(walker: Walker, state: State, found: tuple[Dependence, ...]) -> list[Oddity]:
     """What each dependence would take off a state's residual if it were an effect.
 
-    A dependence on a joint's own height, direction or speed acts on that joint; others act on the tool.
+    A dependence on a joint's own height, direction or speed acts on that joint; others act on the tool. Where the
+    residual depends on a coordinate of the tool, a free smooth field over the workspace is weighed as well: what pulls
+    at the platform from one side moves it by no function of one coordinate.
 
     Args:
         walker: of the problem.
@@ -64,6 +71,10 @@ def weigh_oddities(walker: Walker, state: State, found: tuple[Dependence, ...]) 
         columns = _columns(item, shapes, by_joint)
         took, seen = _gain(walker, state, columns)
         oddities.append(Oddity(item, took, seen))
+    first = next((item for item in found if item.on in COORDINATES), None)
+    if first is not None:
+        fields = (_on_every_axis(_monomials(walker.problem.view.p.numpy(), degree)) for degree in DEGREES)
+        oddities += [Oddity(first, *_gain(walker, state, field), handicap=FIELD) for field in fields]
     return sorted(oddities, key=lambda oddity: -oddity.gain)
 
 
@@ -95,7 +106,20 @@ def _columns(item: Dependence, shapes: np.ndarray, by_joint: np.ndarray) -> np.n
     joint = re.fullmatch(r"(?:b|q|direction|speed)(\d+)", item.on)
     if joint:
         return by_joint[:, :, int(joint[1]) - 1, None] * shapes[:, None, :]
+    return _on_every_axis(shapes)
+
+
+def _on_every_axis(shapes: np.ndarray) -> np.ndarray:
+    """Shapes (n, m) that shift x, y and z, each by itself, (n, 3, 3 m)."""
     return np.concatenate([np.eye(3)[axis][None, :, None] * shapes[:, None, :] for axis in range(3)], axis=-1)
+
+
+def _monomials(place: np.ndarray, degree: int) -> np.ndarray:
+    """Products of up to so many coordinates, each scaled to between -1 and 1, (n, m)."""
+    low, high = np.nanmin(place, axis=0), np.nanmax(place, axis=0)
+    scaled = (2.0 * place - low - high) / np.maximum(high - low, 1e-9)
+    powers = (factors for size in range(1, degree + 1) for factors in combinations_with_replacement(range(3), size))
+    return np.column_stack([scaled[:, list(factors)].prod(axis=1) for factors in powers])
 
 
 def _gain(walker: Walker, state: State, columns: np.ndarray) -> tuple[float, int]:
