@@ -1,12 +1,14 @@
 """Odd shapes: whether one simple dependence that no effect describes does the work of many effects."""
 
 import re
-from itertools import combinations_with_replacement
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
+from scipy import stats
 
 from ptt.dependence.contexts import COORDINATES, context_views, is_joint
+from ptt.dependence.curves import binned_curve, corrected
 from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.screen import toll
 from ptt.diagnosis.walker import State, Walker
@@ -71,11 +73,38 @@ def weigh_oddities(walker: Walker, state: State, found: tuple[Dependence, ...]) 
         columns = _columns(item, shapes, by_joint)
         took, seen = _gain(walker, state, columns)
         oddities.append(Oddity(item, took, seen))
-    first = next((item for item in found if item.on in COORDINATES), None)
-    if first is not None:
-        fields = (_on_every_axis(_monomials(walker.problem.view.p.numpy(), degree)) for degree in DEGREES)
-        oddities += [Oddity(first, *_gain(walker, state, field), handicap=FIELD) for field in fields]
+    oddities += _weigh_fields(walker, state, found)
     return sorted(oddities, key=lambda oddity: -oddity.gain)
+
+
+def _weigh_fields(walker: Walker, state: State, found: tuple[Dependence, ...]) -> list[Oddity]:
+    """Free fields over the workspace, told by the coordinate of the tool that says most about the residual."""
+    place = walker.problem.view.p.numpy()
+    fields = [_on_every_axis(_monomials(place, degree)) for degree in DEGREES]
+    gains = [_gain(walker, state, field) for field in fields]
+    leading = next((item for item in found if item.on in COORDINATES), None)
+    if leading is None:
+        spread, freedom = state.screened.spread, state.screened.freedom
+        chance = min(stats.f.sf(took / spread / seen, seen, freedom) for took, seen in gains if seen)
+        leading = _leading_coordinate(state, place, float(min(1.0, chance * SEARCHED)))
+    return [Oddity(leading, took, seen, FIELD) for took, seen in gains if seen]
+
+
+def _leading_coordinate(state: State, place: np.ndarray, chance: float) -> Dependence:
+    """The coordinate whose binned means take most off one axis of the residual."""
+    rows = state.design.rows
+    best: Dependence | None = None
+    for axis, residual in zip(COORDINATES, state.fitted.residual[rows].T, strict=True):
+        centred = residual - residual.mean()
+        for on, values in zip(COORDINATES, place[rows].T, strict=True):
+            curve = binned_curve(values, centred)
+            means = curve[np.abs(values[:, None] - curve[:, 0]).argmin(axis=1), 1]
+            share = 1.0 - float(np.square(centred - means).sum() / max(np.square(centred).sum(), 1e-300))
+            share = corrected(share, len(curve) - 1.0, float(len(centred)))
+            if best is None or share > best.share:
+                best = Dependence(axis, on, share, chance, None, "smooth", curve)
+    assert best is not None
+    return best
 
 
 def _shapes(item: Dependence, contexts: dict[str, np.ndarray]) -> np.ndarray:

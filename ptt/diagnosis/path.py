@@ -21,6 +21,7 @@ FAR_FROM_NOISE = 1.3  # variance left by the saturated model, in noise units, th
 GAIN = 1.0  # chi-squared that a change has to gain
 MENDS = 3  # swaps and removals that are refitted exactly in one round
 MOST_ALTERNATIVES = 4
+MOST_KEPT = 4  # simple steps of a suspicious path that are tried beside something unknown
 STEPS = 12
 ROUNDS = 6
 
@@ -105,6 +106,25 @@ def walk_plainly(path: Path, walker: Walker, given: frozenset[str], steps: int =
             break
         state = better
     return _retrace(walker, path.start, state, given, path.untestable)
+
+
+def simple_part(path: Path, walker: Walker) -> Path:
+    """A path's leading simple steps, without the flexible ones that may stand in for something unknown.
+
+    Args:
+        path: the whole path.
+        walker: that walked it.
+
+    Returns:
+        The short path.
+    """
+    terms = {term.effect.key: term for term in path.end.fitted.model.terms}
+    simple = [key for key in path.added if len(path.end.design.present[key]) <= SIMPLE][:MOST_KEPT]
+    states: list[State] = []
+    for key in simple:
+        states.append(walker.look((states[-1] if states else path.start).fitted.model + terms[key]))
+    also = dict(zip(path.added, path.alternatives, strict=True))
+    return Path(path.start, tuple(states), tuple(simple), tuple(also[key] for key in simple), path.untestable)
 
 
 def _hopeless(walker: Walker, state: State, better: State) -> bool:

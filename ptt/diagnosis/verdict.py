@@ -8,7 +8,7 @@ import numpy as np
 from ptt.dependence.dependence import Dependence
 from ptt.design.separation import Separation, plan_separation
 from ptt.diagnosis.odd import weigh_oddities
-from ptt.diagnosis.path import Path, path_cost, walk, walk_plainly
+from ptt.diagnosis.path import Path, path_cost, simple_part, walk, walk_plainly
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.saturated import confirm_noise, noise_floor, saturated_rest
 from ptt.diagnosis.screen import SIMPLE, Finding, significant
@@ -175,7 +175,7 @@ def diagnose(
     result = Diagnosis(
         verdict="unknown" if unknown else "missing" if path.added else "nothing-missing",
         suggested=suggested,
-        candidates=_candidates(path, clean, walker.noise),
+        candidates=describe_candidates(path, clean, walker.noise),
         not_testable=path.untestable,
         rest=rest,
         separation=plan_separation(path.end.fitted, clean, suggested, known, seed=seed),
@@ -223,12 +223,17 @@ def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed
 
     One odd dependence after a few plain steps competes with the whole path; the cheaper explanation counts.
     """
-    short = walk_plainly(path, walker, given)
+    short, simple = walk_plainly(path, walker, given), simple_part(path, walker)
+    cuts = [part.cut(steps) for part in (short, simple) for steps in range(len(part.added), -1, -1)]
+    plain_paths = {frozenset(plain.added): plain for plain in reversed(cuts)}  # of two alike the one that was walked
     spread, freedom = path.end.screened.spread, path.end.screened.freedom
     least, kept = path_cost(walker, path.end, path.end), (path, rest, rest.significant)
     if rest.significant and rest.depends_on:
         least -= CLEARLY  # a path that ends at a clear trace has not hidden it
-    tried = [(plain, _rest(plain, walker, seed)) for plain in map(short.cut, range(len(short.added), -1, -1))]
+    tried = [
+        (plain, _rest(plain, walker, seed))
+        for plain in sorted(plain_paths.values(), key=lambda plain: -len(plain.added))
+    ]
     for plain, left in tried:
         misfit = walker.misfit(plain.end)
         tolls = path_cost(walker, plain.end, path.end) - misfit / spread
@@ -242,8 +247,17 @@ def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed
     return kept
 
 
-def _candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, ...]:
-    """The steps in their order, then what else was significant against the model as given."""
+def describe_candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, ...]:
+    """The steps in their order, then what else was significant against the model as given.
+
+    Args:
+        path: the steps.
+        problem: the readings that counted.
+        noise: the noise floor.
+
+    Returns:
+        The candidates.
+    """
     steps = []
     before = path.start
     for key, state, others in zip(path.added, path.states, path.alternatives, strict=True):
@@ -275,7 +289,9 @@ def _step(
 def _other(finding: Finding, state: State, before: float, problem: Problem) -> Candidate:
     design, trial = state.design, finding.trial
     projected = project(*design.sums.total[:3], design.base)
-    values = solve(projected.gram, projected.side, projected.left, trial.columns).values * design.scale[trial.columns]
+    least = projected.least(trial.columns)
+    solution = solve(projected.gram, projected.side, projected.left, trial.columns, least)
+    values = solution.values * design.scale[trial.columns]
     chosen = np.concatenate([design.base, trial.columns]).astype(int)
     names = _linear_names(trial.effect, problem)
     parameters = tuple((name, unit, float(value), None) for (name, unit), value in zip(names, values, strict=True))

@@ -1,0 +1,89 @@
+"""Numbers as people read them."""
+
+import math
+from collections.abc import Mapping
+
+AXES = ("x", "y", "z", "total")
+NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
+NONE = "\N{EM DASH}"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def um(value: float | None, digits: int = 1) -> str:
+    """A length in um, to a tenth; a dash for none.
+
+    Args:
+        value: um.
+        digits: after the point.
+
+    Returns:
+        Text.
+    """
+    return NONE if value is None or not math.isfinite(value) else f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def axes(figures: Mapping[str, float]) -> tuple[str, ...]:
+    """x, y, z and total of a dictionary of figures in um."""
+    return tuple(um(figures[axis]) for axis in AXES)
+
+
+def percent(share: float | None) -> str:
+    """Percent, without turning nearly all into all.
+
+    Args:
+        share: 0 to 1.
+
+    Returns:
+        Text.
+    """
+    if share is None:
+        return NONE
+    if 0.9995 <= share < 1.0:
+        return "> 99.9 %"
+    return f"{100.0 * share:.1f} %" if 0.99 <= share < 1.0 else f"{100.0 * share:.0f} %"
+
+
+def chance(p_value: float | None, equals: bool = False) -> str:
+    """A p-value.
+
+    Args:
+        p_value: 0 to 1.
+        equals: with a sign of equality where it is not below what counts.
+
+    Returns:
+        Text.
+    """
+    if p_value is None:
+        return NONE
+    return f"< {_power(-12)}" if p_value < NO_CHANCE else ("= " if equals else "") + _plain(p_value, 1)
+
+
+def plus_minus(value: float, std: float | None) -> str:
+    """A value to the second digit of its standard error, both under one power of ten.
+
+    Args:
+        value: any unit.
+        std: its standard error; None for none.
+
+    Returns:
+        For example '0.0552 ± 0.0013' or '(2.73 ± 0.51) × 10⁻⁵'.
+    """
+    if std is None or not math.isfinite(std) or std <= 0.0:
+        return _plain(value, 4)
+    size = max(abs(value), std)
+    power = math.floor(math.log10(size))
+    shift = power if power < -3 or power > 5 else 0
+    digits = max(0, 1 - math.floor(math.log10(std)) + shift)
+    text = f"{value / 10.0**shift:.{digits}f} \N{PLUS-MINUS SIGN} {std / 10.0**shift:.{digits}f}"
+    text = text.replace("-", "\N{MINUS SIGN}")
+    return f"({text}) \N{MULTIPLICATION SIGN} {_power(shift)}" if shift else text
+
+
+def _plain(value: float, digits: int) -> str:
+    mantissa, _, exponent = f"{value:.{digits}g}".replace("e-0", "e-").replace("e+0", "e").partition("e")
+    mantissa = mantissa.replace("-", "\N{MINUS SIGN}")
+    return f"{mantissa} \N{MULTIPLICATION SIGN} {_power(int(exponent))}" if exponent else mantissa
+
+
+def _power(exponent: int) -> str:
+    return f"10{str(exponent).translate(SUPERSCRIPT)}"

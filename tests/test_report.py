@@ -1,0 +1,328 @@
+"""The report: its figures are those of the other verbs, its page needs nothing else, whatever the names in the data."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_fit import KNOWN, empty_run, machine, measure, term
+from typer.testing import CliRunner
+
+from ptt.commands.main import app
+from ptt.diagnosis.rest import LIGHT
+from ptt.effects.bench import sample_machine
+from ptt.errors import InputError, ModelError
+from ptt.files import sha256
+from ptt.history import record
+from ptt.ladder.climb import climb
+from ptt.machine import save_machine
+from ptt.model import Model
+from ptt.problem import build_problem
+from ptt.report import interactive
+from ptt.report.blocks import side_by_side
+from ptt.report.contents import Contents, gather, with_network
+from ptt.report.html import render, write_report
+from ptt.report.numbers import chance, percent, plus_minus
+from ptt.report.sections import sections_of
+from ptt.report.source import Source, short_names, source_of
+from ptt.table import make_table, write_table
+from ptt.training.compensator import Compensator, load_compensator, save_compensator
+from ptt.training.train import train
+from ptt.view import build_view
+
+HOSTILE = "<script>alert('x')</script>\"><img src=http://evil.example/x>"
+VOID = {"meta", "img", "br", "link", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Tags, addresses and words of a page; tags that do not match are noted."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.addresses: list[str] = []
+        self.faults: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+        self.faults += [f"<{tag}> not closed" for tag in self.open]
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data", "action")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.faults.append(f"</{tag}> closes something else")
+
+    def handle_data(self, data: str) -> None:
+        if not self.open or self.open[-1] not in ("script", "style"):
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+def invoke(*args: object) -> object:
+    return CliRunner().invoke(app, [str(each) for each in args])
+
+
+def spoken(*args: object) -> dict:
+    outcome = invoke(*args, "--json")
+    assert outcome.exit_code == 0, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with backlash, its repeats, the drawing, a fitted model with history, and a compensator."""
+    place = tmp_path_factory.mktemp("report")
+    file, table = machine(), empty_run(60)
+    target = np.tile(table.target, (2, 1))
+    columns = {key: np.tile(getattr(table, key), 2) for key in ("payload_kg", "temp_c", "feed_mm_s")}
+    table = make_table(target, time_s=10.0 * np.arange(120), **columns)
+    table = measure(table, file, [term("backlash", build_view(file, table), [0.03, 0.05, 0.02])])
+    write_table(table, place / "run.csv")
+    save_machine(file, place / "drawing.toml")
+    problem = build_problem(file, table)
+    ladder = climb(Model(file), problem, [KNOWN["backlash"]()])
+    save_machine(record(ladder, "add", [place / "run.csv"]), place / "model.toml")
+    save_compensator(place / "comp", train(ladder.model, problem, settings=LIGHT), [str(place / "run.csv")])
+    return place
+
+
+@pytest.fixture(scope="module")
+def told(folder: Path) -> tuple[dict, str]:
+    """The report as JSON and as HTML."""
+    out = folder / "out" / "report.html"
+    data = spoken(
+        "report", folder / "run.csv", "--model", folder / "model.toml", "--compensator", folder / "comp", "--out", out
+    )
+    return data, out.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def minimal() -> Contents:
+    """A bare drawing, nothing that tells the noise, no history, and no file."""
+    file = replace(sample_machine("three-ptt"), tracker=sample_machine("three-ptt").tracker)
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None}))
+    table = measure(make_table(empty_run(12).target), file, [])
+    return gather(table, file)
+
+
+def test_figures_are_those_of_the_other_verbs(folder: Path, told: tuple[dict, str]) -> None:
+    data, run, model = told[0], folder / "run.csv", folder / "model.toml"
+    names = {"source", "network_left_aside"}
+    for name, file in (("drawing", folder / "drawing.toml"), ("model", model)):
+        compared = spoken("compare", run, "--model", file)
+        assert {key: data["compare"][name][key] for key in compared if key not in names} == {
+            key: value for key, value in compared.items() if key not in names
+        }
+        assert data["diagnose"][name] == spoken("diagnose", run, "--model", file)
+    assert data["fit"] == spoken("fit", run, "--model", model)
+    reduced = spoken("evaluate", run, "--model", folder / "comp")["protocols"]
+    for name in ("blocks", "random"):
+        for axis, figures in reduced[name]["axes"].items():
+            assert data["evaluate"][name]["axes"][axis] == pytest.approx(figures, rel=1e-6)
+
+
+def test_figures_of_the_standard_are_those_of_its_verb(folder: Path, told: tuple[dict, str]) -> None:
+    said = spoken("iso", folder / "run.csv", "--model", folder / "model.toml") if told[0]["iso"] else None
+    if said is None:
+        outcome = invoke("iso", folder / "run.csv", "--model", folder / "model.toml")
+        assert outcome.exit_code == 2 and told[0]["why_not"]["iso"] in outcome.stderr
+    else:
+        assert {**said, "source": "run.csv"} == told[0]["iso"]
+
+
+def test_the_numbers_stand_in_the_page(told: tuple[dict, str]) -> None:
+    data, page = told[0], Page(told[1])
+    assert data["diagnose"]["drawing"]["suggested"][0][0] == "backlash"
+    figures = data["compare"]["drawing"]["rms_um"]
+    row = " ".join(f"{figures[axis]:.1f}" for axis in ("x", "y", "z", "total"))
+    assert f"after frame alignment: RMS {row}" in page.text
+    for axis, values in data["evaluate"]["blocks"]["axes"].items():
+        assert (
+            f"{axis} {values['before_um']:.1f} {values['after_um']:.1f} {values['reduction_percent']:.1f} %"
+            in page.text
+        )
+    for value in data["fit"]["parameters"]:
+        assert f"{value['name']} mm" in page.text and plus_minus(value["value"], value["std"]) in page.text
+    assert f"noise floor, from {data['compare']['model']['noise_um']['source']}" in page.text
+    assert data["history"][0][0]["effect"] == "backlash" and "+ backlash" in page.text
+    assert "ptt add run.csv backlash --model BEFORE.toml --out AFTER.toml" in page.text
+
+
+def test_page_is_whole_and_needs_nothing_else(told: tuple[dict, str]) -> None:
+    page = Page(told[1])
+    assert page.faults == []
+    assert page.addresses and all(one.startswith(("#", "data:image/png;base64,")) for one in page.addresses)
+    assert "script" not in page.tags and "link" not in page.tags
+    assert re.search(r"url\s*\(|@import|https?:", told[1]) is None
+    assert page.tags.count("img") == len([one for one in page.addresses if one.startswith("data:")]) >= 5
+
+
+def test_nothing_of_the_computer_is_told(folder: Path, told: tuple[dict, str]) -> None:
+    page = Page(told[1])
+    assert str(folder) not in told[1] and folder.name not in told[1]
+    assert str(folder) not in json.dumps({key: value for key, value in told[0].items() if key != "out"})
+    for name in ("run.csv", "model.toml", "comp/rbf.safetensors"):
+        assert f"{name} {sha256(folder / name)}" in page.text
+    assert "ptt report run.csv --model model.toml --compensator comp --out report.html" in page.text
+
+
+def test_commands_that_are_printed_run_and_give_the_same(
+    folder: Path, told: tuple[dict, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    lines = {line.split()[1]: line.split()[1:] for line in told[0]["commands"]}
+    assert set(lines) == {"remove", "compare", "diagnose", "fit", "evaluate", "iso", "report"}
+    assert invoke(*lines["remove"]).exit_code == 0
+    assert spoken("compare", "run.csv", "--model", "drawing.toml")["rms_um"] == told[0]["compare"]["drawing"]["rms_um"]
+
+
+@pytest.fixture(scope="module")
+def mild(minimal: Contents) -> Page:
+    """Its page."""
+    return Page(render(minimal))
+
+
+def test_minimal_model_says_what_is_not_there(minimal: Contents, mild: Page) -> None:
+    page = mild
+    assert page.faults == [] and minimal.bare and minimal.given.diagnosis is None
+    assert "do not tell the noise" in minimal.given.why_not
+    assert "The noise floor is unknown" in page.text and "No verdict" in page.text
+    assert "The model has no history" in page.text and "No compensator was given" in page.text
+    assert "Not worked out: the model has no effects and no network" in page.text
+    assert "no pose was measured twice" in page.text
+    assert "The readings did not come from files" in page.text
+    assert minimal.to_dict()["diagnose"] == {"drawing": None, "model": None}
+
+
+def test_hostile_names_are_words_when_written_from_a_table_and_a_machine(
+    minimal: Contents, mild: Page, tmp_path: Path
+) -> None:
+    table = minimal.problem.table
+    table = table.replace(
+        run_label=(HOSTILE,), source=HOSTILE, name=np.full(table.rows, HOSTILE), extra={HOSTILE: table.name}
+    )
+    spec = minimal.file.machine.model_copy(update={"name": HOSTILE})
+    source = Source(names={"run": (HOSTILE,)})
+    contents = write_report(tmp_path / "deep" / "r.html", table, replace(minimal.file, machine=spec), source)
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["r.html"]
+    page = Page((tmp_path / "deep" / "r.html").read_text(encoding="utf-8"))
+    assert page.faults == [] and sorted(set(page.tags)) == sorted(set(mild.tags))
+    assert all(one.startswith(("#", "data:image/png;base64,")) for one in page.addresses)
+    assert page.text.count("<script>alert('x')</script>") >= 4
+    assert [section.key for section in sections_of(contents)][:3] == ["summary", "data", "error"]
+
+
+def test_serial_arm() -> None:
+    file = sample_machine("serial")
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": 0.01}))
+    random = np.random.default_rng(3)
+    command = random.uniform(-0.8, 0.8, (40, len(file.machine.joint)))
+    table = make_table(None, command, joint_prefix="q")
+    table = table.replace(measured=build_view(file, table).p.numpy() * 1.0002 + random.normal(0.0, 0.01, (40, 3)))
+    contents = gather(table, file)
+    page = Page(render(contents))
+    assert page.faults == [] and "serial arm" in page.text and "urad" in page.text
+    assert contents.given.comparison.rows == 40
+
+
+def test_moving_pictures_embed_plotly_once(minimal: Contents) -> None:
+    text = render(minimal, interactive=True)
+    page = Page(text)
+    assert page.faults == [] and text.count("plotly.js v") == 1
+    assert page.tags.count("script") == 3 and not any(one.startswith("http") for one in page.addresses)
+    assert len(text) > 1_000_000 and "img" in page.tags
+
+
+def test_without_plotly_the_extra_is_named(folder: Path, minimal: Contents, monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(interactive.importlib, "import_module", gone)
+    with pytest.raises(InputError, match=r"plotly is not installed; install it with: pip install 'ptt\[studio\]'"):
+        render(minimal, interactive=True)
+
+
+@pytest.mark.parametrize("broken", ["run", "model", "column", "folder"])
+def test_bad_input_is_one_line_and_leaves_no_file(
+    folder: Path, minimal: Contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: str
+) -> None:
+    out, run, model = tmp_path / "report.html", folder / "run.csv", folder / "model.toml"
+    if broken == "folder":
+        out = tmp_path / "file" / "report.html"
+        (tmp_path / "file").write_text("in the way")
+        monkeypatch.setattr("ptt.report.html.gather", lambda *given, **options: minimal)
+    if broken == "column":
+        run = tmp_path / "bad.csv"
+        run.write_text("x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas\n1,2,3,1,2,--\n")
+    if broken == "run":
+        run = tmp_path / "none.csv"
+    if broken == "model":
+        model = tmp_path / "none.toml"
+    outcome = invoke("report", run, "--model", model, "--out", out)
+    assert outcome.exit_code == 2 and outcome.stdout == ""
+    assert len(outcome.stderr.splitlines()) == 1 and outcome.stderr.startswith("error: ")
+    assert not out.exists() and not list(tmp_path.glob("**/.report*"))
+
+
+def test_network_of_another_model_is_refused(folder: Path) -> None:
+    bare, trained = load_compensator(folder / "drawing.toml"), load_compensator(folder / "comp")
+    with pytest.raises(ModelError, match=r"trained on another model \(backlash\) than the one given \(no effects\)"):
+        with_network(bare, trained, "comp")
+    with pytest.raises(ModelError, match="no network in it"):
+        with_network(trained, Compensator(trained.model, None, {}), "comp")
+    assert with_network(load_compensator(folder / "model.toml"), trained, "comp").network is trained.network
+
+
+def test_names_are_the_shortest_that_differ() -> None:
+    paths = [Path("/home/a/monday/run.csv"), Path("/home/a/friday/run.csv"), Path("../m.toml"), Path("../m.toml")]
+    assert short_names(paths) == ["monday/run.csv", "friday/run.csv", "m.toml", "m.toml"]
+
+
+def test_options_return_in_the_commands(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "second run.csv"
+    other.write_bytes((folder / "run.csv").read_bytes())
+    paths = {"run": [folder / "run.csv"], "also": [other], "model": [folder / "model.toml"]}
+    source = source_of(paths, ["payload_kg=2"])
+    assert source.clean(f"{other}: 120 rows") == "second run.csv: 120 rows"
+    from ptt.report.commands import commands_of
+
+    last = commands_of(source, load_compensator(folder / "model.toml").model, network=False)[-1].line
+    assert last == (
+        "ptt report run.csv --model model.toml --also 'second run.csv' --set payload_kg=2 --out report.html"
+    )
+
+
+def test_numbers_carry_the_digits_that_are_known() -> None:
+    assert plus_minus(0.055166, 0.0013) == "0.0552 ± 0.0013"
+    assert plus_minus(2.7253e-5, 5.1e-6) == "(2.73 ± 0.51) × 10⁻⁵"
+    assert plus_minus(-1234.56, 12.0) == "−1235 ± 12"
+    assert plus_minus(0.25, None) == "0.25"
+    assert (chance(0.0), chance(0.04), chance(3e-7, equals=True)) == ("< 10⁻¹²", "0.04", "= 3 × 10⁻⁷")
+
+
+def test_nearly_all_is_not_all() -> None:
+    assert [percent(share) for share in (0.5, 0.995, 0.99996, 1.0, None)] == [
+        "50 %",
+        "99.5 %",
+        "> 99.9 %",
+        "100 %",
+        "—",
+    ]
+
+
+def test_rows_stand_side_by_side() -> None:
+    rows = [(str(number), "a", "b") for number in range(3)]
+    assert side_by_side(rows) == [("0", "a", "b", "2", "a", "b"), ("1", "a", "b", "", "", "")]
+    assert side_by_side([]) == [] and side_by_side(rows[:2]) == [("0", "a", "b", "1", "a", "b")]
