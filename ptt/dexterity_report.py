@@ -98,16 +98,24 @@ def _arm_at_middle(arm: "Serial | Mechanism") -> list[dict[str, Any]]:
 
 
 def _arm_workspace(arm: "Serial | Mechanism") -> dict[str, Any]:
-    from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian
+    from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, singular_families
     from ptt.mechanisms.serial import Serial
     from ptt.mechanisms.serial_inverse import spread
 
     assert isinstance(arm, Serial)
     values = condition_number(scaled_jacobian(arm, spread(arm, 4096)))
     best, least = most_isotropic(arm)
+    best_position, least_position = most_isotropic(arm, "position")
+    families = singular_families(arm)
+    total = sum(len(rows) for rows in families.values())
     return {
         "poses": len(values),
         "condition": {"least": least, "median": float(values.median()), "largest": float(values.max())},
         "most_isotropic_q": best.tolist(),
+        "most_isotropic_position": {"q": best_position.tolist(), "condition": least_position},
+        "singular": [
+            {"joints": [joint + 1 for joint in joints], "share": len(rows) / total, "q": rows[0].tolist()}
+            for joints, rows in families.items()
+        ],
         "length_mm": arm.length_mm,
     }

@@ -29,7 +29,7 @@ def pose_groups(table: "Table") -> np.ndarray:
         if not np.isfinite(table.target).any() or (command.shape[1] > PLACED and np.isfinite(command).all()):
             place = command
     keys = np.round(place / SAME_POSE).astype(np.int64)
-    groups = _number(keys)
+    groups = number_rows(keys)
     groups[table.role == "base"] = -1
     return _renumber(groups)
 
@@ -74,10 +74,20 @@ def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:
     return [part for part in parts if part.any()]
 
 
-def _number(keys: np.ndarray) -> np.ndarray:
-    """Equal rows get equal numbers."""
-    packed = np.ascontiguousarray(keys).view([("", keys.dtype)] * keys.shape[1]).ravel()
-    return np.unique(packed, return_inverse=True)[1].reshape(-1)
+def number_rows(keys: np.ndarray) -> np.ndarray:
+    """Number the different rows of a table of whole numbers in their sorted order.
+
+    Args:
+        keys: (n, m) int.
+
+    Returns:
+        (n,) int; equal rows have equal numbers.
+    """
+    order = np.lexsort(keys.T[::-1])
+    new = (np.diff(keys[order], axis=0) != 0).any(axis=1)
+    number = np.empty(len(keys), dtype=int)
+    number[order] = np.concatenate([np.zeros(min(len(keys), 1), dtype=int), np.cumsum(new)])
+    return number
 
 
 def _renumber(groups: np.ndarray) -> np.ndarray:

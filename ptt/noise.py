@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from ptt.holdout import pose_groups
+from ptt.holdout import number_rows, pose_groups
 
 if TYPE_CHECKING:
     from ptt.table import Table
@@ -75,7 +75,7 @@ def repeat_groups(table: "Table", direction: np.ndarray) -> np.ndarray:
         if values is not None:
             columns.append(np.round(np.nan_to_num(np.asarray(values, dtype=float)) / step).astype(np.int64))
     keys = np.column_stack([np.asarray(column, dtype=np.int64) for column in columns])
-    return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    return number_rows(keys)
 
 
 def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarray) -> Noise | None:

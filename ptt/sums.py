@@ -8,6 +8,7 @@ import numpy as np
 from scipy import linalg
 
 SEEN = 1.0  # information, in usual sizes, from which a direction counts as seen
+TRACE = 1e-7  # share of a column's information below which what is its own is a trace of the linearisation
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,8 @@ def accumulate(columns: np.ndarray, values: np.ndarray, block: np.ndarray, block
     """Sum up whitened rows.
 
     Args:
-        columns: (m, 3, P) whitened, in usual sizes.
-        values: (m, 3) whitened.
+        columns: (m, 3, P) whitened, in usual sizes; (m, P) for one coordinate alone.
+        values: (m, 3) whitened; (m,).
         block: (m,) int, -1 for rows that are never held out; those join the first block's sums.
         blocks: number of blocks.
 
@@ -59,10 +60,12 @@ def accumulate(columns: np.ndarray, values: np.ndarray, block: np.ndarray, block
     width = columns.shape[-1]
     gram, side = np.zeros((blocks, width, width)), np.zeros((blocks, width))
     square, count = np.zeros(blocks), np.zeros(blocks, dtype=int)
-    for index in range(blocks):
-        rows = np.maximum(block, 0) == index
-        flat = columns[rows].reshape(-1, width)
-        value = values[rows].ravel()
+    own = np.maximum(block, 0)
+    order = np.argsort(own, kind="stable")
+    ends = np.searchsorted(own[order], np.arange(blocks + 1))
+    for index in np.flatnonzero(np.diff(ends)):
+        rows = order[ends[index] : ends[index + 1]]
+        flat, value = columns[rows].reshape(-1, width), values[rows].ravel()
         gram[index], side[index] = flat.T @ flat, flat.T @ value
         square[index], count[index] = value @ value, len(value)
     return Sums(gram, side, square, count)
@@ -83,7 +86,7 @@ class Solution:
     values: np.ndarray
 
 
-def solve(gram: np.ndarray, side: np.ndarray, square: float, chosen: np.ndarray) -> Solution:
+def solve(gram: np.ndarray, side: np.ndarray, square: float, chosen: np.ndarray, least: float = SEEN) -> Solution:
     """Least squares on chosen columns; directions that the rows do not see are left at zero.
 
     Args:
@@ -91,6 +94,7 @@ def solve(gram: np.ndarray, side: np.ndarray, square: float, chosen: np.ndarray)
         side: (P,).
         square: sum of squared values.
         chosen: indices of the columns.
+        least: information from which a direction counts as seen.
 
     Returns:
         The solution.
@@ -98,7 +102,7 @@ def solve(gram: np.ndarray, side: np.ndarray, square: float, chosen: np.ndarray)
     if not len(chosen):
         return Solution(square, 0, np.zeros(0))
     strength, directions = linalg.eigh(gram[np.ix_(chosen, chosen)])
-    seen = strength > SEEN
+    seen = strength > least
     along = directions[:, seen].T @ side[chosen]
     values = directions[:, seen] @ (along / strength[seen])
     return Solution(max(square - float(along @ (along / strength[seen])), 0.0), int(seen.sum()), values)
@@ -113,12 +117,22 @@ class Projected:
         side: (P,).
         left: sum of squares that the present model leaves.
         seen: number of directions that the present model uses.
+        before: (P,) information of each column before anything was taken off.
     """
 
     gram: np.ndarray
     side: np.ndarray
     left: float
     seen: int
+    before: np.ndarray
+
+    def least(self, chosen: np.ndarray) -> float:
+        """Information from which a direction of the chosen columns counts as seen.
+
+        In very many rows even the thousandth part by which two columns differ only because of where they were
+        linearised would count, and be blown up into anything.
+        """
+        return max(SEEN, TRACE * float(self.before[chosen].max(initial=0.0)))
 
 
 def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray) -> Projected:
@@ -134,15 +148,14 @@ def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray)
         The projection, over all columns; those of the base are zero up to rounding.
     """
     if not len(base):
-        return Projected(gram, side, square, 0)
+        return Projected(gram, side, square, 0, np.diag(gram))
     strength, directions = linalg.eigh(gram[np.ix_(base, base)])
     seen = strength > SEEN
     root = directions[:, seen] / np.sqrt(strength[seen])
     cross = root.T @ gram[base]  # shape: (s, P)
     along = root.T @ side[base]
-    return Projected(
-        gram - cross.T @ cross, side - cross.T @ along, max(square - float(along @ along), 0.0), int(seen.sum())
-    )
+    left = max(square - float(along @ along), 0.0)
+    return Projected(gram - cross.T @ cross, side - cross.T @ along, left, int(seen.sum()), np.diag(gram))
 
 
 def gain(projected: Projected, chosen: np.ndarray) -> tuple[float, int]:
@@ -156,7 +169,7 @@ def gain(projected: Projected, chosen: np.ndarray) -> tuple[float, int]:
         Reduction of the sum of squares, and the number of seen directions behind it.
     """
     strength, directions = linalg.eigh(projected.gram[np.ix_(chosen, chosen)])
-    seen = strength > SEEN
+    seen = strength > projected.least(chosen)
     along = directions[:, seen].T @ projected.side[chosen]
     return float(along @ (along / strength[seen])), int(seen.sum())
 

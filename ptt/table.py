@@ -215,6 +215,24 @@ def unit_hint(table: Table, size_mm: float) -> str | None:
     return scale_hint(table.target, table.measured, size_mm)
 
 
+def take_rows(table: Table, rows: np.ndarray) -> Table:
+    """Some rows of a table, in the order given.
+
+    Args:
+        table: the table.
+        rows: (m,) int, or (n,) bool.
+
+    Returns:
+        The table of those rows; they keep their line numbers.
+    """
+    columns = {
+        each.name: value[rows]
+        for each in fields(table)
+        if isinstance(value := getattr(table, each.name), np.ndarray) and len(value) == table.rows
+    }
+    return table.replace(**columns, extra={title: values[rows] for title, values in table.extra.items()})
+
+
 def table_to_frame(table: Table) -> pd.DataFrame:
     """Columns of the file format, in its units and order; columns without content are left out."""
     columns: dict[str, np.ndarray] = {}

@@ -136,15 +136,37 @@ def _velocity(q: np.ndarray, p: np.ndarray, starts: np.ndarray, table: "Table") 
         return np.zeros_like(q)
     sound = (lasts > 1e-9) & ~starts[1:]
     ends = np.flatnonzero(_corners(moved, length, lasts, sound))
-    total, sides = np.zeros_like(q), np.zeros(len(q))
+    total, sides = _straight_stretches(q, lasts, sound, ends)
     for first, last in pairwise(ends):
-        if sound[first:last].all():
-            rows = np.arange(first, last + 1)
+        if last - first > 2 and sound[first:last].all():
             clock = np.concatenate([[0.0], np.cumsum(lasts[first:last])])
-            smooth = len(rows) > 3
-            total[rows] += CubicSpline(clock, q[rows])(clock, 1) if smooth else np.gradient(q[rows], clock, axis=0)
-            sides[rows] += 1
+            total[first : last + 1] += CubicSpline(clock, q[first : last + 1])(clock, 1)
+            sides[first : last + 1] += 1
     return total / np.maximum(sides, 1.0)[:, None]
+
+
+def _straight_stretches(
+    q: np.ndarray, lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Velocities summed over the stretches of two or three rows that each row belongs to, (n, k), and their number."""
+    total, sides = np.zeros_like(q), np.zeros(len(q))
+    slope = np.diff(q, axis=0) / np.where(sound, lasts, np.inf)[:, None]
+    first, size = ends[:-1], np.diff(ends)
+    single = first[(size == 1) & sound[first]]
+    double = first[size == 2]
+    double = double[sound[double] & sound[double + 1]]
+    before, after = lasts[double, None], lasts[double + 1, None]
+    middle = (after * slope[double] + before * slope[double + 1]) / (before + after)  # a parabola through the three
+    for rows, value in (
+        (single, slope[single]),
+        (single + 1, slope[single]),
+        (double, slope[double]),
+        (double + 1, middle),
+        (double + 2, slope[double + 1]),
+    ):
+        total[rows] += value
+        sides[rows] += 1
+    return total, sides
 
 
 def _corners(moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray) -> np.ndarray:

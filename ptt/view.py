@@ -11,6 +11,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
 from ptt.mechanisms.statics import link_torques, weight
 from ptt.travel import Travel, read_travel, run_starts
+from ptt.turns import Entry
 
 if TYPE_CHECKING:
     from ptt.machine import MachineFile
@@ -47,6 +48,8 @@ class View:
             where it sits on it.
         link_load: torque of the arm's own links, (n, k) N mm; None where the drawing states no masses.
         varies: which contexts vary in the data: 'payload', 'temperature', 'time', 'speed', 'direction'.
+        number: place of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
+        entries: where rows are left out before a row, how the joints came to it.
     """
 
     mechanism: Mechanism
@@ -72,6 +75,8 @@ class View:
     mount: Tensor | None = None
     link_load: Tensor | None = None
     varies: frozenset[str] = field(default_factory=frozenset)
+    number: Tensor | None = None
+    entries: tuple[Entry, ...] = ()
 
     @property
     def rows(self) -> int:

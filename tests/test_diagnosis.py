@@ -179,3 +179,27 @@ def test_wander_is_found_and_taken_off(tmp_path):
     neighbours = np.mean(white[1:] * white[:-1]) / np.mean(np.square(white))
     assert abs(neighbours) < 0.12
     assert np.mean(np.square(white)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_sum_that_mimics_the_tracker_s_unit_of_length_is_said(tmp_path):
+    drawn = draw_rig("none", 90, MACHINE, "volume")
+    tracker = drawn.rig.tracker.model_copy(update={"scale_ppm": 150.0})
+    path = tmp_path / "stretched.csv"
+    write_run(simulate(replace(drawn.rig, tracker=tracker), drawn.targets).frame, path)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)))
+    assert [step[0] for step in found.suggested] == ["tracker-scale"]
+    assert set(found.candidates[0].sum_of) == {"lead-scale", "tower-position", "link-length"}
+    assert "together would do the same" in found.words
+
+
+def test_no_sum_mimics_what_nothing_else_looks_like(tmp_path):
+    _, found = learn(tmp_path, "single", 14, fault="backlash")
+    assert found.candidates[0].sum_of == ()
+
+
+def test_a_hose_that_pulls_from_one_side_is_not_told_as_many_effects(tmp_path):
+    truth, found = learn(tmp_path, "unknown", 301, fault="hose")
+    assert "hose" in truth
+    assert found.verdict == "unknown"
+    assert found.depends_on[0].on in ("x", "y", "z")
+    assert len(found.suggested) <= len(truth)

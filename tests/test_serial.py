@@ -246,8 +246,19 @@ def test_against_pybotics(arm):
     expected = np.stack([peer.fk(row) for row in q.numpy()])
     close(p, expected[:, :3, 3], 1e-9)
     close(rotation, expected[:, :3, :3], 1e-9)
-    if arm.joints == 6:  # the peer's Jacobian is written for six joints
+    close(arm.pose_jacobian(q), np.stack([peer_jacobian(robot, peer, row) for row in q.numpy()]), 1e-9)
+    if arm.joints == 6:  # the peer's own Jacobian is written for six joints
         close(arm.pose_jacobian(q), np.stack([peer.jacobian_world(row) for row in q.numpy()]), 1e-9)
+
+
+def peer_jacobian(robot, peer, q: np.ndarray) -> np.ndarray:
+    """The geometric Jacobian from the axes that the peer's forward kinematics of ever longer chains gives."""
+    parameters, tip = np.asarray(peer.kinematic_chain.vector), peer.fk(q)[:3, 3]
+    columns = []
+    for joint in range(1, len(q) + 1):
+        frame = robot.Robot.from_parameters(parameters[: 4 * joint].copy()).fk(q[:joint])
+        columns.append(np.concatenate([np.cross(frame[:3, 2], tip - frame[:3, 3]), frame[:3, 2]]))
+    return np.stack(columns, axis=-1)
 
 
 # --- derivatives

@@ -157,7 +157,7 @@ def test_random_split_measured_again_on_the_rig(number, tmp_path):
 
 def test_the_held_out_evaluation_says_that_it_is_computed(first, trained):
     file, _, problem = first
-    compensator = type("C", (), {"model": read_model(file), "network": trained.rbf.network})()
+    compensator = type("C", (), {"model": read_model(file), "network": trained.rbf.network, "space": "tool"})()
     protocols = (random_protocol(problem), block_protocol(problem))
     random, blocks = (evaluate_heldout(compensator, problem, protocol).to_dict() for protocol in protocols)
     assert random["protocol"]["measured"] is False and "20 of 180 poses" in random["protocol"]["held_out"]

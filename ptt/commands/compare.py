@@ -40,6 +40,9 @@ def compare(
     json: Json = False,
 ) -> None:
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on."""
+    from dataclasses import replace
+
+    from ptt.chunks import LONG, sample_stretches, take
     from ptt.compare.comparison import compare_run
     from ptt.compare.text import format_comparison
 
@@ -47,6 +50,10 @@ def compare(
     aside = opened.compensator.network is not None
     if aside:
         note("the compensator's network is left aside: the physics alone is compared")
+    if opened.table.rows > LONG:
+        opened = replace(opened, problem=take(opened.problem, sample_stretches(opened.problem)))
+        rows = opened.problem.table.rows
+        note(f"compared are {rows} rows of {opened.table.rows}, in stretches of travel that are spread over the run")
     with progress() as tell:
         result = compare_run(opened.model, opened.problem, noise=_noise_of(opened), progress=tell)
         if plots is not None:

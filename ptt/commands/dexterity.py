@@ -8,6 +8,7 @@ import typer
 from ptt.commands.common import Json, Map, Reading, note, open_model, read_rows, show
 
 SHOWN = 12
+RARE = 0.03  # share of walks below which a family is a crossing of others
 
 
 def dexterity(
@@ -39,9 +40,15 @@ def dexterity(
 
 def _plot(file: Any, path: Path) -> None:
     from ptt.mechanisms import build_mechanism
+    from ptt.mechanisms.serial import Serial
+    from ptt.plots.arm_dexterity import plot_arm_dexterity
     from ptt.plots.workspace import plot_workspace_map
 
-    plot_workspace_map(build_mechanism(file.machine), file.machine, path)
+    mechanism = build_mechanism(file.machine)
+    if isinstance(mechanism, Serial):
+        plot_arm_dexterity(mechanism, path)
+    else:
+        plot_workspace_map(mechanism, file.machine, path)
     note(f"picture in {path}")
 
 
@@ -61,7 +68,31 @@ def _text(data: dict[str, Any]) -> str:
                      f"{spread['largest']:.3g}, median {spread['median']:.3g}")  # fmt: skip
     if "near_singular_share" in space:
         lines.append(f"  near a singularity: {100 * space['near_singular_share']:.1f} % of them")
+    lines += _arm(space) if "singular" in space else []
     return "\n".join(lines + _targets(data["targets"]))
+
+
+def _arm(space: dict[str, Any]) -> list[str]:
+    """Most even and singular configurations of an arm, one turn of a radian counted as its characteristic length."""
+    position = space["most_isotropic_position"]
+    lines = [
+        f"  a turn of one radian counts as {space['length_mm']:.0f} mm",
+        f"  most even pose: {space['condition']['least']:.3f} at q = {_degrees(space['most_isotropic_q'])} deg",
+        f"  position alone: {position['condition']:.3f} at q = {_degrees(position['q'])} deg",
+    ]
+    told = [
+        f"  singular by joint{'s' if len(family['joints']) > 1 else ''} {' and '.join(map(str, family['joints']))}: "
+        f"{100 * family['share']:.0f} % of walks, as at q = {_degrees(family['q'])} deg"
+        for family in space["singular"]
+        if family["share"] >= RARE
+    ]
+    return lines + told
+
+
+def _degrees(q: list[float]) -> str:
+    from math import degrees
+
+    return ", ".join(f"{degrees(value) + 0.0:.0f}" for value in q)
 
 
 def _targets(entries: list[dict[str, Any]]) -> list[str]:

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 Next = Annotated[
     Path | None, typer.Option("--measure-next", metavar="OUT.csv", help="Write poses that part what is confused.")
 ]
+ChunkRows = Annotated[
+    int | None, typer.Option("--chunk-rows", min=1000, help="Rows summed up at a time; by itself beyond 50,000 rows.")
+]
 Steps = Annotated[int, typer.Option("--steps", min=1, help="How many effects the path may add.")]
 
 
@@ -40,14 +43,22 @@ def diagnose(
     effects: Effects = None,
     steps: Steps = 12,
     measure_next: Next = None,
+    chunk_rows: ChunkRows = None,
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
+    from functools import partial
+
+    from ptt.chunks import CHUNK, LONG
+    from ptt.diagnosis.long import diagnose_long
     from ptt.diagnosis.verdict import diagnose as learn
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
     if opened.compensator.network is not None:
         note("the compensator's network is left aside: the physics alone is diagnosed")
+    if chunk_rows is not None or opened.table.rows > LONG:
+        note(f"{opened.table.rows} rows are summed up in chunks of {chunk_rows or CHUNK}")
+        learn = partial(diagnose_long, size=chunk_rows or CHUNK)
     with progress() as tell:
         result = learn(
             opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: tell(what, 0, 0)
@@ -91,8 +102,14 @@ def format_diagnosis(result: "Diagnosis") -> str:
         lines.append("what is left depends on:")
         for item in result.depends_on:
             period = f", period {item.period_mm:.3g} mm" if item.period_mm else ""
-            lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period})")
+            place = f", {item.shape} between {item.place[0]:.4g} and {item.place[1]:.4g}" if item.place else ""
+            lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period}{place})")
         lines.append("")
+    if result.verdict == "unknown" and result.depends_on:
+        lines += [
+            "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json",
+            "",
+        ]
     if result.measure_next:
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
     if result.not_testable:

@@ -19,6 +19,10 @@ def effects(
     argument: Annotated[str | None, typer.Argument(help="new: the NAME; check: the FILE.py.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Folder for the effect's picture.")] = None,
     out: Annotated[Path | None, typer.Option(help="new: the file to write; atlas: the folder.")] = None,
+    like: Annotated[
+        Path | None,
+        typer.Option(metavar="D.json", help="new: what `ptt diagnose --json` printed; start from its rest."),
+    ] = None,
     own: Effects = None,
     json: Json = False,
 ) -> None:
@@ -32,7 +36,7 @@ def effects(
 
         raise InputError(f"'{argument}' is one word too many", fix="`ptt effects NAME`, `new NAME` or `check FILE.py`")
     if what == "new":
-        _new(_needed(argument, "new needs a name", "ptt effects new cable-drag"), out, json)
+        _new(_needed(argument, "new needs a name", "ptt effects new cable-drag"), out, like, json)
     elif what == "check":
         _check(_needed(argument, "check needs a file", "ptt effects check FILE.py"), json)
     elif what == "atlas":
@@ -88,18 +92,36 @@ def _atlas(folder: Path, own: list[Path], json: bool) -> None:
     show({"pictures": paths}, f"wrote {len(paths)} pictures to {folder}", json)
 
 
-def _new(name: str, out: Path | None, json: bool) -> None:
+def _new(name: str, out: Path | None, like: Path | None, json: bool) -> None:
+    from ptt.effects.prefilled import prefilled
     from ptt.effects.template import template
     from ptt.errors import InputError
     from ptt.files import write_text
 
-    text = template(name)
+    text = template(name) if like is None else prefilled(name, _rest_of(like))
     if out is not None:
         if out.exists():
             raise InputError("exists already", where=str(out), fix="name another file; nothing was written")
         write_text(out, text)
     said = text.rstrip() if out is None else f"wrote {out}; change it, then: ptt effects check {out}"
     show({"name": name, "file": out, "text": text}, said, json)
+
+
+def _rest_of(path: Path) -> dict[str, Any]:
+    """The leading dependence of a diagnosis."""
+    from json import JSONDecodeError, loads
+
+    from ptt.errors import InputError
+
+    try:
+        found = loads(path.read_text(encoding="utf-8"))["depends_on"]
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path), fix="name a readable file") from None
+    except (JSONDecodeError, UnicodeDecodeError, KeyError, TypeError):
+        raise InputError("is no diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed") from None
+    if not found:
+        raise InputError("its rest depends on nothing", where=str(path), fix="start from `ptt effects new` alone")
+    return dict(found[0])
 
 
 def _check(file: str, json: bool) -> None:

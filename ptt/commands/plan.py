@@ -5,10 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Effects, Json, Reading, open_library, open_model, show
+from ptt.commands.common import Effects, Json, Reading, open_library, open_model, read_rows, show
 
 if TYPE_CHECKING:
     from ptt.design.first_run import FirstRun
+    from ptt.effects import Library
+    from ptt.model import Model
 
 
 def plan(
@@ -25,6 +27,12 @@ def plan(
         str, typer.Option("--box", metavar="X,Y,Z", help="Half the size of a volume to stay inside of, mm: 60,60,50.")
     ] = "",
     seed: Annotated[int, typer.Option("--seed", help="Of poses and order.")] = 0,
+    candidates: Annotated[
+        Path | None,
+        typer.Option(
+            "--candidates", metavar="T.csv", help="Choose the rows that tell most of the geometry from these."
+        ),
+    ] = None,
     effects: Effects = None,
     json: Json = False,
 ) -> None:
@@ -32,14 +40,35 @@ def plan(
     from ptt.design.first_run import plan_first_run
     from ptt.table import write_table
 
-    known = open_library(Reading(effects=effects))
+    reading = Reading(effects=effects, json=json)
+    known = open_library(reading)
     model = open_model(machine, known).model
+    if candidates is not None:
+        _choose(candidates, rows, out, model, known, reading, seed)
+        return
     loads = read_numbers(payloads, "--payloads")
     half = read_numbers(box, "--box", 3)
     size = None if not half else (half[0], half[1], half[2])
     result = plan_first_run(model, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=known)
     write_table(result.targets, out)
     show({**result.to_dict(), "out": str(out)}, format_plan(result, str(out)), json)
+
+
+def _choose(
+    candidates: Path, rows: int, out: Path, model: "Model", known: "Library", reading: Reading, seed: int
+) -> None:
+    """Choose D-optimal rows of a list and say how observable they make the geometry."""
+    from ptt.design.arm import choose_from
+    from ptt.table import take_rows, write_table
+
+    table = read_rows(candidates, model.file, reading, "targets")
+    chosen = choose_from(model, table, rows, known, seed)
+    write_table(take_rows(table, chosen.rows), out)
+    sets = {"chosen": chosen.indices, "at random": chosen.drawn, "whole list": chosen.whole}
+    lines = [f"{out}: {rows} of {table.rows} rows, D-optimal for {', '.join(chosen.effects)}"]
+    lines += [f"  {name:<12} {found.poses:>5} poses, {found.text}" for name, found in sets.items()]
+    data = {name.replace(" ", "_"): found.to_dict() for name, found in sets.items()}
+    show({"rows": rows, "out": str(out), "effects": list(chosen.effects), **data}, "\n".join(lines), reading.json)
 
 
 def read_numbers(text: str, where: str, count: int | None = None) -> tuple[float, ...]:

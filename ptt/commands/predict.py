@@ -22,6 +22,7 @@ from ptt.commands.common import (
 )
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from ptt.compensate import Commands
@@ -56,12 +57,13 @@ def predict(
     compensator = open_model(model, open_library(reading))
     table = read_rows(targets, compensator.model.file, reading, "targets")
     network = compensator.network
+    posture = _posture(table) if network is not None and compensator.space == "joints" else None
     with progress() as tell:
         commands = compensate(
             compensator.model,
             table,
-            correction=None if network is None else correction_of(network),
-            inside=None if network is None else network.inside,
+            correction=None if network is None else correction_of(network, posture),
+            inside=None if network is None else lambda wanted: network.inside(wanted if posture is None else posture),
             reversal=None if reversal is None else reversal.value,
             progress=tell,
         )
@@ -70,6 +72,21 @@ def predict(
     for line in missing_context(compensator.model, table) + _warnings(table, commands):
         note(f"warning: {line}")
     show(data, _text(data), json)
+
+
+def _posture(table: "Table") -> "np.ndarray":
+    """Nominal joint commands that a network over joints is asked at, (n, k) rad."""
+    import numpy as np
+
+    from ptt.errors import TableError
+
+    if table.command is None or not np.isfinite(table.command).all():
+        raise TableError(
+            "the compensator's network was trained on joint commands and these targets have none",
+            where=table.source,
+            fix="add q1_cmd_rad, q2_cmd_rad, ... of the nominal posture",
+        )
+    return table.command
 
 
 def _frame(table: "Table", commands: "Commands") -> "pd.DataFrame":

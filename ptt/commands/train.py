@@ -64,6 +64,8 @@ def _summary(training: "Training", out: Path) -> dict[str, Any]:
             "spread": chosen.spread,
             "learned": dict(zip("xyz", training.rbf.learned.tolist(), strict=True)),
             "share": training.rbf_share,
+            "inputs": training.space,
+            "heldout_by_inputs_um": training.spaces_um,
         },
     }
 
@@ -73,6 +75,8 @@ def _text(data: dict[str, Any]) -> str:
     lines = [f"effects: {effects} ({data['status']}, {data['outliers']} outliers left out)"]
     learned = [axis for axis, flag in data["rbf"]["learned"].items() if flag]
     words = f"{data['rbf']['centres']} nodes, for {', '.join(learned)}" if learned else "nothing left that it can learn"
+    if learned and len(data["rbf"]["heldout_by_inputs_um"]) > 1:
+        words += f", over the {'joints' if data['rbf']['inputs'] == 'joints' else 'tool positions'}"
     lines += [f"network: {words}", f"  {'rms um':<34}{'x':>9}{'y':>9}{'z':>9}{'total':>9}"]
     stages = (("given", "as given"), ("physics", "after physics"), ("rbf", "after the network"))
     for key, title in (("rms_um", "training rows"), ("heldout_rms_um", "held out")):

@@ -6,38 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
+from ptt.diagnosis.columns import Linear, Trial, few_shapes, linear_columns
 from ptt.diagnosis.gross import gross_errors
 from ptt.diagnosis.wander import Wander, take_off
 from ptt.effects import Effect, Library
-from ptt.effects.base import linear_size
 from ptt.effects.metrology import TrackerFrame, rigid_basis
 from ptt.fit.solve import FitResult
-from ptt.fit.whitened import by_own
 from ptt.holdout import blocks
-from ptt.model import Chain, linearise, rival, signature, trace
+from ptt.model import rival
 from ptt.noise import Noise
-from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
+from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.sums import Sums, accumulate, held_out_solutions
 
 BLOCKS = 10
 SECOND = {"once-per-rev": "harmonic 2", "setup-jump": "second"}  # effects of which a machine may well have two
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One shape of one candidate.
-
-    Attributes:
-        effect: the candidate.
-        shape: its searched and given parameters.
-        columns: indices of its columns in the design.
-        trials: how many shapes of this effect are tried.
-    """
-
-    effect: Effect
-    shape: Mapping[str, Tensor]
-    columns: np.ndarray
-    trials: int
 
 
 @dataclass(frozen=True)
@@ -144,128 +126,32 @@ def build_design(
     Returns:
         The design.
     """
-    stack = _Stack()
-    terms = list(zip((term.effect for term in fitted.model.terms), _thetas(fitted), strict=True))
-    chain = trace(terms, fitted.layout.see(problem, fitted.unknowns))
-    present = _stack_present(stack, fitted, problem, terms)
-    own = np.arange(stack.width)
-    frame = _stack_frames(stack, problem, chain)
-    trials = _stack_candidates(stack, problem, chain, candidates, shapes)
-    columns = stack.whiten(noise.whitener)
-    values = np.nan_to_num(fitted.residual) @ noise.whitener.T + columns[..., own] @ fitted.unknowns[own]
-    rows = problem.used & np.isfinite(fitted.residual).all(axis=1)
-    simple = np.concatenate([own, frame]).astype(int)
+    linear = linear_columns(fitted, problem, candidates, noise, shapes)
+    columns, values, rows, simple = linear.columns, linear.values, linear.rows, linear.simple
     if sift:
-        rows = rows & ~gross_errors(columns, values, rows, simple, _few_shapes(trials, simple))
+        rows = rows & ~gross_errors(columns, values, rows, simple, few_shapes(linear.trials, simple))
     if wander is not None:
         columns, values = (take_off(item, wander, problem, rows) for item in (columns, values))
     block = blocks(problem.table, BLOCKS)
-    sums = accumulate(columns[rows], values[rows], block[rows], BLOCKS)
-    sums = _with_held(_with_base(sums, fitted, problem, frame), np.concatenate(stack.held).astype(float))
-    scale = np.concatenate([np.zeros(0), *stack.scales])
-    return Design(columns, values, rows, block, frame, present, tuple(trials), scale, sums, noise)
+    sums = with_priors(accumulate(columns[rows], values[rows], block[rows], BLOCKS), fitted, problem, linear)
+    return Design(
+        columns, values, rows, block, linear.frame, linear.present, linear.trials, linear.scale, sums, noise
+    )  # fmt: skip
 
 
-class _Stack:
-    """Columns side by side, with the usual size of each and whether it is held near zero."""
+def with_priors(sums: Sums, fitted: FitResult, problem: Problem, linear: Linear) -> Sums:
+    """Add what is known beside the rows: base reflectors, and what an effect is defined without.
 
-    def __init__(self) -> None:
-        self.parts: list[np.ndarray] = []
-        self.scales: list[np.ndarray] = []
-        self.held: list[np.ndarray] = []
-        self.width = 0
+    Args:
+        sums: over rows.
+        fitted: the model they were linearised at.
+        problem: for the base reflectors.
+        linear: columns of any of the rows.
 
-    def push(self, block: np.ndarray, scale: np.ndarray, held: np.ndarray | None = None) -> np.ndarray:
-        """Add columns (n, 3, p); returns their indices."""
-        count = block.shape[-1]
-        self.parts.append(block)
-        self.scales.append(scale)
-        self.held.append(np.zeros(count, dtype=bool) if held is None else held)
-        self.width += count
-        return np.arange(self.width - count, self.width)
-
-    def whiten(self, whitener: np.ndarray) -> np.ndarray:
-        """All columns in noise units per usual size, (n, 3, P)."""
-        scaled = np.concatenate(self.parts, axis=-1) * np.concatenate(self.scales)
-        return np.einsum("ij,njp->nip", whitener, scaled, optimize=True)
-
-
-def _thetas(fitted: FitResult) -> list[Tensor]:
-    return fitted.layout.thetas(fitted.unknowns)
-
-
-def _stack_present(
-    stack: _Stack, fitted: FitResult, problem: Problem, terms: Sequence[tuple[Effect, Tensor]]
-) -> dict[str, np.ndarray]:
-    """Columns of what the present model may change; key -> indices."""
-    layout = fitted.layout
-    free = linearise(terms, layout.see(problem, fitted.unknowns)).jacobian[..., layout.columns()].numpy()
-    width = free.shape[-1]
-    own = stack.push(free, layout.scale[:width], layout.held[:width])
-    return {term.effect.key: own[layout.owner[:width] == index] for index, term in enumerate(layout.terms)}
-
-
-def _stack_frames(stack: _Stack, problem: Problem, chain: Chain) -> np.ndarray:
-    """Columns of the tracker frames and of reflector mounts that are not known; their indices."""
-    rigid = rigid_basis(chain.reading).numpy()
-    usual = np.array([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3)
-    indices = [
-        stack.push(np.where((problem.frame == index)[:, None, None], rigid, 0.0), usual)
-        for index in range(problem.frames)
-    ]
-    if problem.mounts:
-        own = by_own(chain.by_slot[..., -3:].numpy(), problem.mount, problem.mounts)
-        indices += [stack.push(block, np.full(3, MOUNT_USUAL)) for block in own]
-    return np.concatenate([np.zeros(0, dtype=int), *indices])
-
-
-def _stack_candidates(
-    stack: _Stack,
-    problem: Problem,
-    chain: Chain,
-    candidates: Sequence[Effect],
-    shapes: Sequence[Mapping[str, Tensor]] | None,
-) -> list[Trial]:
-    """Columns of every candidate in all its shapes."""
-    trials = []
-    for effect in candidates:
-        usual, held = usual_sizes(effect, problem), _held(effect, problem)
-        tried = effect.search(problem.view) if shapes is None else shapes
-        for shape in tried:
-            columns = stack.push(signature(chain, effect, shape).numpy(), usual, held)
-            trials.append(Trial(effect, dict(shape), columns, len(tried)))
-    return trials
-
-
-def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:
-    """Usual size of each linear value of an effect, (P,)."""
-    kind, joints = problem.file.machine.kind, problem.view.joints
-    sizes = [
-        np.full(parameter.size(joints), parameter.on(kind).usual)
-        for parameter in effect.parameters
-        if parameter.role == "linear"
-    ]
-    usual = np.concatenate(sizes)
-    assert len(usual) == linear_size(effect, joints)
-    return usual
-
-
-def _few_shapes(trials: Sequence[Trial], simple: np.ndarray) -> np.ndarray:
-    """The present model's columns and every candidate's, of long searches only every sixth shape."""
-    seen: dict[str, int] = {}
-    chosen = [simple]
-    for trial in trials:
-        number = seen.get(trial.effect.key, 0)
-        seen[trial.effect.key] = number + 1
-        if trial.trials < 12 or number % 6 == 3:
-            chosen.append(trial.columns)
-    return np.concatenate(chosen).astype(int)
-
-
-def _held(effect: Effect, problem: Problem) -> np.ndarray:
-    """Linear values of an effect that its definition holds near zero, (P,) bool."""
-    linear = [parameter for parameter in effect.parameters if parameter.role == "linear"]
-    return np.concatenate([np.full(parameter.size(problem.view.joints), parameter.held) for parameter in linear])
+    Returns:
+        The sums with both.
+    """
+    return _with_held(_with_base(sums, fitted, problem, linear.frame), linear.held.astype(float))
 
 
 def _with_held(sums: Sums, held: np.ndarray) -> Sums:

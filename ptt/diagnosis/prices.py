@@ -77,6 +77,9 @@ def _charge(state: State, took: float, seen: int, trials: float) -> tuple[float,
 def in_order_of_worth(state: State, given: frozenset[str]) -> list[str]:
     """Effects of a model in the order in which a path would have added them.
 
+    A map of which every value is held near zero, as a joint's error over its turn, imitates a part of everything and is
+    told after the effects that have causes of their own.
+
     Args:
         state: the end of the path.
         given: effects that were there before.
@@ -86,11 +89,14 @@ def in_order_of_worth(state: State, given: frozenset[str]) -> list[str]:
     """
     chosen = [key for key in state.design.present if key in given]
     rest = [key for key in state.design.present if key not in given]
+    layout = state.fitted.layout
+    own = [layout.held[layout.owner == index] for index in range(len(layout.terms))]
+    maps = {term.effect.key for term, held in zip(layout.terms, own, strict=True) if len(held) and held.all()}
     order: list[str] = []
     while rest:
         projected = project(*state.design.sums.total[:3], hold(state, [*chosen, *order]))
         charges = {key: _charge(state, *gain(projected, state.design.present[key]), 1.0) for key in rest}
-        best = max(rest, key=lambda key: charges[key][0] - charges[key][1])
+        best = max([key for key in rest if key not in maps] or rest, key=lambda key: charges[key][0] - charges[key][1])
         order.append(best)
         rest.remove(best)
     return order

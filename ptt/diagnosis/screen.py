@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from ptt.diagnosis.design import Design, Trial
+from ptt.diagnosis.columns import Trial
+from ptt.diagnosis.design import Design
 from ptt.sums import gain, project, solve
 
 FALSE_ALARM = 0.003  # chance that a sound run gets any effect named, all candidates and shapes together

@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.dependence.dependence import Dependence
 from ptt.design.separation import Separation, plan_separation
+from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.odd import weigh_oddities
 from ptt.diagnosis.path import Path, path_cost, simple_part, walk, walk_plainly
 from ptt.diagnosis.rest import Rest, look_for_rest
@@ -43,6 +44,7 @@ class Candidate:
         heldout_after: error on hidden blocks with it, um.
         parameters: (name, unit, value, standard deviation or None where the data do not tell it).
         indistinguishable_from: effects that would do as well.
+        sum_of: two or more effects that would do the same together.
         words: why, for a machinist.
     """
 
@@ -53,6 +55,7 @@ class Candidate:
     heldout_after: float
     parameters: tuple[tuple[str, str, float, float | None], ...]
     indistinguishable_from: tuple[str, ...]
+    sum_of: tuple[str, ...]
     words: str
 
     def to_dict(self) -> dict[str, Any]:
@@ -65,6 +68,7 @@ class Candidate:
             "heldout_rms_um": {"before": self.heldout_before, "after": self.heldout_after},
             "parameters": [dict(zip(names, parameter, strict=True)) for parameter in self.parameters],
             "indistinguishable_from": list(self.indistinguishable_from),
+            "sum_of": list(self.sum_of),
             "words": self.words,
         }
 
@@ -274,7 +278,7 @@ def _step(
     finding = next((item for item in before.screened.findings if item.trial.effect.key == key), None)
     term = next(term for term in end.fitted.model.terms if term.effect.key == key)
     held = before.design.held_out_rms(before.design.base), after.design.held_out_rms(after.design.base)
-    errors = held[0] * 1e3, held[1] * 1e3
+    errors, together = (held[0] * 1e3, held[1] * 1e3), find_sum(end, key)
     return Candidate(
         key,
         finding.p_value if finding else 0.0,
@@ -282,7 +286,8 @@ def _step(
         *errors,
         _parameters(term, problem),
         others,
-        explain_step(term, others, errors, noise, problem),
+        together,
+        explain_step(term, others, together, errors, noise, problem),
     )
 
 
@@ -296,7 +301,7 @@ def _other(finding: Finding, state: State, before: float, problem: Problem) -> C
     names = _linear_names(trial.effect, problem)
     parameters = tuple((name, unit, float(value), None) for (name, unit), value in zip(names, values, strict=True))
     after = design.held_out_rms(chosen) * 1e3
-    return Candidate(trial.effect.key, finding.p_value, finding.share, before, after, parameters, (), "")
+    return Candidate(trial.effect.key, finding.p_value, finding.share, before, after, parameters, (), (), "")
 
 
 def _linear_names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:

@@ -77,13 +77,19 @@ SIGNIFICANT = 3.0  # standard errors from which a joint's share is worth a word
 
 
 def explain_step(
-    term: Term, others: Sequence[str], heldout_um: tuple[float, float], noise: Noise, problem: Problem
+    term: Term,
+    others: Sequence[str],
+    together: Sequence[str],
+    heldout_um: tuple[float, float],
+    noise: Noise,
+    problem: Problem,
 ) -> str:
     """One step in one or two sentences.
 
     Args:
         term: the effect, fitted.
         others: effects that would do as well.
+        together: effects that would do as well only together.
         heldout_um: held-out error before and after.
         noise: the noise floor.
         problem: for the mechanism family.
@@ -94,6 +100,8 @@ def explain_step(
     """
     head = _sentence(term, problem)
     tie = f"{_listed(list(others))} would explain it as well" if others else "Nothing else explains it as well"
+    if together:
+        tie = f"{tie}, but {_listed(list(together))} together would do the same"
     before, after = heldout_um
     moved = "falls" if after < before else "goes"
     fall = f"held-out error {moved} from {before:.1f} to {after:.1f} um, noise is {noise.total * 1e3:.1f} um"

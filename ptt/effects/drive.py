@@ -10,6 +10,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, Parameter, Stage, per_joint
 from ptt.effects.memory import gradual_reversal, play
 from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.mechanisms.serial import Serial
 from ptt.view import View
 
 PHASES = 5  # a turn seen at fewer phases than this cannot part a period from an offset
@@ -106,7 +107,11 @@ class OncePerRev(Effect):
             return "screw_lead_mm (gear_period_rad for an arm) in the machine file"
         phase = torch.remainder(view.q, self._period(view)) / self._period(view)
         seen = min(len(torch.unique((column * 3.0 * PHASES).round())) for column in phase.T)
-        return None if seen >= PHASES else "poses whose heights are not commensurate with the lead"
+        if seen >= PHASES:
+            return None
+        if isinstance(view.mechanism, Serial):
+            return "joint values spread over more phases of gear_period_rad, a whole turn where the file has none"
+        return "poses whose heights are not commensurate with the lead"
 
     def _period(self, view: View) -> float:
         assert view.lead is not None

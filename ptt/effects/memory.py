@@ -1,23 +1,77 @@
 """Scans over the travel for effects with memory, in log depth: play and gradual reversal, with state handed on."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
+from ptt.turns import LINEAR, REACH, REACH_RAD, Entry, remember
 from ptt.view import View
 
+FORGOTTEN = 1e-20  # share of an earlier state that no later one shows
 
-def waypoints(view: View) -> tuple[Tensor, Tensor]:
-    """The travel as a sequence of turns and rows.
+
+@dataclass(frozen=True)
+class Way:
+    """The travel as a sequence of waypoints: the last turn before a row, then the row.
+
+    Attributes:
+        q: joint values, (m, k); what an entry remembers comes before its row.
+        starts: waypoints at which a run, or what is remembered of it, begins, (m,) bool.
+        direction: direction of arrival there, (m, k).
+        rows: which waypoints are the rows, (n,) int.
+    """
+
+    q: Tensor
+    starts: Tensor
+    direction: Tensor
+    rows: Tensor
+
+
+def waypoints(view: View) -> Way:
+    """Lay out the travel.
 
     Args:
         view: n rows.
 
     Returns:
-        Joint values, (2n, k): the last turn before a row, then the row; and (2n,) bool, first waypoints of runs.
+        The way.
     """
     q = torch.stack([view.turning, view.q], dim=1).reshape(-1, view.joints)
     starts = torch.stack([view.starts, torch.zeros_like(view.starts)], dim=1).reshape(-1)
-    return q, starts
+    direction = view.direction.repeat_interleave(2, dim=0)
+    if not view.entries:
+        return Way(q, starts, direction, torch.arange(1, len(q), 2))
+    cuts = [2 * entry.row for entry in view.entries]
+    pieces = [torch.tensor_split(values, cuts) for values in (q, starts, direction)]
+    ways = [entry.way for entry in view.entries]
+    first = [torch.arange(len(way)) == 0 for way in ways]
+    signs = [entry.direction.expand_as(way) for entry, way in zip(view.entries, ways, strict=True)]
+    new = [torch.zeros(len(way), dtype=torch.bool) for way in ways]
+    own = [torch.ones(len(piece), dtype=torch.bool) for piece in pieces[0]]
+    waypoint, start, arrival = (_put_between(*pair) for pair in zip(pieces, (ways, first, signs), strict=True))
+    return Way(waypoint, start, arrival, torch.nonzero(_put_between(own, new))[1::2, 0])
+
+
+def _put_between(pieces: Sequence[Tensor], new: Sequence[Tensor]) -> Tensor:
+    return torch.cat([pieces[0], *(part for pair in zip(new, pieces[1:], strict=True) for part in pair)])
+
+
+def leave(view: View, row: int) -> Entry:
+    """What is remembered at the end of a view, for the row that comes next.
+
+    Args:
+        view: rows up to there; itself entered with what was remembered, unless a run starts with it.
+        row: number of the next row in the view that will be entered.
+
+    Returns:
+        The entry.
+    """
+    way = waypoints(view)
+    start = int(torch.nonzero(way.starts)[-1])
+    reach = REACH if float(view.travel_limits.abs().max()) > LINEAR else REACH_RAD
+    return remember(way.q[start:], way.direction[start], row, reach)
 
 
 def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
@@ -36,23 +90,25 @@ def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
     Returns:
         Shift y - q, (n, k), between -gap/2 and gap/2.
     """
-    q, starts = waypoints(view)
+    way = waypoints(view)
+    q = way.q
     half = gap / 2.0
     low, high = q - half, q + half
-    first = q - half * view.direction.repeat_interleave(2, dim=0)
-    reset = starts[:, None]
+    first = q - half * way.direction
+    reset = way.starts[:, None]
     low, high = torch.where(reset, first, low), torch.where(reset, first, high)
     if entry is not None:
         known = torch.minimum(torch.maximum(entry, q[0] - half), q[0] + half)
         low, high = torch.cat([known[None], low[1:]]), torch.cat([known[None], high[1:]])
     step = 1
-    while step < len(q):
+    # Where both sides of every clamp have met, nothing earlier is felt any more.
+    while step < len(q) and not bool((low.detach() == high.detach()).all()):
         before_low, before_high = low[:-step], high[:-step]
         late_low, late_high = low[step:], high[step:]
         low = torch.cat([low[:step], torch.minimum(torch.maximum(before_low, late_low), late_high)])
         high = torch.cat([high[:step], torch.minimum(torch.maximum(before_high, late_low), late_high)])
         step *= 2
-    return (low - q)[1::2]
+    return (low - q)[way.rows]
 
 
 def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None) -> Tensor:
@@ -70,21 +126,22 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, pl
     Returns:
         F, (n, k), between -1 and 1.
     """
-    q, starts = waypoints(view)
+    way = waypoints(view)
+    q = way.q
     move = torch.diff(q, dim=0, prepend=q[:1])
     sign = torch.sign(move)
     decay = torch.where(move == 0.0, torch.ones_like(move), torch.exp(-move.abs() / length))
     gain = sign * (1.0 - decay)
-    reset = starts[:, None]
-    first = view.direction.repeat_interleave(2, dim=0).to(gain.dtype)
+    reset = way.starts[:, None]
+    first = way.direction.to(gain.dtype)
     decay, gain = torch.where(reset, torch.zeros_like(decay), decay), torch.where(reset, first, gain)
     if entry is not None:
-        way = torch.zeros_like(q[0]) if place is None else q[0] - place
-        kept = torch.exp(-way.abs() / length)
-        gain = torch.cat([(entry * kept + torch.sign(way) * (1.0 - kept))[None], gain[1:]])
+        moved = torch.zeros_like(q[0]) if place is None else q[0] - place
+        kept = torch.exp(-moved.abs() / length)
+        gain = torch.cat([(entry * kept + torch.sign(moved) * (1.0 - kept))[None], gain[1:]])
     step = 1
-    while step < len(q):
+    while step < len(q) and float(decay.detach().max()) > FORGOTTEN:
         gain = torch.cat([gain[:step], gain[step:] + decay[step:] * gain[:-step]])
         decay = torch.cat([decay[:step], decay[step:] * decay[:-step]])
         step *= 2
-    return gain[1::2]
+    return gain[way.rows]

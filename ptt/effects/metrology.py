@@ -94,7 +94,9 @@ class SetupJump(MetrologyEffect):
 
     def clock(self, view: View) -> Tensor:
         """Seconds where there is a clock, else the number of the row, (n,)."""
-        return view.time if "time" in view.varies else torch.arange(view.rows, dtype=torch.float64)
+        if "time" in view.varies:
+            return view.time
+        return torch.arange(view.rows, dtype=torch.float64) if view.number is None else view.number
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """Moments spread over the run, with at least a few rows on either side."""

@@ -53,8 +53,25 @@ def template(name: str) -> str:
     Raises:
         InputError: the name is taken, or is not such a name.
     """
+    free_name(name)
+    return _TEXT.format(name=name, class_name=class_name(name))
+
+
+def free_name(name: str) -> None:
+    """Check that an effect of one's own may have a name.
+
+    Args:
+        name: to be checked.
+
+    Raises:
+        InputError: it is taken, or is not of lower case words joined by hyphens.
+    """
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
         raise InputError(f"'{name}' is no name for an effect", fix="use lower case words and hyphens, as cable-drag")
     if name in library() or name in RESERVED:
         raise InputError(f"the name '{name}' is taken", fix="give it another name")
-    return _TEXT.format(name=name, class_name="".join(word.capitalize() for word in name.split("-")))
+
+
+def class_name(name: str) -> str:
+    """Python class for an effect's name: CableDrag for cable-drag."""
+    return "".join(word.capitalize() for word in name.split("-"))

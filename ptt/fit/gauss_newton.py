@@ -11,6 +11,7 @@ DONE = 1e-8  # decrease of chi-squared still to be had at the end: parameters wi
 SHORTER = 0.3
 TRIES = 8
 FEW_TRIES = 3  # of a coarse search
+RELATIVE = 1e-4  # where much more than noise is left, so much of it, in units of the decrease still to be had, is none
 FINE = 1e-3  # decrease below which a step that keeps less than half its promise is the last: kinks are near
 ROUGH = 1e-4  # share of chi-squared below which a step that does not help is put down to kinks, as play has them
 
@@ -52,7 +53,7 @@ def descend(
     for _ in range(STEPS):
         step = bounded_step(normal, side, lower - at, upper - at)
         decrease = float(2.0 * side @ step - step @ normal @ step)
-        if decrease <= done + 1e-13 * cost:
+        if decrease <= done * (1.0 + RELATIVE * cost) + 1e-13 * cost:
             return Descent(at, "converged")
         found = _search_line(equations, at, step, cost, decrease, max(FINE, done))
         if found is None:

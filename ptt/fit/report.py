@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from ptt.fit.indices import Indices, observability_indices, project_off
 from ptt.fit.observability import Combination, Correlation, correlations, unobservable
+from ptt.fit.orientation import orientation_of
 from ptt.fit.solve import FitResult, residual_of, rms
 from ptt.frames import best_fit
 from ptt.model import Model, parameter_names
@@ -53,6 +55,8 @@ class FitReport:
         noise_um: per axis, in total, and its source.
         correlations: above 0.9, between measured parameters.
         unobservable: combinations that the data cannot see.
+        orientation_mrad: root mean square angle between measured and fitted orientations; None where none are read.
+        observability: indices O1 to O5 of the effects' parameters, frame and reflector mount projected off.
     """
 
     status: str
@@ -69,6 +73,8 @@ class FitReport:
     noise_um: dict[str, Any]
     correlations: tuple[Correlation, ...]
     unobservable: tuple[Combination, ...]
+    observability: Indices
+    orientation_mrad: float | None = None
 
     @property
     def reduced(self) -> float:
@@ -93,6 +99,8 @@ class FitReport:
             "noise_um": self.noise_um,
             "correlations": [dict(vars(pair)) for pair in self.correlations],
             "unobservable": [item.to_dict() for item in self.unobservable],
+            "observability": self.observability.to_dict(),
+            "orientation_rms_mrad": self.orientation_mrad,
         }
 
 
@@ -111,12 +119,17 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
     errors = alignment_errors(problem, rows)
     bare = residual_of(Model(fitted.model.file), problem, fitted.noise) if given is None else given
     errors |= {"given": rms(bare.residual, rows), "fitted": rms(fitted.residual, rows)}
+    turned = orientation_of(fitted, problem)
     lines = problem.table.line[fitted.outliers].tolist()
     far = np.linalg.norm(fitted.residual[fitted.outliers], axis=1).tolist()
     return FitReport(
         fitted.status, int(rows.sum()), fitted.chi2, fitted.freedom, fitted.rank, len(fitted.unknowns),
         fitted.iterations, _values(fitted), _frames(fitted), tuple(zip(lines, far, strict=True)), errors,
         fitted.noise.to_dict(), correlations(fitted), unobservable(fitted),
+        observability_indices(
+            project_off(fitted.information, np.flatnonzero(fitted.layout.owner >= 0)), int(rows.sum())
+        ),
+        None if turned is None else turned.rms_mrad,
     )  # fmt: skip
 
 
@@ -186,6 +199,7 @@ def _statistics(report: FitReport) -> list[str]:
         f"    chi-squared {report.chi2:.1f}, per degree of freedom {report.reduced:.3f} ({report.freedom})",
         f"    noise {noise['total']:.2f} um (x {noise['x']:.2f}, y {noise['y']:.2f}, z {noise['z']:.2f}), from the"
         f" {noise['source']}",
+        f"    {report.observability.text}",
     ]
 
 
@@ -203,6 +217,8 @@ def _errors(report: FitReport) -> list[str]:
             lines.append(f"    {word:<23}" + "".join(f"{figures[axis]:12.2f}" for axis in ("x", "y", "z", "total")))
     noise = report.noise_um
     lines.append(f"    {'noise':<23}" + "".join(f"{noise[axis]:12.2f}" for axis in ("x", "y", "z", "total")))
+    if report.orientation_mrad is not None:
+        lines.append(f"    orientation, positions alone fitted: {report.orientation_mrad:.3f} mrad RMS")
     return lines
 
 

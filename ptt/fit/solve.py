@@ -204,10 +204,18 @@ def _result(
         system.residual @ np.linalg.inv(noise.whitener).T, problem.used & ~kept, noise, float(residual @ residual),
         max(len(residual) - rank + int(layout.held.sum()), 1), rank, unseen, evaluate.calls, status,
     )  # fmt: skip
-    return replace(result, model=replace(model, terms=_fitted_terms(result)))
+    return replace(result, model=replace(model, terms=fitted_terms(result)))
 
 
-def _fitted_terms(result: FitResult) -> tuple[Term, ...]:
+def fitted_terms(result: FitResult) -> tuple[Term, ...]:
+    """Terms at a fit's unknowns, with what is known of their accuracy.
+
+    Args:
+        result: the fit.
+
+    Returns:
+        The terms.
+    """
     layout, terms, start = result.layout, [], 0
     for term, free, theta in zip(layout.terms, layout.free, layout.thetas(result.unknowns), strict=True):
         part = slice(start, start + int(free.sum()))

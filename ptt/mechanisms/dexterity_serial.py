@@ -22,6 +22,9 @@ SINGULAR = 1e-9  # smallest over largest singular value from which on a configur
 NEWTON_STEPS = 60
 POWERS = (2.0, 8.0, 32.0)
 LONGEST_STEP_RAD = 0.2
+FOUND = 1e-7  # ratio below which a walk has arrived; where two families cross it gets there to the root of rounding
+ASIDES, ASIDE_RAD = 8, 1e-4
+DECIDES = 0.2  # share of the steepest joint's slope from which a joint belongs to a family
 
 
 def scaled_jacobian(arm: Serial, q: Tensor, part: Part = "pose", length_mm: float | None = None) -> Tensor:
@@ -71,6 +74,37 @@ def nearest_singular(arm: Serial, q: Tensor, part: Part = "pose") -> tuple[Tenso
         step = step * (LONGEST_STEP_RAD / step.abs().amax(-1, keepdim=True).clamp(min=LONGEST_STEP_RAD))
         here = torch.clamp(here + torch.where(ratio[:, None] > SINGULAR, step.nan_to_num(0.0), 0.0), low, high)
     return best, best_ratio
+
+
+def singular_families(arm: Serial, part: Part = "pose", starts: int = 200) -> dict[tuple[int, ...], Tensor]:
+    """Find which joints make an arm singular, as q4 alone (elbow) or q2 with q3 (shoulder) of a seven-joint arm.
+
+    Each family is found by walking to singular joint values from many places. The joints that decide it are those along
+    which the smallest singular value rises again when the arm steps a little aside.
+
+    Args:
+        arm: the arm.
+        part: which rows of the Jacobian.
+        starts: from how many places to walk.
+
+    Returns:
+        Zero-based joints of a family -> (m, k) singular joint values, rad; largest family first.
+    """
+    q, ratio = nearest_singular(arm, spread(arm, starts), part)
+    found = q[ratio < FOUND]
+    if not len(found):
+        return {}
+    random = torch.Generator().manual_seed(0)
+    rise = torch.zeros_like(found)
+    for _ in range(ASIDES):
+        aside = found + ASIDE_RAD * torch.randn(found.shape, dtype=found.dtype, generator=random)
+        leaf = aside.requires_grad_()
+        (slope,) = torch.autograd.grad(singular_values(scaled_jacobian(arm, leaf, part))[:, -1].sum(), leaf)
+        rise = torch.maximum(rise, slope.abs() / slope.abs().amax(-1, keepdim=True).clamp(min=1e-30))
+    families: dict[tuple[int, ...], list[Tensor]] = {}
+    for row, share in zip(found, rise, strict=True):
+        families.setdefault(tuple(torch.nonzero(share > DECIDES).flatten().tolist()), []).append(row)
+    return {joints: torch.stack(rows) for joints, rows in sorted(families.items(), key=lambda item: -len(item[1]))}
 
 
 def most_isotropic(arm: Serial, part: Part = "pose", starts: int = 8, samples: int = 4096) -> tuple[Tensor, float]:

@@ -73,6 +73,29 @@ class ArmRig:
         turned = place @ self.tracker[:3, :3].T + self.tracker[:3, 3]
         return turned + self.sigma_mm * np.random.default_rng(seed).standard_normal(turned.shape)
 
+    def measure_turns(self, q: Array, payload: Array, temperature: Array, sigma_rad: float, seed: int) -> Array:
+        """Read the orientation of a target that sits square on the tool, as a tracker with a 6-D probe does.
+
+        Args:
+            q: (n, k) rad, in travel order.
+            payload: (n,) kg at the tool point.
+            temperature: (n,) deg C.
+            sigma_rad: scatter about each axis.
+            seed: of the scatter.
+
+        Returns:
+            (n, 3, 3), the target's axes in tracker coordinates.
+        """
+        random = np.random.default_rng(seed)
+        joint = self._driven(np.asarray(q, dtype=float))
+        growth = 1.0 + self.faults.growth * (np.asarray(temperature) - self.spec.reference_temp_c)
+        turns = np.empty((len(joint), 3, 3))
+        for row in range(len(joint)):
+            at = self._yielded(joint[row], payload[row], growth[row])
+            tool = self._frames(at, growth[row])[-1][:3, :3]
+            turns[row] = self.tracker[:3, :3] @ tool @ rigid(random.normal(0.0, sigma_rad, 3), np.zeros(3))[:3, :3]
+        return turns
+
     def _driven(self, q: Array) -> Array:
         """Joint values behind uneven rings and play."""
         order = np.arange(1, self.faults.wobble.shape[1] + 1)
@@ -88,12 +111,17 @@ class ArmRig:
 
     def _settled(self, joint: Array, payload: float, growth: float) -> Array:
         """Where the reflector comes to rest, (3,) mm in the base frame."""
+        at = self._yielded(joint, payload, growth)
+        tip = np.append(np.asarray(self.spec.tool_mm) + self.reflector_mm, 1.0)
+        return np.asarray((self._frames(at, growth)[-1] @ tip)[:3])
+
+    def _yielded(self, joint: Array, payload: float, growth: float) -> Array:
+        """Joint values under load, (k,) rad."""
         at = joint
         for _ in range(SETTLE if self.faults.compliance.any() else 0):
             torque = np.array([self._torque(at, index, payload, growth) for index in range(len(joint))])
             at = joint + self.faults.compliance * torque
-        tip = np.append(np.asarray(self.spec.tool_mm) + self.reflector_mm, 1.0)
-        return np.asarray((self._frames(at, growth)[-1] @ tip)[:3])
+        return at
 
     def _torque(self, joint: Array, index: int, payload: float, growth: float) -> float:
         """Torque of all weights about one joint, N mm: the fall of the potential energy."""

@@ -12,6 +12,7 @@ from ptt.errors import InputError
 from ptt.files import sha256, write_text
 from ptt.machine import load_machine, save_machine
 from ptt.model import Model, read_model, write_model
+from ptt.training.rest import Space
 from ptt.training.train import Training
 
 MODEL, NETWORK, NOTES = "model.toml", "rbf.safetensors", "compensator.json"
@@ -30,6 +31,11 @@ class Compensator:
     model: Model
     network: GaussianRbf | None
     notes: dict[str, Any]
+
+    @property
+    def space(self) -> Space:
+        """What the network's inputs are."""
+        return "joints" if self.notes.get("rbf", {}).get("inputs") == "joints" else "tool"
 
 
 def save_compensator(folder: str | Path, training: Training, inputs: list[str]) -> Path:
@@ -55,7 +61,7 @@ def save_compensator(folder: str | Path, training: Training, inputs: list[str]) 
         "ptt": __version__,
         "sha256": {MODEL: sha256(place / MODEL), NETWORK: digest},
         "trained_on": [{"file": Path(name).name, "sha256": sha256(name)} for name in inputs],
-        "domain_mm": {
+        "domain_mm" if training.space == "tool" else "domain_rad": {
             "low": (domain.low * scale + offset).tolist(),
             "high": (domain.high * scale + offset).tolist(),
             "rule": "inside the box and near a training point; rows outside get the physics alone",
@@ -68,6 +74,8 @@ def save_compensator(folder: str | Path, training: Training, inputs: list[str]) 
             "spread": training.rbf.chosen.spread,
             "learned": [bool(flag) for flag in training.rbf.learned],
             "share": training.rbf_share,
+            "inputs": training.space,
+            "heldout_by_inputs_um": training.spaces_um,
         },
         "noise_um": training.physics.noise.to_dict(),
     }

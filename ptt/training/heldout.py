@@ -36,8 +36,8 @@ def evaluate_heldout(
     network = None
     if compensator.network is not None:
         fitted = fit_physics(compensator.model, problem)
-        network = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups)
-    held = hold_out(compensator.model, problem, protocol, network, progress=progress)
+        network = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, space=compensator.space)
+    held = hold_out(compensator.model, problem, protocol, network, progress=progress, space=compensator.space)
     before, after = bare.residual[held.rows], held.whole[held.rows]
     if z_datum == "first":
         before, after = (errors - errors[0] * np.array([0.0, 0.0, 1.0]) for errors in (before, after))

@@ -1,0 +1,125 @@
+"""A run of a million rows, diagnosed in chunks: wall time, memory, and what took the time.
+
+    python benchmarks/million.py [--rows 1000000] [--cores 0,1] [--keep RUN.csv]
+
+The run comes from the virtual machine (backlash, an error with every turn of the screw, screws that grow as the room
+warms) and is written to a temporary folder. Memory is the sum over the process and its workers of what only they hold
+and their share of what they hold together (PSS), sampled ten times a second.
+"""
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from ptt.machine import load_machine
+from ptt.rig import parse_rig, simulate, write_run
+from ptt.rig.nominal import draw_machine
+from ptt.rig.targets import make_volume
+
+MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"
+CYCLE = 25_000  # rows that are driven again and again
+FAULTS = {
+    "drive": {"backlash_mm": [0.04, 0.05, 0.03], "turn_um": [6.0, 5.0, 7.0]},
+    "thermal": {"growth_um_per_m_k": 11.5, "fixed_end_mm": 450.0},
+}
+GOAL_S, GOAL_GB = 90.0, 4.0
+
+
+def make_run(path: Path, rows: int) -> None:
+    """Write a run of about that many rows."""
+    file = load_machine(MACHINE)
+    cycle = min(rows, CYCLE)
+    conditions = {
+        "cycles": max(1, rows // cycle),
+        "dwell_s": 1.0,
+        "room": {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 2.0 * rows},
+    }
+    drawing = file.machine.model_dump(mode="json", exclude_none=True)
+    rig = replace(parse_rig({"machine": drawing, "seed": 5, "conditions": conditions, **FAULTS}), machine=file)
+    frame = simulate(rig, make_volume(draw_machine(rig.spec), cycle, 3)).frame
+    write_run(frame.drop(columns=["name"]).round(7), path)
+
+
+def measure(command: list[str], cores: list[int]) -> dict[str, float | str]:
+    """Run a command on some cores: wall and CPU seconds, peak memory in GB, what it printed."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    start, peak = time.perf_counter(), 0.0
+    pinned = (lambda: os.sched_setaffinity(0, cores)) if cores else None
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, preexec_fn=pinned
+    ) as run:
+        while run.poll() is None:
+            peak = max(peak, sum(map(_share, _family(run.pid))))
+            time.sleep(0.1)
+        assert run.stdout is not None
+        text = run.stdout.read()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {"wall_s": time.perf_counter() - start, "cpu_s": cpu, "peak_gb": peak, "text": text}
+
+
+def _family(pid: int) -> list[int]:
+    children = Path(f"/proc/{pid}/task/{pid}/children")
+    own = [int(child) for child in children.read_text().split()] if children.exists() else []
+    return [pid, *(item for child in own for item in _family(child))]
+
+
+def _share(pid: int) -> float:
+    try:
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    except OSError:  # gone in between
+        return 0.0
+    return sum(float(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1e6
+
+
+def time_parts(run: Path) -> None:
+    """Print when each part of the diagnosis begins."""
+    from ptt.commands.common import Reading, open_run
+    from ptt.diagnosis.long import diagnose_long
+
+    start = time.perf_counter()
+
+    def tell(what: str) -> None:
+        print(f"{time.perf_counter() - start:8.1f} s  {what}", flush=True)
+
+    tell("read")
+    opened = open_run(run, MACHINE, Reading(json=True))
+    tell("rows are seen through the machine")
+    diagnose_long(opened.model, opened.problem, opened.library, progress=tell)
+    tell("done")
+
+
+def main() -> None:
+    """Make the run, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, default=1_000_000)
+    parser.add_argument("--cores", default="", help="as in 0,1; all by default")
+    parser.add_argument("--keep", type=Path, help="write the run here, or use it where it is there already")
+    parser.add_argument("--parts", action="store_true", help="also print when each part begins (a second run)")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        run = chosen.keep or Path(folder) / "million.csv"
+        if not run.exists():
+            make_run(run, chosen.rows)
+        ptt = [sys.executable, "-c", "from ptt.commands.main import main; main()"]
+        cores = [int(core) for core in chosen.cores.split(",") if core]
+        command = [*ptt, "diagnose", str(run), "--model", str(MACHINE), "--json"]
+        seen = measure(command, cores)
+        told = json.loads(str(seen["text"]))
+        print(f"{told['rows']} rows, {told['verdict']}: {[step[0] for step in told['suggested']]}")
+        print(f"wall {seen['wall_s']:.1f} s (goal {GOAL_S:g}), CPU {seen['cpu_s']:.1f} s")
+        print(f"peak memory {seen['peak_gb']:.2f} GB (goal {GOAL_GB:g})")
+        print(told["words"])
+        if chosen.parts:
+            time_parts(run)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Bins: what the rest of a long run follows, from sums over all of its rows."""
+
+import numpy as np
+from scipy import stats
+
+from ptt.dependence.contexts import context_views
+from ptt.noise import Noise
+from ptt.problem import Problem
+
+BINS = 32
+CHANCE = 1e-3  # over all variables together
+WORTH = 0.01  # share of the rest's variance from which a dependence is worth naming
+POSITION = ("x", "y", "z")
+CELLS = 6  # of each coordinate, for a rest that follows the place as a whole
+
+
+def follow_in_all_rows(
+    problem: Problem, residual: np.ndarray, noise: Noise, rows: np.ndarray
+) -> list[tuple[str, float]]:
+    """Variables that the rest follows, by the means of bins.
+
+    Args:
+        problem: n rows.
+        residual: (n, 3) mm.
+        noise: the noise floor.
+        rows: rows that count, (n,) bool.
+
+    Returns:
+        (variable, share of the rest's variance beyond chance), largest first; none where nothing is worth naming.
+    """
+    rest = residual[rows] @ noise.whitener.T
+    rest = rest / np.sqrt(np.square(rest).mean())
+    codes = {name: _bin(values[rows], BINS) for name, values in context_views(problem).items()}
+    if all(name in codes for name in POSITION):
+        x, y, z = (_bin(values[rows], CELLS) for name, values in context_views(problem).items() if name in POSITION)
+        codes["position"] = (x * CELLS + y) * CELLS + z
+    found = []
+    for name, code in codes.items():
+        took, freedom = _between(code, rest)
+        share = (took - freedom) / np.square(rest).sum()
+        if share > WORTH and stats.chi2.sf(took, freedom) * len(codes) < CHANCE:
+            found.append((name, float(share)))
+    return sorted(found, key=lambda item: -item[1])
+
+
+def _bin(values: np.ndarray, bins: int) -> np.ndarray:
+    """Bins of about equal numbers of rows, (n,) int; levels that are few have their own."""
+    known = np.nan_to_num(values)
+    edges = np.unique(np.quantile(known[:: max(1, len(known) // 10_000)], np.linspace(0.0, 1.0, bins + 1)[1:-1]))
+    return np.searchsorted(edges, known, side="right")
+
+
+def _between(code: np.ndarray, rest: np.ndarray) -> tuple[float, int]:
+    """Sum of squares of the bins' means, and its degrees of freedom."""
+    count = np.bincount(code)
+    sums = np.column_stack([np.bincount(code, column) for column in rest.T])
+    full = count > 0
+    return float((np.square(sums[full]) / count[full, None]).sum()), 3 * int(full.sum())

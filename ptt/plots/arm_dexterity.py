@@ -1,0 +1,92 @@
+"""Dexterity of an arm: where it can move evenly, where forcefully, and at which joint values it cannot at all."""
+
+import io
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from ptt.files import write_bytes
+from ptt.mechanisms.dexterity_serial import DexterityMap, dexterity_map, joint_map, singular_families
+from ptt.mechanisms.serial import Serial
+
+DPI = 150
+SAMPLES = 200_000  # joint values to try for the workspace
+CELLS = 60
+WORST = 30.0  # condition number from which all is one colour
+
+
+def plot_arm_dexterity(arm: Serial, path: str | Path) -> None:
+    """Draw condition number and manipulability over the workspace, and manipulability over the joints that decide.
+
+    Args:
+        arm: the arm.
+        path: PNG to write.
+    """
+    figure = Figure(figsize=(11.0, 9.5), layout="constrained")
+    axes = figure.subplots(2, 2)
+    space = dexterity_map(arm, samples=SAMPLES, cells=CELLS)
+    _draw_space(
+        figure,
+        axes[0, 0],
+        space,
+        space.condition,
+        "least condition number at a place",
+        LogNorm(float(np.nanmin(space.condition)), WORST),
+    )
+    _draw_space(figure, axes[0, 1], space, space.manipulability, "largest manipulability at a place", None)
+    for axis, (first, second) in zip(axes[1], deciding_pairs(arm), strict=True):
+        _draw_joints(figure, axis, joint_map(arm, first, second, cells=181), first, second)
+    figure.suptitle(
+        f"{arm.name}: dexterity of the whole pose, one radian of turn counted as {arm.length_mm:.0f} mm of shift"
+    )
+    picture = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(picture, metadata={"Software": None})
+    write_bytes(path, picture.getvalue())
+
+
+def deciding_pairs(arm: Serial) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Two pairs of joints over which an arm's singular configurations show.
+
+    Args:
+        arm: the arm.
+
+    Returns:
+        Zero-based: a pair that is singular together where there is one, and two that each are alone.
+    """
+    families = list(singular_families(arm, starts=100))
+    alone = sorted({joints[0] for joints in families if len(joints) == 1})
+    together = [joints for joints in families if len(joints) == 2]
+    wanted = [*together[:1], *combinations(alone, 2), *together[1:], *combinations(range(1, arm.joints), 2)]
+    distinct = list(dict.fromkeys((min(pair), max(pair)) for pair in wanted))
+    return distinct[0], distinct[1]
+
+
+def _draw_space(
+    figure: Figure, axis: Axes, space: DexterityMap, values: np.ndarray, title: str, norm: Normalize | None
+) -> None:
+    shown = np.ma.masked_invalid(values if norm is None else np.minimum(values, WORST))
+    colours = "viridis" if norm is None else "viridis_r"
+    mesh = axis.pcolormesh(space.radius_mm, space.height_mm, shown, cmap=colours, norm=norm, rasterized=True)
+    figure.colorbar(mesh, ax=axis, extend="max" if norm is not None else "neither")
+    axis.set(title=title, xlabel="distance from axis 1, mm", ylabel="height, mm", aspect="equal")
+
+
+def _draw_joints(figure: Figure, axis: Axes, found: DexterityMap, first: int, second: int) -> None:
+    across, up = np.degrees(found.radius_mm), np.degrees(found.height_mm)
+    mesh = axis.pcolormesh(across, up, found.manipulability, cmap="viridis", shading="nearest", rasterized=True)
+    figure.colorbar(mesh, ax=axis)
+    top = float(np.nanmax(found.manipulability))
+    if top > 0.0:
+        axis.contour(across, up, found.manipulability, levels=_levels(top), colors="white", linewidths=0.7)
+    axis.set(title="manipulability, dark is singular; others amid their limits", xlabel=f"joint {first + 1}, deg")
+    axis.set_ylabel(f"joint {second + 1}, deg")
+
+
+def _levels(top: float) -> Sequence[float]:
+    return [0.02 * top, 0.1 * top]

@@ -1,0 +1,125 @@
+"""Virtual arms with one hidden fault, and runs on them: what is drawn, how large it usually is, how it is measured."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from ptt.machine import SerialSpec
+from ptt.rig.nominal import Array
+from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
+
+ArmFault = Literal["compliance", "backlash", "link", "growth", "none"]
+ARM_FAULTS: tuple[ArmFault, ...] = get_args(ArmFault)
+NAMES: dict[str, str] = {
+    "compliance": "axis-compliance",
+    "backlash": "backlash",
+    "link": "dh-offsets",
+    "growth": "frame-growth",
+}
+WIDE_RAD = 2.0  # joints keep within this, and within four fifths of their limits
+SECONDS_A_ROW = 30.0
+STEEL, ALUMINIUM = 1.0e-5, 2.4e-5  # 1/K
+
+
+@dataclass(frozen=True)
+class ArmRun:
+    """One drawn arm and the run it is measured on.
+
+    Attributes:
+        rig: the arm.
+        fault: what is hidden in it.
+        q: (n, k) rad, commands in travel order.
+        payload_kg: (n,).
+        temp_c: (n,) deg C.
+        time_s: (n,).
+        seed: of the scatter.
+    """
+
+    rig: ArmRig
+    fault: ArmFault
+    q: Array
+    payload_kg: Array
+    temp_c: Array
+    time_s: Array
+    seed: int
+
+    @property
+    def readings(self) -> Array:
+        """What the tracker reads, (n, 3) mm."""
+        return self.rig.measure(self.q, self.payload_kg, self.temp_c, self.seed)
+
+    @property
+    def moved_um(self) -> float:
+        """Root mean square distance by which the fault moves the reflector, um, tracker frame left in place."""
+        broken = replace(self.rig, sigma_mm=0.0)
+        sound = replace(broken, faults=ArmFaults.none(len(self.rig.spec.joint)))
+        moved = broken.measure(self.q, self.payload_kg, self.temp_c, 0) - sound.measure(
+            self.q, self.payload_kg, self.temp_c, 0
+        )
+        return float(np.sqrt(np.square(moved).sum(axis=1).mean()) * 1e3)
+
+
+def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigma_mm: float = 0.01) -> ArmRun:
+    """Draw an arm with a hidden fault and a run that can show all of them: two loads, a warm-up, all directions.
+
+    Args:
+        spec: the drawing.
+        fault: which kind.
+        seed: of everything.
+        rows: poses of the run.
+        sigma_mm: scatter of one coordinate.
+
+    Returns:
+        The run.
+    """
+    random = np.random.default_rng([seed, ARM_FAULTS.index(fault), len(spec.joint)])
+    faults = draw_faults(fault, len(spec.joint), random)
+    low, high = np.array([_range(joint.limits_deg) for joint in spec.joint]).T
+    q = random.uniform(low, high, (rows, len(spec.joint)))
+    place = np.arange(rows)
+    frame = rigid(random.uniform(-0.5, 0.5, 3), random.uniform(-800.0, 800.0, 3))
+    rig = ArmRig(spec, faults, random.uniform(-30.0, 30.0, 3), frame, sigma_mm)
+    warm = spec.reference_temp_c + random.uniform(4.0, 9.0) * (1.0 - np.exp(-place / random.uniform(0.15, 0.5) / rows))
+    load = np.where(place // max(rows // 4, 1) % 2 == 0, 0.0, random.uniform(3.0, 8.0))
+    return ArmRun(rig, fault, q, load, warm, SECONDS_A_ROW * place, int(random.integers(1 << 30)))
+
+
+def draw_faults(fault: ArmFault, joints: int, random: np.random.Generator) -> ArmFaults:
+    """Draw the fault itself.
+
+    Strain-wave gears yield by 2 to 15 nrad per N mm; play is 0.2 to 1 mrad in one or two joints; one link is off by 0.2
+    to 1 mm or 0.3 to 2 mrad in its length, twist or offset; lengths grow like steel to like aluminium.
+
+    Args:
+        fault: which kind.
+        joints: k.
+        random: source of numbers.
+
+    Returns:
+        The faults of the arm.
+    """
+    faults = ArmFaults.none(joints)
+    if fault == "compliance":
+        return replace(faults, compliance=_log(random, 2e-9, 1.5e-8, joints))
+    if fault == "backlash":
+        # The last joint hardly moves a reflector near its axis.
+        loose = random.permutation(joints - 1)[: random.integers(1, 3)]
+        return replace(faults, gap=np.where(np.isin(np.arange(joints), loose), _log(random, 2e-4, 1e-3, joints), 0.0))
+    if fault == "link":
+        link = np.zeros((joints, 4))
+        size = _log(random, 1.0, 5.0, 3) * np.array([0.2, 3e-4, 0.2]) * random.choice([-1.0, 1.0], 3)
+        some = random.random(3) < 0.6
+        some[random.integers(0, 2)] = True  # an offset alone may be a tracker's shift
+        link[random.integers(1, joints - 2), :3] = np.where(some, size, 0.0)
+        return replace(faults, link=link)
+    return replace(faults, growth=float(random.uniform(STEEL, ALUMINIUM))) if fault == "growth" else faults
+
+
+def _log(random: np.random.Generator, low: float, high: float, count: int) -> Array:
+    return np.exp(random.uniform(np.log(low), np.log(high), count))
+
+
+def _range(limits_deg: tuple[float, float] | None) -> tuple[float, float]:
+    low, high = (-np.inf, np.inf) if limits_deg is None else np.radians(limits_deg)
+    return max(0.8 * low, -0.8 * WIDE_RAD), min(0.8 * high, 0.8 * WIDE_RAD)

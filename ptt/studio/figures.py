@@ -1,0 +1,375 @@
+"""Pictures of the page as plotly dictionaries: error field, residual against a variable, ladder, sign of an effect."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from ptt.studio.looks import Look
+from ptt.studio.session import Rung
+
+Figure = dict[str, Any]
+
+MOST = 1500  # readings drawn; more make the page slow and hide each other
+BLUE, PALE, DARK, ORANGE, GREY = "#31688e", "#8fb4d0", "#440154", "#e69f00", "#6b705c"
+SCALE = "Viridis"
+HEAD = 0.25  # share of an arrow that its head takes
+REACH = 0.35  # of the workspace's size that the 95 % arrow takes
+FONT = {"family": "Roboto, Arial, sans-serif", "size": 13, "color": "#222"}
+GRID = "#e4e4e4"
+UM = 1e3
+
+UNITS = {"b": "mm", "q": "rad", "x": "mm", "y": "mm", "z": "mm", "payload": "kg", "temperature": "\N{DEGREE SIGN}C"}
+
+
+def label_of(context: str, look: Look) -> str:
+    """Name of a context with its unit, as an axis has it."""
+    rate = "rad/s" if look.serial else "mm/s"
+    if context.startswith("direction"):
+        return f"direction of {'joint' if look.serial else 'slider'} {context[9:]}"
+    if context.startswith("speed"):
+        return f"speed of {'joint' if look.serial else 'slider'} {context[5:]} [{rate}]"
+    if context == "time":
+        return "time [s]" if "time [s]" in look.covariates else "reading number"
+    if context == "run":
+        return "run number"
+    if context[:1] in "bq" and context[1:].isdigit():
+        return f"{'joint angle' if look.serial else 'slider height'} {context} [{UNITS[context[0]]}]"
+    return f"{context} [{UNITS.get(context, '')}]" if context in UNITS else context
+
+
+def short_label(context: str, look: Look) -> str:
+    """Name of a context with its unit, as a menu has it."""
+    return label_of(context, look).replace("slider height", "height").replace("joint angle", "angle")
+
+
+def unit_of(view: str) -> tuple[str, float]:
+    """Unit a residual is drawn in, and the factor to it."""
+    return ("\N{MICRO SIGN}rad", 1e6) if view.startswith("joint") else ("\N{MICRO SIGN}m", UM)
+
+
+def shown_rows(look: Look, picked: Sequence[int] = ()) -> np.ndarray:
+    """Rows that are drawn: all of a small run, evenly thinned ones of a large run, those picked always.
+
+    Args:
+        look: the run.
+        picked: row numbers.
+
+    Returns:
+        (m,) row numbers, ascending.
+    """
+    rows = np.flatnonzero(look.kept)
+    thin = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, len(rows))).astype(int))] if len(rows) else rows
+    extra = np.asarray(list(picked)[:MOST], dtype=int)
+    return np.union1d(thin, extra[look.kept[extra]] if len(extra) else extra).astype(int)
+
+
+def usual_scale(look: Look) -> float:
+    """Round factor that makes the arrows of this run well seen."""
+    if not look.kept.any():
+        return 1.0
+    span = max(float(np.ptp(look.target[look.kept], axis=0).max()), 1e-3)
+    wanted = REACH * span / max(float(np.quantile(look.size_um[look.kept], 0.95)) / UM, 1e-9)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in (1.0, 2.0, 3.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
+
+
+def field_figure(look: Look, picked: Sequence[int] = (), *, scale: float, machine: bool = True) -> Figure:
+    """The error field in space, over the machine at the picked pose.
+
+    Args:
+        look: the run.
+        picked: row numbers to highlight; the first one poses the machine.
+        scale: how many times arrows are enlarged.
+        machine: whether rails, links and platform are drawn.
+
+    Returns:
+        The figure.
+    """
+    rows = shown_rows(look, picked)
+    size = look.size_um[rows]
+    top = float(np.quantile(size, 0.98)) if len(size) else 1.0
+    data = _machine(look, int(picked[0]) if len(picked) else _middle(look)) if machine else []
+    data.append(_arrows(look.target[rows], look.residual[rows] * scale, size, top))
+    data.append(_dots(look, rows, size, top))
+    if len(picked):
+        chosen = np.asarray(list(picked)[:MOST], dtype=int)
+        data.append(
+            {
+                "type": "scatter3d", "mode": "markers", "name": "picked", "customdata": chosen.tolist(),
+                **_xyz(look.target[chosen]), "hoverinfo": "skip", "showlegend": False,
+                "marker": {"size": 9, "symbol": "circle-open", "color": ORANGE, "line": {"width": 3, "color": ORANGE}},
+            }
+        )  # fmt: skip
+    axes = {
+        f"{axis}axis": {
+            "title": {"text": f"{axis} [mm]"}, "backgroundcolor": "#fff", "gridcolor": GRID, "color": "#444"
+        }
+        for axis in "xyz"
+    }  # fmt: skip
+    camera = {"eye": {"x": 1.6, "y": 1.45, "z": 0.9}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}}
+    layout = _layout(
+        margin={"l": 0, "r": 0, "t": 0, "b": 0}, showlegend=False, uirevision=f"{look.source}{machine}",
+        scene={**axes, "aspectmode": "data", "camera": camera, "uirevision": f"{look.source}{machine}"},
+    )  # fmt: skip
+    return _figure(data, layout)
+
+
+def against_figure(
+    look: Look, view: str, context: str, picked: Sequence[int] = (), beside: tuple[str, Look] | None = None
+) -> Figure:
+    """A residual against a variable.
+
+    Args:
+        look: the run.
+        view: component of the residual.
+        context: variable.
+        picked: row numbers to highlight.
+        beside: words and look of another model, drawn pale behind.
+
+    Returns:
+        The figure; dragging a box picks readings.
+    """
+    rows, (unit, factor) = shown_rows(look, picked), unit_of(view)
+    across, axis = look.contexts[context], _axis(label_of(context, look))
+    if context.startswith("direction"):
+        spread = np.random.default_rng(0).uniform(-0.15, 0.15, look.rows)  # so that points do not hide each other
+        across, words = across + spread, ("back", "forward") if look.serial else ("down", "up")
+        axis |= {"tickvals": [-1, 1], "ticktext": [f"arriving {word}" for word in words], "range": [-1.6, 1.6]}
+    data = []
+    if beside is not None and view in beside[1].views:
+        other = beside[1].views[view][rows] * factor
+        data.append(_points(across[rows], other, rows, PALE, beside[0], symbol="circle-open"))
+    own = f"model with {', '.join(look.effects)}" if look.effects else "model without effects"
+    data.append(_points(across[rows], look.views[view][rows] * factor, rows, BLUE, own))
+    if len(picked):
+        chosen = np.asarray(list(picked)[:MOST], dtype=int)
+        data.append(_points(across[chosen], look.views[view][chosen] * factor, chosen, ORANGE, "picked", size=9))
+    layout = _layout(
+        xaxis=axis, yaxis=_axis(f"{view} [{unit}]", zeroline=True),
+        margin={"l": 62, "r": 10, "t": 28 if beside else 8, "b": 44}, showlegend=beside is not None, dragmode="select",
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0, "font": {"size": 11}},
+        uirevision=f"{view}{context}", selectionrevision=str(hash(tuple(picked))),
+    )  # fmt: skip
+    return _figure(data, layout)
+
+
+def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str = "total") -> Figure:
+    """The error after each step, training and held out, beside the noise floor.
+
+    Args:
+        rungs: the steps.
+        noise_um: noise floor.
+        axis: 'x', 'y', 'z' or 'total'.
+
+    Returns:
+        The figure.
+    """
+    place = [f"{number}. {rung.words}" for number, rung in enumerate(rungs)]
+    train, held = ([float(f[axis]) for f in each] for each in zip(*((r.rms_um, r.heldout_rms_um) for r in rungs)))  # noqa: B905
+    noise = float(noise_um[axis])
+    words = {"mode": "lines+markers", "type": "scatter", "x": place}
+    marks = [f"{value:.1f}" for value in held]
+    data: list[Figure] = [
+        {**words, "y": train, "name": "training", "line": {"color": BLUE},
+         "marker": {"size": 13, "symbol": "circle-open", "line": {"width": 2}}},
+        {**words, "y": held, "name": "held out", "mode": "markers+text", "text": marks, "textposition": "top right",
+         "marker": {"size": 8, "symbol": "diamond", "color": ORANGE}, "cliponaxis": False},
+        {"type": "scatter", "mode": "lines", "x": [place[0], place[-1]], "y": [noise, noise], "name": "noise floor",
+         "line": {"color": GREY, "dash": "dash"}},
+    ]  # fmt: skip
+    if len(place) == 1:
+        data[2] |= {"mode": "markers", "marker": {"symbol": "line-ew-open", "size": 40, "color": GREY}}
+    top, low = max(*train, *held, noise), min(*train, *held, noise)
+    ticks = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
+    bounds = [float(np.log10(low / 1.6)), float(np.log10(top * 2.0))]
+    layout = _layout(
+        xaxis={**_axis(""), "type": "category"}, showlegend=True,
+        yaxis={**_axis(f"RMS error, {axis} [\N{MICRO SIGN}m]"), "type": "log", "range": bounds, "tickvals": ticks},
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        margin={"l": 62, "r": 14, "t": 30, "b": 28},
+    )  # fmt: skip
+    return _figure(data, layout)
+
+
+def sign_figure(sign: Mapping[str, Any]) -> Figure:
+    """The sign of an effect at usual size on the sample machine.
+
+    Args:
+        sign: telling, residual, shade, labels.
+
+    Returns:
+        The figure.
+    """
+    shade, (across, up, third) = sign["shade"], sign["labels"]
+    data: list[Figure] = []
+    levels = [] if shade is None else sorted(set(shade))
+    if len(levels) == 2:
+        for level, colour, symbol in zip(levels, (DARK, "#35b779"), ("triangle-down", "triangle-up"), strict=True):
+            chosen = [i for i, value in enumerate(shade) if value == level]
+            x, y = ([sign[key][i] for i in chosen] for key in ("telling", "residual"))
+            data.append(_mark(x, y, {"color": colour, "symbol": symbol, "size": 6}, f"{third} {level:+g}"))
+    else:
+        marker: Figure = {"size": 6, "color": BLUE}
+        if shade is not None:
+            bar = {"title": {"text": third, "side": "right"}, "thickness": 12}
+            marker |= {"color": shade, "colorscale": "Cividis", "colorbar": bar}
+        data.append(_mark(sign["telling"], sign["residual"], marker, ""))
+    layout = _layout(
+        xaxis=_axis(across), yaxis=_axis(up.replace("um]", "\N{MICRO SIGN}m]"), zeroline=True),
+        showlegend=len(levels) == 2, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        margin={"l": 62, "r": 10, "t": 28, "b": 44},
+    )  # fmt: skip
+    return _figure(data, layout)
+
+
+def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Mapping[str, Any]) -> Figure:
+    """Held-out errors per axis as given, after physics and after the network, beside the noise floor.
+
+    Args:
+        stages: 'given', 'physics', 'rbf' -> figures in um.
+        noise_um: noise floor.
+
+    Returns:
+        The figure.
+    """
+    axes = ("x", "y", "z", "total")
+    words = {"given": ("model as given", PALE), "physics": ("refitted", BLUE), "rbf": ("with the network", DARK)}
+    data: list[Figure] = [
+        {
+            "type": "bar", "name": words[key][0], "x": list(axes), "y": [float(stages[key][axis]) for axis in axes],
+            "marker": {"color": words[key][1]}, "text": [f"{stages[key][axis]:.1f}" for axis in axes],
+            "textposition": "inside", "insidetextanchor": "start", "textangle": 0, "constraintext": "none",
+            "textfont": {"size": 11},
+        }
+        for key in words
+    ]  # fmt: skip
+    data.append(
+        {
+            "type": "scatter", "mode": "markers", "name": "noise floor", "x": list(axes),
+            "y": [float(noise_um[axis]) for axis in axes],
+            "marker": {"symbol": "line-ew-open", "size": 44, "color": ORANGE, "line": {"width": 3}},
+        }
+    )  # fmt: skip
+    layout = _layout(
+        xaxis=_axis(""), barmode="group", showlegend=True,
+        yaxis={**_axis("RMS error, held out [\N{MICRO SIGN}m]"), "rangemode": "tozero"},
+        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0},
+        margin={"l": 62, "r": 10, "t": 40, "b": 30},
+    )  # fmt: skip
+    return _figure(data, layout)
+
+
+def _machine(look: Look, row: int) -> list[Figure]:
+    drawing = look.drawing
+    lines = [_line(_joined(drawing.rails), "#9aa0a6", 7, "rails")] if len(drawing.rails) else []
+    lines.append(_line(_joined(drawing.chains[row]), "#5f6368", 5, "links"))
+    corners = drawing.platform[row]
+    if len(corners):
+        lines.append(_line(np.concatenate([corners, corners[:1]]), "#202124", 6, "platform"))
+        lines.append(
+            {
+                "type": "mesh3d", **_xyz(corners), "i": [0], "j": [1], "k": [2], "color": "#5f6368", "opacity": 0.25,
+                "hoverinfo": "skip", "name": "platform",
+            }
+        )  # fmt: skip
+    return lines
+
+
+def _middle(look: Look) -> int:
+    """The reading nearest to the middle of the path: where the machine stands until a pose is picked."""
+    rows = np.flatnonzero(look.kept)
+    if not len(rows):
+        return 0
+    place = look.target[rows]
+    return int(rows[np.argmin(np.linalg.norm(place - place.mean(axis=0), axis=1))])
+
+
+def _arrows(place: np.ndarray, arrow: np.ndarray, size: np.ndarray, top: float) -> Figure:
+    """Shaft and head of each arrow as one broken line, coloured by size."""
+    tip = place + arrow
+    side = np.cross(arrow, np.where(np.abs(arrow[:, 2:]) < 0.9 * _length(arrow), [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    side *= 0.4 * HEAD * _length(arrow) / np.maximum(_length(side), 1e-12)
+    back = tip - HEAD * arrow
+    gap = np.full_like(tip, np.nan)
+    lines = np.stack([place, tip, back + side, gap, tip, back - side, gap], axis=1)
+    colour = np.repeat(np.minimum(size, top), lines.shape[1])
+    return {
+        "type": "scatter3d", "mode": "lines", "name": "errors", "hoverinfo": "skip", **_xyz(lines.reshape(-1, 3)),
+        "line": {"width": 4, "color": colour.tolist(), "colorscale": SCALE, "cmin": 0.0, "cmax": top},
+    }  # fmt: skip
+
+
+def _dots(look: Look, rows: np.ndarray, size: np.ndarray, top: float) -> Figure:
+    """A dot at each target: what a click picks."""
+    words = [
+        f"line {look.line[row]} {escape(look.name[row])}<br>"
+        f"{', '.join(f'{value:.1f}' for value in look.target[row])} mm<br>{each:.1f} \N{MICRO SIGN}m"
+        for row, each in zip(rows, size, strict=True)
+    ]
+    bar = {
+        "title": {"text": "size of the error [\N{MICRO SIGN}m]", "side": "right"},
+        "thickness": 14,
+        "len": 0.75,
+        "x": 0.98,
+        "xanchor": "right",
+        "tickfont": {"size": 11},
+    }
+    return {
+        "type": "scatter3d", "mode": "markers", "name": "readings", **_xyz(look.target[rows]),
+        "customdata": rows.tolist(), "text": words, "hoverinfo": "text",
+        "marker": {"size": 2.5, "color": np.minimum(size, top).tolist(), "colorscale": SCALE, "cmin": 0.0, "cmax": top,
+                   "colorbar": bar},
+    }  # fmt: skip
+
+
+def _points(
+    x: np.ndarray, y: np.ndarray, rows: np.ndarray, colour: str, name: str, *, symbol: str = "circle", size: int = 5
+) -> Figure:
+    return {
+        **_mark(x.tolist(), y.tolist(), {"color": colour, "symbol": symbol, "size": size}, name),
+        "customdata": rows.tolist(),
+        "unselected": {"marker": {"opacity": 1.0}},  # what is picked is marked in every picture alike
+    }
+
+
+def _mark(x: Sequence[float], y: Sequence[float], marker: Figure, name: str) -> Figure:
+    return {"type": "scatter", "mode": "markers", "x": list(x), "y": list(y), "marker": marker, "name": name}
+
+
+def _line(points: np.ndarray, colour: str, width: float, name: str) -> Figure:
+    return {
+        "type": "scatter3d", "mode": "lines", "name": name, "hoverinfo": "skip", **_xyz(points),
+        "line": {"color": colour, "width": width}, "connectgaps": False,
+    }  # fmt: skip
+
+
+def _joined(lines: np.ndarray) -> np.ndarray:
+    """(c, m, 3) lines as one broken line."""
+    return np.concatenate([np.concatenate([line, np.full((1, 3), np.nan)]) for line in lines])
+
+
+def _xyz(points: np.ndarray) -> dict[str, list[float | None]]:
+    columns = np.where(np.isfinite(points), np.round(points, 4), np.nan).T
+    return {axis: [None if v != v else v for v in column.tolist()] for axis, column in zip("xyz", columns, strict=True)}
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _axis(title: str, zeroline: bool = False) -> Figure:
+    return {
+        "title": {"text": title, "standoff": 8, "font": {"size": 13}}, "gridcolor": GRID, "zeroline": zeroline,
+        "zerolinecolor": "#888", "linecolor": "#888", "automargin": True,
+    }  # fmt: skip
+
+
+def _layout(**own: Any) -> Figure:
+    return {"font": FONT, "paper_bgcolor": "#fff", "plot_bgcolor": "#fff", "autosize": True, **own}
+
+
+def _figure(data: list[Figure], layout: Figure) -> Figure:
+    config = {"displaylogo": False, "displayModeBar": False, "scrollZoom": True, "responsive": True}
+    return {"data": data, "layout": layout, "config": config}

@@ -1,0 +1,96 @@
+"""Chunks: sums over them, the state of the travel handed on, are the sums of the whole."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ptt.chunks import cut, enter, map_chunks, stretches, take
+from ptt.effects.memory import gradual_reversal, play
+from ptt.machine import load_machine
+from ptt.problem import Problem, build_problem
+from ptt.table import make_table
+from ptt.turns import remember
+
+MACHINE = "data/sealed_one/machine.toml"
+GAP = torch.tensor([0.04, 3.0, 0.3], dtype=torch.float64)
+LENGTH = torch.tensor([0.5, 4.0, 20.0], dtype=torch.float64)
+
+
+def _problem(rows: int = 900, runs: int = 2, seed: int = 3) -> Problem:
+    """Small steps, standstills, runs, and a joint that moves within its play for long."""
+    random = np.random.default_rng(seed)
+    way = np.cumsum(random.normal(size=(rows, 3)) * [1.0, 0.15, 0.6] * (random.random((rows, 1)) > 0.2), axis=0)
+    command = 283.0 + 30.0 * np.sin(way / 30.0)
+    run = np.sort(random.integers(0, runs, rows))
+    file = load_machine(MACHINE)
+    measured = np.zeros((rows, 3))
+    problem = build_problem(file, make_table(None, command, measured, run=run, time_s=np.arange(rows) * 2.0))
+    assert problem.view.mechanism.joints == 3
+    return problem
+
+
+@pytest.mark.parametrize("size", [1, 7, 100, 450, 2000])
+@pytest.mark.parametrize("operator", ["play", "reversal", "slope"])
+def test_memory_is_handed_on(size: int, operator: str) -> None:
+    problem = _problem(300 if size == 1 else 900)
+    functions = {
+        "play": lambda view: play(view, GAP),
+        "reversal": lambda view: gradual_reversal(view, LENGTH),
+        "slope": lambda view: torch.func.jacfwd(lambda gap: play(view, gap))(GAP),
+    }
+    whole = functions[operator](problem.view)
+    parts = torch.cat([functions[operator](make().view) for make in cut(problem, size)])
+    torch.testing.assert_close(parts, whole, rtol=0, atol=1e-10)
+    assert float(whole.abs().max()) > 0
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-3, 3).map(lambda x: round(x, 2)), min_size=1, max_size=40), st.sampled_from([1.0, -1.0]))
+def test_a_shortened_way_leaves_play_as_the_whole_way_does(steps: list[float], sign: float) -> None:
+    way = torch.tensor(np.cumsum(steps), dtype=torch.float64)[:, None]
+    short = remember(way, torch.tensor([sign], dtype=torch.float64), 0, reach=1.0)
+    assert len(short.way) <= len(way)
+    for gap in (0.01, 0.5, 2.0, 10.0):
+        assert _played(short.way[:, 0], gap, float(short.direction[0])) == pytest.approx(
+            _played(way[:, 0], gap, sign), abs=1e-12
+        )
+
+
+def _played(way: torch.Tensor, gap: float, sign: float) -> float:
+    y = float(way[0]) - sign * gap / 2
+    for q in way.tolist():
+        y = min(max(y, q - gap / 2), q + gap / 2)
+    return y
+
+
+def test_stretches_taken_out_are_entered_as_in_the_whole_run() -> None:
+    problem = _problem()
+    kept = [(120, 170), (400, 401), (700, 860)]
+    rows = np.concatenate([np.arange(*stretch) for stretch in kept])
+    part = take(problem, kept)
+    for operator, size in ((play, GAP), (gradual_reversal, LENGTH)):
+        torch.testing.assert_close(operator(part.view, size), operator(problem.view, size)[rows], rtol=0, atol=1e-10)
+    assert part.table.rows == len(rows) and (part.table.line == problem.table.line[rows]).all()
+
+
+def test_an_entry_is_short() -> None:
+    problem = _problem(4000, runs=1)
+    (entry,) = enter(problem.view, [4000 - 1])
+    assert entry is not None and len(entry.way) < 2000  # of 8000
+
+
+def test_chunks_cover_all_rows_once() -> None:
+    parts = stretches(1_000_003, 20_000)
+    assert parts[0][0] == 0 and parts[-1][1] == 1_000_003
+    assert all(a[1] == b[0] for a, b in pairwise(parts))
+    assert max(last - first for first, last in parts) <= 20_001
+
+
+def test_map_keeps_the_order() -> None:
+    problem = _problem()
+    lines = np.concatenate(list(map_chunks(lambda chunk: chunk.table.line, cut(problem, 100))))
+    np.testing.assert_array_equal(lines, problem.table.line)

@@ -1,0 +1,343 @@
+"""The studio in a browser: headless Chromium against a server of its own."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from typer.testing import CliRunner
+
+from ptt.commands.main import app
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)"),
+    pytest.mark.xdist_group("studio"),
+]
+DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
+FLAGS = (
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)  # fmt: skip
+START = "import sys; from ptt.commands.main import main; sys.argv = ['ptt', *sys.argv[1:]]; main()"
+WAIT = 60_000  # ms: a busy machine may be slow, nothing here measures it
+VIEWS = ("Load", "Look", "Learn", "Add", "Finish")
+SIZES = ((1440, 900), (1024, 768))
+OVERLAPS = """() => {
+  const seen = element => { const box = element.getBoundingClientRect();
+    return box.width > 0 && box.height > 0 && getComputedStyle(element).visibility !== 'hidden' && box; };
+  const found = [...document.querySelectorAll(
+    'button, .q-field, .q-tab, .q-toggle, .st-drop, .st-head, .st-verdict, .js-plotly-plot, .st-box > .st-note')]
+    .map(element => [element, seen(element)]).filter(([, box]) => box);
+  const bad = [];
+  for (const [one, a] of found) for (const [other, b] of found)
+    if (one !== other && !one.contains(other) && !other.contains(one)
+        && a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1)
+      bad.push(`${one.className} ${one.innerText} / ${other.className} ${other.innerText}`);
+  if (document.documentElement.scrollWidth > innerWidth) bad.push('the page is wider than the screen');
+  return bad; }"""
+NAMELESS = """() => [...document.querySelectorAll('button, input, [role=tab], [role=img], [role=combobox]')]
+  .filter(e => e.getClientRects().length && !(e.ariaLabel || e.innerText.trim() || e.getAttribute('aria-label')
+    || (e.labels && [...e.labels].some(l => l.innerText.trim())) || e.closest('label')?.innerText.trim()
+    || e.closest('[aria-label]')))
+  .map(e => e.outerHTML.slice(0, 200))"""
+
+CONTROLS = """() => { window.wanted = [...document.querySelectorAll(
+    'button, input:not([type=file]), [role=switch], [role=tab]')].filter(e => e.getClientRects().length && !e.disabled
+    && e.getAttribute('aria-disabled') !== 'true' && getComputedStyle(e).visibility !== 'hidden');
+  return wanted.length; }"""
+MISSED = """() => wanted.filter(e => e.role !== 'tab' || e.ariaSelected === 'true')
+  .filter(e => ![...reached].some(r => r === e || r.contains(e) || e.contains(r)))
+  .map(e => e.outerHTML.slice(0, 160))"""
+
+
+@dataclass(frozen=True)
+class Server:
+    """A running studio: where it is, and its process."""
+
+    place: str
+    process: subprocess.Popen
+
+    def workers(self) -> set[int]:
+        """Its processes that calculate."""
+        listed = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        return {int(pid) for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    log = tmp_path_factory.mktemp("server") / "log.txt"
+    # NiceGUI serves otherwise where it finds itself in a test.
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")} | {
+        "PYTHONUNBUFFERED": "1"
+    }
+    command = [sys.executable, "-c", START, "studio", "--port", "0", "--no-show"]
+    with log.open("w") as out:
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=own, cwd=log.parent)
+        try:
+            yield Server(_wait_for(process, log), process)
+        finally:
+            process.terminate()
+            process.wait(20)
+    assert "Traceback" not in log.read_text(), log.read_text()
+
+
+def _wait_for(process: subprocess.Popen, log: Path) -> str:
+    for _ in range(600):
+        found = re.search(r"http://127\.0\.0\.1:\d+", log.read_text())
+        assert process.poll() is None, log.read_text()
+        if found:
+            try:
+                urllib.request.urlopen(found[0], timeout=10).close()
+                return found[0]
+            except urllib.error.URLError:
+                pass
+        time.sleep(0.1)
+    raise AssertionError(f"the server did not start: {log.read_text()}")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as tools:
+        started = tools.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS), headless=True)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    made = browser.new_context(viewport={"width": 1440, "height": 900}, accept_downloads=True)
+    made.set_default_timeout(WAIT)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(context: BrowserContext, server: Server) -> Page:
+    opened = context.new_page()
+    opened.goto(server.place)
+    return opened
+
+
+def load_sample(page: Page) -> None:
+    page.get_by_role("button", name="Load sample").click()
+    expect(page.get_by_text("Compared with the model")).to_be_visible(timeout=WAIT)
+
+
+def show(page: Page, view: str) -> None:
+    page.get_by_role("tab", name=view).click()
+    expect(page.get_by_role("tab", name=view)).to_have_attribute("aria-selected", "true")
+
+
+def saved(page: Page, button: str, path: Path) -> Path:
+    with page.expect_download(timeout=WAIT) as waiting:
+        page.get_by_role("button", name=button).click()
+    waiting.value.save_as(path)
+    return path
+
+
+def verb(*words: object) -> dict:
+    outcome = CliRunner().invoke(app, [*map(str, words), "--json"])
+    assert outcome.exit_code == 0, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+def check_layout(page: Page, view: str) -> None:
+    """Nothing overlaps and everything has a name, at both sizes."""
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(350)
+        assert page.evaluate(OVERLAPS) == [], (view, width)
+        assert page.evaluate(NAMELESS) == [], (view, width)
+    page.set_viewport_size({"width": 1440, "height": 900})
+
+
+def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_path: Path):
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    load_sample(page)
+    show(page, "Look")
+    expect(page.locator(".st-field canvas").first).to_be_visible(timeout=WAIT)
+    _pick_a_box(page)
+    check_layout(page, "Look")
+    show(page, "Load")
+    check_layout(page, "Load")
+
+    page.get_by_role("button", name="Find what is missing").first.click()
+    expect(page.get_by_text("Physics is missing, and it has a name")).to_be_visible(timeout=WAIT)
+    expect(page.locator(".st-verdict", has_text="backlash")).to_be_visible(timeout=WAIT)
+    check_layout(page, "Learn")
+    page.get_by_role("button", name="add backlash").click()
+
+    ladder = page.get_by_text(re.compile(r"^Now [\d.]+ .* held out"))
+    expect(ladder).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile("error 5.4 .m rms"))).to_be_visible(timeout=WAIT)
+    theirs = verb("add", DATA / "run.csv", "backlash", "--model", DATA / "machine.toml", "--out", tmp_path / "m.toml")
+    last, noise = theirs["steps"][-1], theirs["noise_um"]["total"]
+    micro = "\N{MICRO SIGN}m"
+    assert ladder.inner_text() == (
+        f"Now {last['rms_um']['total']:.2f} {micro} on training rows, {last['heldout_rms_um']['total']:.2f} {micro} "
+        f"held out; noise {noise:.2f} {micro}"
+    )
+    drawn = page.evaluate("document.querySelector('.st-ladder').data.map(trace => trace.y)")
+    assert drawn[1] == pytest.approx([step["heldout_rms_um"]["total"] for step in theirs["steps"]], rel=1e-9)
+    check_layout(page, "Add")
+    _switch_and_undo(page)
+
+    show(page, "Finish")
+    check_layout(page, "Finish")
+    model = saved(page, "Model (machine.toml)", tmp_path / "mine.toml")
+    again = verb("diagnose", DATA / "run.csv", "--model", model)
+    assert again["verdict"] == "nothing-missing"
+    assert again["rms_um"]["before"]["total"] == pytest.approx(last["rms_um"]["total"], abs=0.01)
+    with page.expect_download(timeout=WAIT) as waiting:
+        page.locator(".st-drop-predict input[type=file]").set_input_files(DATA / "targets.csv")
+    waiting.value.save_as(tmp_path / "sliders.csv")
+    verb("predict", DATA / "targets.csv", "--model", model, "--out", tmp_path / "theirs.csv")
+    assert (tmp_path / "sliders.csv").read_bytes() == (tmp_path / "theirs.csv").read_bytes()
+    own = page.url.rstrip("/")
+    assert [url for url in asked if not url.startswith((own, "data:", "blob:"))] == []
+
+
+def _pick_a_box(page: Page) -> None:
+    """A box dragged in the time line is highlighted in space and listed."""
+    field = page.get_by_role("img", name="residual over time").locator(".nsewdrag")
+    expect(field).to_be_attached(timeout=WAIT)
+    box = field.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.6 * box["height"], steps=4)
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.9 * box["height"], steps=4)
+    page.mouse.up()
+    note = page.get_by_text(re.compile(r"^\d+ picked readings"))
+    expect(note).to_be_visible(timeout=WAIT)
+    count = int(note.inner_text().split()[0])
+    in_space = "document.querySelector('.st-field').data.find(trace => trace.name === 'picked')?.customdata.length"
+    page.wait_for_function(f"{in_space} === {count}", timeout=WAIT)
+    assert 5 < count < 290
+
+
+def _switch_and_undo(page: Page) -> None:
+    """The switch leaves the effect aside, undo brings it back, undo again takes the step away, redo repeats it."""
+    page.get_by_role("switch", name="backlash").click()
+    expect(page.get_by_text(re.compile("error 70.5 .m rms"))).to_be_visible(timeout=WAIT)
+    page.get_by_role("button", name="undo").click()
+    expect(page.get_by_text(re.compile("error 5.4 .m rms"))).to_be_visible(timeout=WAIT)
+    page.get_by_role("button", name="undo").click()
+    expect(page.get_by_text("The model has no effects yet")).to_be_visible(timeout=WAIT)
+    page.get_by_role("button", name="redo").click()
+    expect(page.get_by_role("switch", name="backlash")).to_be_visible(timeout=WAIT)
+
+
+def test_a_bad_file_gets_the_words_of_the_command_line(page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    frame = pd.read_csv(DATA / "run.csv", dtype=str)
+    frame.loc[7, "x_meas"] = "--"
+    frame.to_csv("bad.csv", index=False)
+    theirs = CliRunner().invoke(app, ["compare", "bad.csv", "--model", str(DATA / "machine.toml")])
+    page.locator(".st-drop-machine input[type=file]").set_input_files(DATA / "machine.toml")
+    expect(page.get_by_text("The machine is here; now a run.")).to_be_visible()
+    page.locator(".st-drop-run input[type=file]").set_input_files(tmp_path / "bad.csv")
+    alert = page.get_by_role("alert").filter(has_text="bad.csv")
+    expect(alert).to_be_visible(timeout=WAIT)
+    assert f"error: {alert.locator('.st-trouble').inner_text()}" == theirs.stderr.strip()
+    assert "/" not in alert.locator(".st-trouble").inner_text().replace("a/b", "")
+    page.get_by_role("button", name="dismiss").click()
+    expect(alert).to_be_hidden()
+
+
+def test_two_tabs_are_two_sessions_and_a_reload_keeps_them(page: Page, context: BrowserContext, server: Server):
+    other = context.new_page()
+    other.goto(server.place)
+    load_sample(page)
+    expect(other.get_by_text("No run yet")).to_be_visible()
+    other.get_by_label("Challenge").first.click()
+    other.get_by_role("option", name="Nothing").click()
+    other.get_by_role("button", name="Draw a fresh challenge").click()
+    expect(other.get_by_text("Compared with the model")).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile("error 70.5 .m rms"))).to_be_visible()
+    assert "70.5" not in other.locator(".st-told").inner_text()
+    page.reload()
+    expect(page.get_by_text(re.compile("error 70.5 .m rms"))).to_be_visible(timeout=WAIT)
+
+
+def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: Server):
+    load_sample(page)
+    page.get_by_role("button", name="Find what is missing").first.click()
+    expect(page.get_by_text(re.compile("finding what is missing: fit"))).to_be_visible(timeout=WAIT)
+    before = server.workers()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("finding what is missing: stopped")).to_be_visible(timeout=WAIT)
+    assert len(before - server.workers()) == 1  # the process that calculated is gone
+    expect(page.get_by_text("Not looked yet")).to_be_visible()
+    show(page, "Look")
+    page.get_by_label("go to line").fill("40")
+    expect(page.get_by_text(re.compile(r"^\d+ picked readings"))).to_be_visible(timeout=WAIT)
+    show(page, "Learn")
+    page.get_by_role("button", name="Find what is missing").last.click()
+    expect(page.get_by_text("Physics is missing, and it has a name")).to_be_visible(timeout=WAIT)
+
+
+def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):
+    random = np.random.default_rng(1)
+    target = np.round(random.uniform(-50.0, 50.0, (20_000, 3)), 4)
+    measured = target + 0.05 * np.sin(target / 20.0) + random.normal(0.0, 0.004, target.shape)
+    columns = dict(
+        zip(("x_cmd", "y_cmd", "z_cmd", "x_meas", "y_meas", "z_meas"), (*target.T, *measured.T), strict=True)
+    )
+    pd.DataFrame(columns | {"time_s": 2.0 * np.arange(len(target))}).to_csv(tmp_path / "large.csv", index=False)
+    page.locator(".st-drop-machine input[type=file]").set_input_files(DATA / "machine.toml")
+    expect(page.get_by_text("The machine is here; now a run.")).to_be_visible()
+    page.wait_for_timeout(3000)  # the worker has loaded its library before a person has found a file
+    start = time.perf_counter()
+    page.locator(".st-drop-run input[type=file]").set_input_files(tmp_path / "large.csv")
+    expect(page.get_by_text("20000, 20000 of them count")).to_be_visible(timeout=WAIT)
+    show(page, "Look")
+    drawn = "(document.querySelector('.st-field')?.data ?? []).some(t => t.name === 'readings' && t.x.length > 1000)"
+    page.wait_for_function(drawn, timeout=WAIT)
+    expect(page.locator(".st-field canvas").first).to_be_visible(timeout=WAIT)
+    print(f"\n20,000 rows: first plot after {time.perf_counter() - start:.1f} s (wanted: below 5 s)")
+    expect(page.get_by_text("1500 of 20000 readings drawn")).to_be_visible()
+    page.get_by_label("go to line").fill("15001")
+    expect(page.get_by_text(re.compile(r"^1 picked readings"))).to_be_visible(timeout=WAIT)
+    assert "15001" in page.locator("table.st-plain td").first.inner_text()
+
+
+def test_every_control_of_a_view_is_reached_by_the_keyboard(page: Page):
+    load_sample(page)
+    page.evaluate("window.reached = new Set(); document.addEventListener('focusin', e => reached.add(e.target)); null")
+    for view in VIEWS:
+        show(page, view)
+        wanted = page.evaluate(CONTROLS)
+        assert wanted > 3
+        page.get_by_role("tab", name=view).focus()
+        for _ in range(wanted + 25):
+            page.keyboard.press("Tab")
+        assert page.evaluate(MISSED) == [], view
+
+
+def test_only_this_computer_is_served_and_large_uploads_are_refused(server: Server):
+    foreign = urllib.request.Request(server.place, headers={"Host": "evil.example"})
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(foreign, timeout=20)
+    assert refused.value.code == 400
+    refused.value.close()
+    port = int(server.place.rsplit(":", 1)[1])
+    listening = Path("/proc/net/tcp").read_text() + Path("/proc/net/tcp6").read_text()
+    places = {line.split()[1] for line in listening.splitlines() if line.split()[1].endswith(f":{port:04X}")
+              and line.split()[3] == "0A"}  # fmt: skip
+    assert places == {f"0100007F:{port:04X}"}

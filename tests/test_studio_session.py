@@ -1,0 +1,317 @@
+"""The studio without a browser: its state, its jobs against the command line, its figures, its server's limits."""
+
+import asyncio
+import io
+import json
+import shutil
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import create_autospec
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+import pytest
+from typer.testing import CliRunner
+
+from ptt.commands.main import app
+from ptt.commands.report import report as report_verb
+from ptt.errors import InputError, ModelError, PttError
+from ptt.machine import EffectEntry, ParameterEntry, parse_machine
+from ptt.studio import figures, jobs
+from ptt.studio.controller import LIMIT, safe_name
+from ptt.studio.session import Session, key_of, parameter_rows
+from ptt.studio.worker import QuestionError
+
+DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
+MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
+RUN = jobs.Source("run.csv")
+
+
+def silent(what: str, done: int = 0, of: int = 0) -> None:
+    """Progress that nobody watches."""
+
+
+def verb(*words: object) -> dict:
+    """What a verb prints with --json."""
+    outcome = CliRunner().invoke(app, [*map(str, words), "--json"])
+    assert outcome.exit_code == 0, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session's folder with the sample in it."""
+    place = tmp_path_factory.mktemp("studio")
+    for file in DATA.iterdir():
+        shutil.copy(file, place)
+    return place
+
+
+@pytest.fixture
+def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same as the working folder, as the worker has it."""
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def added(folder: Path) -> jobs.Changed:
+    """The sample with the effect that was hidden."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return jobs.change(RUN, MACHINE, "add", ("backlash",), silent)
+
+
+@pytest.fixture(scope="module")
+def look(folder: Path) -> jobs.Look:
+    """The sample held against its drawing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return jobs.look(RUN, MACHINE, silent)
+
+
+def fresh(look: jobs.Look | None = None) -> Session:
+    return Session().opened(RUN, MACHINE).remembering(look=look)
+
+
+def test_comparison_is_the_one_of_the_command_line(here: Path):
+    mine, theirs = jobs.compare(RUN, MACHINE, silent).data, verb("compare", "run.csv", "--model", "machine.toml")
+    theirs.pop("network_left_aside")
+    assert mine == theirs
+
+
+def test_adding_is_the_one_of_the_command_line(here: Path, added: jobs.Changed):
+    theirs = verb("add", "run.csv", "backlash", "--model", "machine.toml", "--out", "theirs.toml")
+    assert added.data == theirs
+    assert parse_machine(added.model).effect == parse_machine((here / "theirs.toml").read_text()).effect
+
+
+def test_a_look_says_what_the_comparison_says(here: Path, look: jobs.Look):
+    whole = jobs.compare(RUN, MACHINE, silent)
+    rms = float(np.sqrt(np.mean(look.size_um[look.kept] ** 2)))
+    assert rms == pytest.approx(whole.data["rms_um"]["total"], rel=0.02)
+    exact = float(np.sqrt(np.mean(whole.look.size_um[whole.look.kept] ** 2)))
+    assert exact == pytest.approx(whole.data["rms_um"]["total"], rel=1e-12)
+    assert look.covariates[:2] == ("time [s]", "payload [kg]")
+
+
+def test_links_of_the_drawing_have_their_length(look: jobs.Look):
+    ends = look.drawing.chains
+    np.testing.assert_allclose(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2), 300.0, atol=1e-6)
+    np.testing.assert_allclose(look.drawing.platform, ends[:, :, 1])
+    along = (ends[:, :, 0] - look.drawing.rails[None, :, 0])[..., :2]
+    np.testing.assert_allclose(along, 0.0, atol=1e-9)  # sliders sit on their upright rails
+
+
+def test_add_undo_redo_switch_and_remove(added: jobs.Changed, look: jobs.Look):
+    start = fresh(look)
+    with_it = start.changed("add", ("backlash",), added)
+    assert [key_of(entry) for entry in with_it.effects] == ["backlash"]
+    assert with_it.look is None and with_it.undone().look is look
+    assert with_it.undone().now == start.now and with_it.undone().redone().now == with_it.now
+    off = with_it.switched("backlash", False)
+    assert parse_machine(off.text).effect == () and [key_of(e) for e in off.effects] == ["backlash"]
+    assert off.switched("backlash", True).text == with_it.text
+    assert off.undone().text == with_it.text
+    assert off.future == () and with_it.undone().changed("fit", (), added).future == ()
+    with pytest.raises(ModelError):
+        off.switched("windup", True)
+    assert start.undone() is start and with_it.redone() is with_it
+
+
+def test_an_effect_that_is_off_stays_through_other_changes(here: Path, added: jobs.Changed):
+    off = fresh().changed("add", ("backlash",), added).switched("backlash", False)
+    other = jobs.change(RUN, off.text, "add", ("homing-offset",), silent)
+    both = off.changed("add", ("homing-offset",), other)
+    assert {key_of(entry) for entry in both.effects} == {"backlash", "homing-offset"}
+    assert [key_of(entry) for entry in parse_machine(both.text).effect] == ["homing-offset"]
+    back = both.switched("backlash", True)
+    own, first = (next(e for e in s.effects if e.name == "backlash") for s in (back, fresh().changed("add", (), added)))
+    assert own == first
+
+
+def test_ladder_and_commands_grow_with_the_steps(here: Path, added: jobs.Changed):
+    one = fresh().changed("add", ("backlash",), added)
+    two = one.changed("remove", ("backlash",), jobs.change(RUN, one.text, "remove", ("backlash",), silent))
+    assert one.now is not None and two.now is not None
+    assert [rung.words for rung in one.now.rungs] == ["as given", "+ backlash"]
+    assert two.now.rungs[-1].words == "\N{MINUS SIGN} backlash" and not two.now.rungs[-1].helped
+    assert one.now.rungs[-1].rms_um["total"] == added.data["steps"][-1]["rms_um"]["total"]
+    assert two.now.commands == (
+        "ptt add run.csv backlash --model machine.toml --out model1.toml",
+        "ptt remove run.csv backlash --model model1.toml --out model2.toml",
+    )
+
+
+def test_parameters_say_what_is_not_measured():
+    entry = EffectEntry(
+        name="windup",
+        parameters={
+            "height_mm": ParameterEntry(value=(0.1, 0.2), std=(0.01, 0.02), measured=(True, False)),
+            "length_mm": ParameterEntry(value=3.0),
+            "gap_mm": ParameterEntry(value=1.0, fixed=True),
+        },
+    )
+    assert parameter_rows(entry) == [
+        ("height_mm 1", 0.1, 0.01, ""),
+        ("height_mm 2", 0.2, None, "not measured by this data"),
+        ("length_mm", 3.0, None, "searched"),
+        ("gap_mm", 1.0, None, "held"),
+    ]
+
+
+def test_diagnosis_is_the_one_of_the_command_line(here: Path):
+    found = jobs.learn(RUN, MACHINE, silent)
+    assert found.data == verb("diagnose", "run.csv", "--model", "machine.toml")
+    assert found.data["suggested"] == [["backlash"]] and found.measure_next == ""
+
+
+def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, added: jobs.Changed):
+    trained = jobs.train(RUN, added.model, silent)
+    mine = jobs.predict(RUN, trained.archive, "targets.csv", silent)
+    with zipfile.ZipFile(io.BytesIO(trained.archive)) as archive:
+        archive.extractall(here / "unpacked")
+    verb("predict", "targets.csv", "--model", "unpacked/compensator", "--out", "theirs.csv")
+    assert mine.content == (here / "theirs.csv").read_bytes()
+    assert mine.data["rows"] == 296 and mine.data["network"]
+
+
+def test_the_report_is_the_verb(here: Path, added: jobs.Changed, monkeypatch: pytest.MonkeyPatch):
+    def write(run: Path, model: Path, out: Path, *words: object, **more: object) -> None:
+        assert run.exists() and parse_machine(model.read_text()).effect == parse_machine(added.model).effect
+        out.write_text("<!doctype html>")
+
+    verb_itself = create_autospec(report_verb, side_effect=write)  # a changed signature fails here
+    monkeypatch.setattr("ptt.commands.report.report", verb_itself)
+    assert jobs.report(replace(RUN, set_=("payload_kg=2",)), added.model, None, silent) == b"<!doctype html>"
+    assert verb_itself.call_args.kwargs["set_"] == ["payload_kg=2"]
+
+
+def test_what_a_file_leaves_open_becomes_a_question(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str).rename(columns={"feed_mm_s": "feed"})
+    frame.to_csv("open.csv", index=False)
+    source = jobs.Source("open.csv")
+    with pytest.raises(QuestionError) as asked:
+        jobs.look(source, MACHINE, silent)
+    assert "feed" in asked.value.question and "mm_s" in asked.value.choices
+    answered = jobs.Source("open.csv", answers=((asked.value.question, "mm_s"),))
+    assert "feed [mm/s]" in jobs.look(answered, MACHINE, silent).covariates
+    assert answered.words == "open.csv --map answers.toml"
+
+
+def test_a_bad_file_gets_the_words_of_the_command_line(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str)
+    frame.loc[7, "x_meas"] = "--"
+    frame.to_csv("bad.csv", index=False)
+    with pytest.raises(PttError) as mine:
+        jobs.look(jobs.Source("bad.csv"), MACHINE, silent)
+    theirs = CliRunner().invoke(app, ["compare", "bad.csv", "--model", "machine.toml"])
+    assert theirs.exit_code == 2 and theirs.stderr.strip() == f"error: {mine.value}"
+    assert "row 9" in str(mine.value) and "x_meas" in str(mine.value)
+
+
+def test_a_fresh_challenge_can_be_read_and_its_seal_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    run, machine = jobs.challenge("single", 3, silent)
+    again = jobs.challenge("single", 4, silent)  # a second one takes the place of the first
+    assert again == (run, machine)
+    text = (tmp_path / machine).read_text()
+    assert jobs.look(jobs.Source(run), text, silent).rows > 100
+    assert "hidden (single" in jobs.reveal(text, silent)["text"]
+
+
+def test_figures_are_valid_plotly_and_say_their_units(look: jobs.Look, added: jobs.Changed):
+    picked = look.visits_of(5).tolist()
+    rungs = fresh().changed("add", ("backlash",), added).now.rungs  # type: ignore[union-attr]
+    drawn = [
+        figures.field_figure(look, picked, scale=200.0),
+        figures.field_figure(look, scale=200.0, machine=False),
+        *(figures.against_figure(look, view, "direction1", picked, ("other", look)) for view in look.views),
+        *(figures.against_figure(look, "x", context) for context in look.contexts),
+        figures.ladder_figure(rungs, added.data["noise_um"], "y"),
+        figures.ladder_figure(rungs[:1], added.data["noise_um"]),
+    ]
+    for figure in drawn:
+        checked = go.Figure(data=figure["data"], layout=figure["layout"])  # refuses what plotly does not know
+        assert "[" in str(checked.layout) and json.dumps(checked.to_plotly_json(), default=list)
+    field = drawn[0]["data"]
+    assert {"rails", "links", "platform", "errors", "readings", "picked"} == {trace["name"] for trace in field}
+    assert next(t for t in field if t["name"] == "picked")["customdata"] == picked
+
+
+def test_arrows_are_as_long_as_stated(look: jobs.Look):
+    figure = figures.field_figure(look, scale=250.0, machine=False)
+    errors = next(trace for trace in figure["data"] if trace["name"] == "errors")
+    points = np.array([errors[axis] for axis in "xyz"], dtype=float).T.reshape(-1, 7, 3)
+    shown = figures.shown_rows(look)
+    np.testing.assert_allclose(points[:, 1] - points[:, 0], 250.0 * look.residual[shown], atol=2e-4)
+
+
+def test_a_large_run_is_thinned_but_what_is_picked_is_drawn(look: jobs.Look):
+    many = np.tile(np.arange(look.rows), 30)
+    large = replace(
+        look, line=np.arange(len(many)), target=look.target[many], residual=look.residual[many], kept=look.kept[many]
+    )
+    rows = figures.shown_rows(large, [3, 1001])
+    assert figures.MOST <= len(rows) <= figures.MOST + 2 and {3, 1001} <= set(rows.tolist())
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("../../etc/passwd", "passwd"),
+        ("C:\\runs\\a b.csv", "a b.csv"),
+        ("<img src=x>.csv", "_img src_x_.csv"),
+        ("...", "file"),
+        ("跟踪仪.csv", "跟踪仪.csv"),
+    ],
+)
+def test_names_of_uploads_lose_their_folders(given: str, kept: str):
+    assert safe_name(given) == kept
+
+
+def test_uploads_have_a_limit():
+    from ptt.studio.server import UploadLimit
+
+    seen: list[int] = []
+
+    async def inner(scope, receive, send):
+        while (message := await receive())["type"] != "http.disconnect" and message.get("more_body"):
+            seen.append(len(message["body"]))
+        seen.append(-1 if message["type"] == "http.disconnect" else len(message["body"]))
+
+    async def post(length: bytes | None, chunks: list[bytes]) -> int | None:
+        status = None
+        bodies = iter(chunks)
+
+        async def receive():
+            return {"type": "http.request", "body": next(bodies), "more_body": True}
+
+        async def send(message):
+            nonlocal status
+            status = message.get("status", status)
+
+        headers = [] if length is None else [(b"content-length", length)]
+        await UploadLimit(inner)({"type": "http", "method": "POST", "headers": headers}, receive, send)
+        return status
+
+    assert asyncio.run(post(str(LIMIT * 2).encode(), [])) == 413
+    assert asyncio.run(post(None, [])) == 413
+    assert seen == []
+    assert asyncio.run(post(b"10", [b"12345", b"1234567"])) is None
+    assert seen == [5, -1]  # more than was said: cut off
+
+
+def test_files_of_the_command_line_are_taken_by_name(tmp_path: Path):
+    from ptt.commands.studio import read_opening
+
+    opening = read_opening(DATA / "run.csv", DATA / "machine.toml", None, None, ["payload_kg=2"], None, None)
+    assert set(opening.files) == {"run.csv"} and opening.source is not None
+    assert opening.source.words == "run.csv --set payload_kg=2"
+    assert parse_machine(opening.machine) == parse_machine(MACHINE)
+    with pytest.raises(InputError, match="no such file"):
+        read_opening(tmp_path / "none.csv", None, None, None, None, None, None)
+    with pytest.raises(InputError, match="two files of one name"):
+        read_opening(DATA / "run.csv", None, [DATA / "run.csv"], None, None, None, None)
