@@ -19,6 +19,8 @@ from ptt.sums import gain, project
 SEARCHED = 500  # shapes and places that a search for one odd dependence tries
 KNOTS = 9
 HARMONICS = 2
+HATS = 17  # of a local damage of any shape
+SKIRT = 1.0  # its widths, on either side: damage fades out beyond the feet that a test finds
 LOCAL = ("step", "bump", "period")  # what a smooth error map of an axis is not
 DEGREES = (2, 3, 4)  # of a free field over the workspace
 FIELD = 30.0  # chi-squared by which a free field, which fits much, has to beat known physics
@@ -69,10 +71,9 @@ def weigh_oddities(walker: Walker, state: State, found: tuple[Dependence, ...]) 
             continue
         if is_joint(item.on) and item.shape not in (*LOCAL, "varying"):
             continue
-        shapes = _shapes(item, contexts)
-        columns = _columns(item, shapes, by_joint)
-        took, seen = _gain(walker, state, columns)
-        oddities.append(Oddity(item, took, seen))
+        for shapes in _shapes(item, contexts):
+            took, seen = _gain(walker, state, _columns(item, shapes, by_joint))
+            oddities.append(Oddity(item, took, seen))
     oddities += _weigh_fields(walker, state, found)
     return sorted(oddities, key=lambda oddity: -oddity.gain)
 
@@ -107,21 +108,22 @@ def _leading_coordinate(state: State, place: np.ndarray, chance: float) -> Depen
     return best
 
 
-def _shapes(item: Dependence, contexts: dict[str, np.ndarray]) -> np.ndarray:
-    """Functions of the variable that the dependence may be, (n, m)."""
+def _shapes(item: Dependence, contexts: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Functions of the variable that the dependence may be, (n, m) for each fineness."""
     value = np.nan_to_num(contexts[item.on])
     if item.shape == "period" and item.period_mm:
         phase = 2.0 * np.pi * value[:, None] * np.arange(1, HARMONICS + 1) / item.period_mm
-        return np.column_stack([np.cos(phase), np.sin(phase)])
+        return [np.column_stack([np.cos(phase), np.sin(phase)])]
     if item.shape in ("step", "bump") and item.place is not None:
         low, high = item.place
         if item.shape == "step":
-            return ((value > 0.5 * (low + high)) * 1.0)[:, None]
-        return _hats(value, np.linspace(low - (high - low) / 2.0, high + (high - low) / 2.0, 6), ends=False)
+            return [((value > 0.5 * (low + high)) * 1.0)[:, None]]
+        few, many = ((high - low) * 0.5, 6), ((high - low) * SKIRT, HATS + 2)
+        return [_hats(value, np.linspace(low - reach, high + reach, count), ends=False) for reach, count in (few, many)]
     if item.with_ is not None and item.with_ in contexts:
         second = np.nan_to_num(contexts[item.with_])
-        return value[:, None] * _hats(second, np.quantile(second, np.linspace(0.0, 1.0, 5)), ends=True)
-    return _hats(value, np.unique(np.quantile(value, np.linspace(0.0, 1.0, KNOTS))), ends=True)
+        return [value[:, None] * _hats(second, np.quantile(second, np.linspace(0.0, 1.0, 5)), ends=True)]
+    return [_hats(value, np.unique(np.quantile(value, np.linspace(0.0, 1.0, KNOTS))), ends=True)]
 
 
 def _hats(value: np.ndarray, knots: np.ndarray, *, ends: bool) -> np.ndarray:

@@ -105,8 +105,8 @@ def _part(on: str, shape: str, dependence: Mapping[str, Any]) -> _Part:
         return _Part((step,), 1, "step")
     if shape == "bump" and dependence.get("place"):
         low, high = dependence["place"]
-        reach = 0.5 * (high - low)
-        return _hats(value, np.linspace(low - reach, high + reach, KNOTS + 2)[1:-1], "height of each hat")
+        reach = high - low  # damage fades out beyond the feet that a test finds
+        return _hats(value, np.linspace(low - reach, high + reach, 2 * KNOTS + 1)[1:-1], "height of each hat")
     second = dependence.get("with")
     if second:
         low, high = _range(dependence, str(second))

@@ -19,7 +19,7 @@ class ModelView:
     def __init__(self, studio: Studio) -> None:
         """Build it."""
         self.studio = studio
-        self.known: tuple[str, ...] = ()
+        self.asked = ""
         with ui.element("div").classes("st-two st-wide-left"):
             with ui.element("div").classes("st-col"):
                 with ui.element("div").classes("st-box st-col").style("height: auto; flex: 6 1 0"):
@@ -71,7 +71,8 @@ class ModelView:
         """Take over a changed session."""
         self._enable()
         session = self.studio.session
-        if session.ready and not self.known:
+        if session.ready and self.asked != session.kind:
+            self.asked = session.kind
             ui.timer(0.01, self._learn_names, once=True)
         self._draw_ladder()
         self._fill_selects()
@@ -86,7 +87,6 @@ class ModelView:
         files = () if session.source is None else session.source.effects
         known = await self.studio.work("effects", "names", session.kind, files, quiet=True)
         if known is not None:
-            self.known = known
             self.which.set_options(list(known))
 
     def _fill_list(self, now: Snapshot) -> None:
