@@ -19,14 +19,16 @@ from ptt.commands.main import app
 from ptt.commands.report import report as report_verb
 from ptt.errors import InputError, ModelError, PttError
 from ptt.machine import EffectEntry, ParameterEntry, parse_machine
-from ptt.studio import figures, jobs
+from ptt.studio import field, figures, jobs
 from ptt.studio.controller import LIMIT, safe_name
+from ptt.studio.looks import Look
+from ptt.studio.results import Changed, Source
 from ptt.studio.session import Session, key_of, parameter_rows
 from ptt.studio.worker import QuestionError
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = jobs.Source("run.csv")
+RUN = Source("run.csv")
 
 
 def silent(what: str, done: int = 0, of: int = 0) -> None:
@@ -57,7 +59,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(scope="module")
-def added(folder: Path) -> jobs.Changed:
+def added(folder: Path) -> Changed:
     """The sample with the effect that was hidden."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -65,14 +67,14 @@ def added(folder: Path) -> jobs.Changed:
 
 
 @pytest.fixture(scope="module")
-def look(folder: Path) -> jobs.Look:
+def look(folder: Path) -> Look:
     """The sample held against its drawing."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         return jobs.look(RUN, MACHINE, silent)
 
 
-def fresh(look: jobs.Look | None = None) -> Session:
+def fresh(look: Look | None = None) -> Session:
     return Session().opened(RUN, MACHINE).remembering(look=look)
 
 
@@ -82,13 +84,13 @@ def test_comparison_is_the_one_of_the_command_line(here: Path):
     assert mine == theirs
 
 
-def test_adding_is_the_one_of_the_command_line(here: Path, added: jobs.Changed):
+def test_adding_is_the_one_of_the_command_line(here: Path, added: Changed):
     theirs = verb("add", "run.csv", "backlash", "--model", "machine.toml", "--out", "theirs.toml")
     assert added.data == theirs
     assert parse_machine(added.model).effect == parse_machine((here / "theirs.toml").read_text()).effect
 
 
-def test_a_look_says_what_the_comparison_says(here: Path, look: jobs.Look):
+def test_a_look_says_what_the_comparison_says(here: Path, look: Look):
     whole = jobs.compare(RUN, MACHINE, silent)
     rms = float(np.sqrt(np.mean(look.size_um[look.kept] ** 2)))
     assert rms == pytest.approx(whole.data["rms_um"]["total"], rel=0.02)
@@ -97,7 +99,7 @@ def test_a_look_says_what_the_comparison_says(here: Path, look: jobs.Look):
     assert look.covariates[:2] == ("time [s]", "payload [kg]")
 
 
-def test_links_of_the_drawing_have_their_length(look: jobs.Look):
+def test_links_of_the_drawing_have_their_length(look: Look):
     ends = look.drawing.chains
     np.testing.assert_allclose(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2), 300.0, atol=1e-6)
     np.testing.assert_allclose(look.drawing.platform, ends[:, :, 1])
@@ -105,7 +107,7 @@ def test_links_of_the_drawing_have_their_length(look: jobs.Look):
     np.testing.assert_allclose(along, 0.0, atol=1e-9)  # sliders sit on their upright rails
 
 
-def test_add_undo_redo_switch_and_remove(added: jobs.Changed, look: jobs.Look):
+def test_add_undo_redo_switch_and_remove(added: Changed, look: Look):
     start = fresh(look)
     with_it = start.changed("add", ("backlash",), added)
     assert [key_of(entry) for entry in with_it.effects] == ["backlash"]
@@ -121,7 +123,7 @@ def test_add_undo_redo_switch_and_remove(added: jobs.Changed, look: jobs.Look):
     assert start.undone() is start and with_it.redone() is with_it
 
 
-def test_an_effect_that_is_off_stays_through_other_changes(here: Path, added: jobs.Changed):
+def test_an_effect_that_is_off_stays_through_other_changes(here: Path, added: Changed):
     off = fresh().changed("add", ("backlash",), added).switched("backlash", False)
     other = jobs.change(RUN, off.text, "add", ("homing-offset",), silent)
     both = off.changed("add", ("homing-offset",), other)
@@ -132,7 +134,7 @@ def test_an_effect_that_is_off_stays_through_other_changes(here: Path, added: jo
     assert own == first
 
 
-def test_ladder_and_commands_grow_with_the_steps(here: Path, added: jobs.Changed):
+def test_ladder_and_commands_grow_with_the_steps(here: Path, added: Changed):
     one = fresh().changed("add", ("backlash",), added)
     two = one.changed("remove", ("backlash",), jobs.change(RUN, one.text, "remove", ("backlash",), silent))
     assert one.now is not None and two.now is not None
@@ -168,7 +170,7 @@ def test_diagnosis_is_the_one_of_the_command_line(here: Path):
     assert found.data["suggested"] == [["backlash"]] and found.measure_next == ""
 
 
-def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, added: jobs.Changed):
+def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, added: Changed):
     trained = jobs.train(RUN, added.model, silent)
     mine = jobs.predict(RUN, trained.archive, "targets.csv", silent)
     with zipfile.ZipFile(io.BytesIO(trained.archive)) as archive:
@@ -178,7 +180,7 @@ def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, a
     assert mine.data["rows"] == 296 and mine.data["network"]
 
 
-def test_the_report_is_the_verb(here: Path, added: jobs.Changed, monkeypatch: pytest.MonkeyPatch):
+def test_the_report_is_the_verb(here: Path, added: Changed, monkeypatch: pytest.MonkeyPatch):
     def write(run: Path, model: Path, out: Path, *words: object, **more: object) -> None:
         assert run.exists() and parse_machine(model.read_text()).effect == parse_machine(added.model).effect
         out.write_text("<!doctype html>")
@@ -192,11 +194,11 @@ def test_the_report_is_the_verb(here: Path, added: jobs.Changed, monkeypatch: py
 def test_what_a_file_leaves_open_becomes_a_question(here: Path):
     frame = pd.read_csv("run.csv", dtype=str).rename(columns={"feed_mm_s": "feed"})
     frame.to_csv("open.csv", index=False)
-    source = jobs.Source("open.csv")
+    source = Source("open.csv")
     with pytest.raises(QuestionError) as asked:
         jobs.look(source, MACHINE, silent)
     assert "feed" in asked.value.question and "mm_s" in asked.value.choices
-    answered = jobs.Source("open.csv", answers=((asked.value.question, "mm_s"),))
+    answered = Source("open.csv", answers=((asked.value.question, "mm_s"),))
     assert "feed [mm/s]" in jobs.look(answered, MACHINE, silent).covariates
     assert answered.words == "open.csv --map answers.toml"
 
@@ -206,7 +208,7 @@ def test_a_bad_file_gets_the_words_of_the_command_line(here: Path):
     frame.loc[7, "x_meas"] = "--"
     frame.to_csv("bad.csv", index=False)
     with pytest.raises(PttError) as mine:
-        jobs.look(jobs.Source("bad.csv"), MACHINE, silent)
+        jobs.look(Source("bad.csv"), MACHINE, silent)
     theirs = CliRunner().invoke(app, ["compare", "bad.csv", "--model", "machine.toml"])
     assert theirs.exit_code == 2 and theirs.stderr.strip() == f"error: {mine.value}"
     assert "row 9" in str(mine.value) and "x_meas" in str(mine.value)
@@ -218,16 +220,16 @@ def test_a_fresh_challenge_can_be_read_and_its_seal_opened(tmp_path: Path, monke
     again = jobs.challenge("single", 4, silent)  # a second one takes the place of the first
     assert again == (run, machine)
     text = (tmp_path / machine).read_text()
-    assert jobs.look(jobs.Source(run), text, silent).rows > 100
+    assert jobs.look(Source(run), text, silent).rows > 100
     assert "hidden (single" in jobs.reveal(text, silent)["text"]
 
 
-def test_figures_are_valid_plotly_and_say_their_units(look: jobs.Look, added: jobs.Changed):
+def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed):
     picked = look.visits_of(5).tolist()
     rungs = fresh().changed("add", ("backlash",), added).now.rungs  # type: ignore[union-attr]
     drawn = [
-        figures.field_figure(look, picked, scale=200.0),
-        figures.field_figure(look, scale=200.0, machine=False),
+        field.field_figure(look, picked, scale=200.0),
+        field.field_figure(look, scale=200.0, machine=False),
         *(figures.against_figure(look, view, "direction1", picked, ("other", look)) for view in look.views),
         *(figures.against_figure(look, "x", context) for context in look.contexts),
         figures.ladder_figure(rungs, added.data["noise_um"], "y"),
@@ -236,20 +238,20 @@ def test_figures_are_valid_plotly_and_say_their_units(look: jobs.Look, added: jo
     for figure in drawn:
         checked = go.Figure(data=figure["data"], layout=figure["layout"])  # refuses what plotly does not know
         assert "[" in str(checked.layout) and json.dumps(checked.to_plotly_json(), default=list)
-    field = drawn[0]["data"]
-    assert {"rails", "links", "platform", "errors", "readings", "picked"} == {trace["name"] for trace in field}
-    assert next(t for t in field if t["name"] == "picked")["customdata"] == picked
+    traces = drawn[0]["data"]
+    assert {"rails", "links", "platform", "errors", "readings", "picked"} == {trace["name"] for trace in traces}
+    assert next(t for t in traces if t["name"] == "picked")["customdata"] == picked
 
 
-def test_arrows_are_as_long_as_stated(look: jobs.Look):
-    figure = figures.field_figure(look, scale=250.0, machine=False)
+def test_arrows_are_as_long_as_stated(look: Look):
+    figure = field.field_figure(look, scale=250.0, machine=False)
     errors = next(trace for trace in figure["data"] if trace["name"] == "errors")
     points = np.array([errors[axis] for axis in "xyz"], dtype=float).T.reshape(-1, 7, 3)
     shown = figures.shown_rows(look)
     np.testing.assert_allclose(points[:, 1] - points[:, 0], 250.0 * look.residual[shown], atol=2e-4)
 
 
-def test_a_large_run_is_thinned_but_what_is_picked_is_drawn(look: jobs.Look):
+def test_a_large_run_is_thinned_but_what_is_picked_is_drawn(look: Look):
     many = np.tile(np.arange(look.rows), 30)
     large = replace(
         look, line=np.arange(len(many)), target=look.target[many], residual=look.residual[many], kept=look.kept[many]

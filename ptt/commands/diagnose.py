@@ -103,6 +103,7 @@ def format_diagnosis(result: "Diagnosis") -> str:
         for item in result.depends_on:
             period = f", period {item.period_mm:.3g} mm" if item.period_mm else ""
             place = f", {item.shape} between {item.place[0]:.4g} and {item.place[1]:.4g}" if item.place else ""
+            place = f", varying with {item.with_}" if item.with_ else place
             lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period}{place})")
         lines.append("")
     if result.verdict == "unknown" and result.depends_on:

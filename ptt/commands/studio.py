@@ -63,7 +63,7 @@ def read_opening(
     """
     from ptt.errors import InputError
     from ptt.machine import format_machine, load_machine
-    from ptt.studio.jobs import Source
+    from ptt.studio.results import Source
     from ptt.studio.server import Opening
 
     groups = [[run] if run else [], also or [], [targets] if targets else [], [map_] if map_ else [], effects or []]

@@ -139,6 +139,7 @@ def _strongest(result: "Diagnosis") -> str:
     first = result.depends_on[0]
     period = f" with a period of {first.period_mm:.3g} mm" if first.period_mm else ""
     place = f" between {first.place[0]:.0f} and {first.place[1]:.0f}" if first.place else ""
+    place = f", in a measure that varies with {first.with_}" if first.with_ else place
     return f" What is left of {first.residual} follows {first.on}{period}{place} ({first.share:.0%} of its variance)."
 
 

@@ -13,8 +13,8 @@ from nicegui import Client, ui
 from ptt.errors import PttError
 from ptt.files import write_bytes
 from ptt.machine import parse_machine
-from ptt.studio.jobs import Source
 from ptt.studio.looks import Look
+from ptt.studio.results import Source
 from ptt.studio.session import START, Session
 from ptt.studio.worker import JobCancelledError, JobFailedError, QuestionError, Worker
 

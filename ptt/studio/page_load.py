@@ -9,7 +9,7 @@ from nicegui import events, ui
 from ptt.errors import PttError
 from ptt.machine import parse_machine
 from ptt.studio.controller import LIMIT, Studio
-from ptt.studio.jobs import Source
+from ptt.studio.results import Source
 from ptt.studio.samples import LEVELS, SAMPLES, sample_files
 
 Go = Callable[[str], None]

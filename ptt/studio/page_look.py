@@ -8,7 +8,8 @@ import numpy as np
 from nicegui import events, ui
 
 from ptt.studio.controller import Studio
-from ptt.studio.figures import MOST, against_figure, field_figure, short_label, unit_of, usual_scale
+from ptt.studio.field import field_figure, usual_scale
+from ptt.studio.figures import MOST, against_figure, short_label, unit_of
 from ptt.studio.looks import Look
 
 PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from nicegui import app, ui
+from nicegui.client import ClientConnectionTimeout
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
 from ptt.errors import InputError
 from ptt.studio.controller import LIMIT, Studio
-from ptt.studio.jobs import Source
 from ptt.studio.page import build_page
+from ptt.studio.results import Source
 
 HOST = "127.0.0.1"
 SLACK = 2**16  # bytes that a form adds to its file
@@ -46,7 +47,10 @@ def serve(opening: Opening, port: int, show: bool, tell: Callable[[str], None]) 
     @ui.page("/", title="ptt studio")
     async def root() -> None:
         client = ui.context.client
-        await client.connected(timeout=STAY)
+        try:
+            await client.connected(timeout=STAY)
+        except ClientConnectionTimeout:  # the page was asked for by something that is no browser
+            return
         tab = str(client.tab_id)
         known = studios.get(tab)
         studio = studios[tab] = known or Studio()

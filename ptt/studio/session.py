@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 
 from ptt.errors import ModelError
 from ptt.machine import EffectEntry, MachineFile, format_machine, parse_machine
-from ptt.studio.jobs import Changed, Compared, Learned, Source, Trained
 from ptt.studio.looks import Look
+from ptt.studio.results import Changed, Compared, Learned, Source, Trained
 
 Value = TypeVar("Value")
 Figures = Mapping[str, float]
