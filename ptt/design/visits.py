@@ -69,15 +69,18 @@ def both_ways(space: Space, count: int, random: np.random.Generator, *, repeats:
     near, far = (NEAREST, FARTHEST) if space.by_tool else (NEAREST_RAD, FARTHEST_RAD)
     reachable = _settable(space, far)
     visits: list[Visit] = []
-    for pose in poses:
-        if len(visits) == count:
-            break
-        way = torch.as_tensor(ways[len(visits) % len(ways)])
-        before, beyond = np.exp(random.uniform(np.log(near), np.log(far), 2))
-        q = torch.stack([pose - before * way * reachable, pose, pose + beyond * way * reachable, pose] * repeats)
-        if can_drive(space, q).all():
+    while len(visits) < count and len(poses):
+        tried, poses = poses[: count - len(visits)], poses[count - len(visits) :]
+        way = torch.as_tensor(ways[(len(visits) + np.arange(len(tried))) % len(ways)])
+        before, beyond = torch.as_tensor(np.exp(random.uniform(np.log(near), np.log(far), (2, len(tried)))))
+        away = torch.stack(
+            [-before, 0.0 * before, beyond, 0.0 * beyond] * repeats, dim=1
+        )  # shape: (m, rows)
+        q = tried[:, None] + away[..., None] * (way * reachable)[:, None]
+        driven = can_drive(space, q.flatten(0, 1)).reshape(len(tried), -1).all(axis=1)
+        for row in np.flatnonzero(driven):
             name = f"p{len(visits) + 1}"
-            visits.append(Visit(q, (f"{name} before", name, f"{name} beyond", name) * repeats))
+            visits.append(Visit(q[row], (f"{name} before", name, f"{name} beyond", name) * repeats))
     return visits
 
 
