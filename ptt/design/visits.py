@@ -73,9 +73,7 @@ def both_ways(space: Space, count: int, random: np.random.Generator, *, repeats:
         tried, poses = poses[: count - len(visits)], poses[count - len(visits) :]
         way = torch.as_tensor(ways[(len(visits) + np.arange(len(tried))) % len(ways)])
         before, beyond = torch.as_tensor(np.exp(random.uniform(np.log(near), np.log(far), (2, len(tried)))))
-        away = torch.stack(
-            [-before, 0.0 * before, beyond, 0.0 * beyond] * repeats, dim=1
-        )  # shape: (m, rows)
+        away = torch.stack([-before, 0.0 * before, beyond, 0.0 * beyond] * repeats, dim=1)  # shape: (m, rows)
         q = tried[:, None] + away[..., None] * (way * reachable)[:, None]
         driven = can_drive(space, q.flatten(0, 1)).reshape(len(tried), -1).all(axis=1)
         for row in np.flatnonzero(driven):

@@ -110,12 +110,12 @@ def _part(on: str, shape: str, dependence: Mapping[str, Any]) -> _Part:
     second = dependence.get("with")
     if second:
         low, high = _range(dependence, str(second))
-        hats = _hats(_value(str(second)), np.linspace(low, high, KNOTS), "")
+        hats = _hats(_held(_value(str(second)), low, high), np.linspace(low, high, KNOTS), "")
         return _Part((*hats.lines, f"shapes = {value}[:, None] * shapes"), KNOTS, f"with the direction, along {second}")
     if shape == "levels" or on.startswith(("direction", "payload", "speed")):
         return _Part((f"shapes = {value}[:, None]",), 1, f"per unit of {on}")
     low, high = _range(dependence, on)
-    return _hats(value, np.linspace(low, high, KNOTS), f"height of each hat along {on}")
+    return _hats(_held(value, low, high), np.linspace(low, high, KNOTS), f"height of each hat along {on}")
 
 
 def _field(dependence: Mapping[str, Any]) -> _Part:
@@ -129,6 +129,11 @@ def _field(dependence: Mapping[str, Any]) -> _Part:
     )
     count = (DEGREE + 1) * (DEGREE + 2) * (DEGREE + 3) // 6 - 1
     return _Part(lines, count, f"of each product of up to {DEGREE} coordinates")
+
+
+def _held(value: str, low: float, high: float) -> str:
+    """Code of a value that beyond its range counts as the range's end."""
+    return f"{value}.clamp({low:.5g}, {high:.5g})"
 
 
 def _hats(value: str, knots: np.ndarray, words: str) -> _Part:
@@ -166,7 +171,8 @@ def _headline(on: str, dependence: Mapping[str, Any]) -> str:
 
 def _requires(on: str, dependence: Mapping[str, Any]) -> str:
     wanted = {on.rstrip("0123456789"), str(dependence.get("with"))} & {"payload", "temperature", "time", "direction"}
-    return "(" + "".join(f'"{name}", ' for name in sorted(wanted)).rstrip(" ") + ")"
+    quoted = [f'"{name}"' for name in sorted(wanted)]
+    return f"({quoted[0]},)" if len(quoted) == 1 else f"({', '.join(quoted)})"
 
 
 def _kind(on: str) -> str:

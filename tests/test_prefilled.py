@@ -1,0 +1,82 @@
+"""A user's own effect that starts from what a diagnosis found."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from ptt.challenge.challenge import bench
+from ptt.commands.main import app
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects.contract import check_effect
+from ptt.effects.prefilled import prefilled
+from ptt.effects.registry import library, make_effect, parse_key
+from ptt.errors import InputError
+from ptt.ladder.climb import climb
+from ptt.model import Model, differentiate
+from ptt.problem import build_problem
+from ptt.rig.draw import draw_rig
+from ptt.rig.simulate import simulate, write_run
+from ptt.table import read_table
+
+RANGES = {"b2": [270.0, 283.0, 296.0], "x": [-50.0, 0.0, 50.0]}
+WARM = [20.0, 23.0, 26.0]
+MACHINE = bench()
+
+
+def found(on: str, shape: str, **more: object) -> dict[str, object]:
+    curve = {"at": RANGES.get(on, WARM), "mean_um": [0.0, 1.0, 2.0], "half_width_um": [1.0, 1.0, 1.0]}
+    entry = {"residual": "slider 2", "on": on, "shape": shape, "curve": curve, "place": None, "period_mm": None}
+    return entry | {"with": None} | more
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        found("b2", "step", place=[270.0, 274.0]),
+        found("b2", "bump", place=[270.0, 280.0]),
+        found("b2", "period", period_mm=12.6),
+        found("b2", "smooth"),
+        found("x", "smooth"),
+        found("direction1", "varying", **{"with": "temperature"}),
+        found("payload", "levels"),
+        found("temperature", "smooth"),
+        found("speed3", "smooth"),
+    ],
+    ids=lambda entry: f"{entry['on']}-{entry['shape']}",
+)
+def test_every_shape_makes_an_effect_that_keeps_the_contract(tmp_path: Path, entry: dict[str, object]) -> None:
+    path = tmp_path / "own.py"
+    path.write_text(prefilled("own-cause", entry))
+    (cls,) = (cls for name, cls in library(path).items() if name == "own-cause")
+    broken = [f"{item.check}: {item.broken}" for item in check_effect(cls(), differentiate) if not item.passed]
+    assert not broken
+
+
+def test_a_play_that_opens_when_warm_is_described_by_the_file_as_written(tmp_path: Path) -> None:
+    drawn = draw_rig("unknown", 400, MACHINE, fault="warm-backlash")
+    run, file, diagnosis = tmp_path / "run.csv", tmp_path / "play.py", tmp_path / "found.json"
+    write_run(simulate(drawn.rig, drawn.targets).frame, run)
+    problem = build_problem(MACHINE, read_table(run))
+    result = diagnose(Model(MACHINE), problem)
+    assert result.verdict == "unknown"
+    assert result.depends_on[0].with_ == "temperature"
+    diagnosis.write_text(json.dumps(result.to_dict()))
+    outcome = CliRunner().invoke(app, ["effects", "new", "warm-play", "--like", str(diagnosis), "--out", str(file)])
+    assert outcome.exit_code == 0, outcome.output
+    own = library(file)
+    partly = [make_effect(own, *parse_key(step[0])) for step in result.suggested]
+    ladder = climb(Model(MACHINE), problem, [*partly, make_effect(own, "warm-play")])
+    assert ladder.steps[-1].heldout_rms_um["total"] < 1.2 * ladder.noise_um["total"]
+
+
+def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "found.json"
+    path.write_text('{"depends_on": []}')
+    outcome = CliRunner().invoke(app, ["effects", "new", "own-cause", "--like", str(path)])
+    assert outcome.exit_code == 2
+    path.write_text("[1, 2]")
+    assert CliRunner().invoke(app, ["effects", "new", "own-cause", "--like", str(path)]).exit_code == 2
+    with pytest.raises(InputError, match="lacks"):
+        prefilled("own-cause", {"on": "b2"})
