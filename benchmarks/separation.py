@@ -1,8 +1,8 @@
 """Does what is measured next tell apart what a path could not? Rigs with one hidden fault on short, narrow paths.
 
-Run it as `python benchmarks/separation.py [RIGS] [EXACT]`. A rig counts where the diagnosis of its path names the
-hidden fault among effects that do as well, none of them an exact ambiguity. The rows that `plan_separation` chooses are
-then driven on the same rig, and both runs are diagnosed together. A second table counts exact ambiguities.
+Run it as `python benchmarks/separation.py [RIGS] [EXACT] [FIRST SEED]`. A rig counts where the diagnosis of its path
+names the hidden fault among effects that do as well, none of them an exact ambiguity. The rows that `plan_separation`
+chooses are then driven on the same rig, and both runs are diagnosed together. A second table counts exact ambiguities.
 """
 
 import sys
@@ -162,10 +162,10 @@ def separate(case: Case, folder: Path) -> Outcome | str:
     return Outcome(case, found.suggested, plan, again.suggested, again.verdict)
 
 
-def by_path(rigs: int, folder: Path) -> tuple[list[Outcome], Counter[str]]:
+def by_path(rigs: int, start: int, folder: Path) -> tuple[list[Outcome], Counter[str]]:
     """Rigs whose path confounds two effects, told apart or not; and how many were drawn that do not count."""
     file, outcomes, others, had = machine(), [], Counter[str](), Counter[str]()
-    for seed in range(MOST_TRIED * rigs):
+    for seed in range(start, start + MOST_TRIED * rigs):
         case = draw(seed, file, FAULTS)
         if had[case.fault] >= max(SHARE * rigs, 1.0):
             continue
@@ -181,10 +181,10 @@ def by_path(rigs: int, folder: Path) -> tuple[list[Outcome], Counter[str]]:
     return outcomes, others
 
 
-def exactly(rigs: int, folder: Path) -> tuple[int, int, list[str]]:
+def exactly(rigs: int, start: int, folder: Path) -> tuple[int, int, list[str]]:
     """Rigs with an exact ambiguity: how many there were, how many were named as such, and what is said."""
     file, count, named, said = machine(), 0, 0, []
-    for seed in range(MOST_TRIED * rigs):
+    for seed in range(start, start + MOST_TRIED * rigs):
         case = draw(seed, file, EXACT)
         problem, found = measure(case, folder)
         pair = set(EXACT)
@@ -224,8 +224,9 @@ def main(arguments: Sequence[str]) -> None:
 
     rigs = int(arguments[0]) if arguments else 50
     exact = int(arguments[1]) if len(arguments) > 1 else 20
+    start = int(arguments[2]) if len(arguments) > 2 else 0
     with tempfile.TemporaryDirectory() as folder:
-        outcomes, others = by_path(rigs, Path(folder))
+        outcomes, others = by_path(rigs, start, Path(folder))
         good = sum(outcome.alone for outcome in outcomes)
         picked = sum(outcome.before[0][0] == outcome.case.fault for outcome in outcomes)
         print(f"confounded by the path: {len(outcomes)} rigs; the right one named alone: before 0, after {good}")
@@ -235,7 +236,7 @@ def main(arguments: Sequence[str]) -> None:
         print(f"drawn beside them: {others['alone']} whose path tells the fault alone, {others['exact']} with an exact "
               f"ambiguity beside it, {others['otherwise']} with something else suggested")  # fmt: skip
         print("faults:", dict(Counter(outcome.case.fault for outcome in outcomes)))
-        count, named, said = exactly(exact, Path(folder)) if exact else (0, 0, [])
+        count, named, said = exactly(exact, start, Path(folder)) if exact else (0, 0, [])
         print(f"exact ambiguities: {count} rigs, named as such in {named}")
         for line, times in Counter(said).most_common(8):
             print(f"  {times:3d}  {line}")
