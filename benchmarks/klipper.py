@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 import torch
 
+from ptt.chain import linearise
 from ptt.effects import library
 from ptt.machine import MachineFile, parse_machine
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.model import Term, linearise, start_term
+from ptt.model import Term, start_term
 from ptt.table import make_table
 from ptt.view import View, build_view
 

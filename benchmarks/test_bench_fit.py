@@ -8,6 +8,7 @@ import torch
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
+from ptt.chain import predict
 from ptt.effects import library
 from ptt.effects.base import flatten, linear_size
 from ptt.effects.bench import sample_machine
@@ -15,7 +16,7 @@ from ptt.fit.layout import lay_out
 from ptt.fit.observability import unobservable
 from ptt.fit.search import open_terms, usual_sizes
 from ptt.fit.solve import fit
-from ptt.model import Model, predict
+from ptt.model import Model
 from ptt.noise import Noise
 from ptt.problem import Problem, apply_frames, build_problem
 from ptt.table import make_table

@@ -13,11 +13,12 @@ import pytest
 import torch
 from scipy import optimize
 
+from ptt.chain import predict
 from ptt.effects.registry import library, make_effect
 from ptt.fit.solve import fit
 from ptt.machine import JointSpec, MachineFile, SerialSpec, load_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model, predict
+from ptt.model import Model
 from ptt.problem import build_problem
 from ptt.table import make_table
 from ptt.view import build_view

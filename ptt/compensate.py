@@ -8,12 +8,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.chain import Shifts, predict
 from ptt.effects.drive import Backlash
 from ptt.errors import TableError, WorkspaceError
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
 from ptt.mechanisms.workspace import reach
-from ptt.model import Model, Shifts, predict
+from ptt.model import Model
 from ptt.table import Table
 from ptt.view import View, build_view, joint_limits
 

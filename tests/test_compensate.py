@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from ptt.chain import predict
 from ptt.commands.main import app
 from ptt.compensate import compensate, missing_context
 from ptt.effects import library
@@ -18,7 +19,7 @@ from ptt.effects.registry import make_effect
 from ptt.errors import TableError, WorkspaceError
 from ptt.machine import ControllerSpec, EffectEntry, ParameterEntry, load_machine, save_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model, Term, predict, read_model
+from ptt.model import Model, Term, read_model
 from ptt.table import Table, make_table, read_table
 from ptt.view import build_view
 

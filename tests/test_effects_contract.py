@@ -7,6 +7,7 @@ import torch
 import typer
 from typer.testing import CliRunner
 
+from ptt.chain import differentiate
 from ptt.commands.effects import effects as verb
 from ptt.effects import Effect, Parameter, library
 from ptt.effects.bench import sample_view
@@ -15,7 +16,6 @@ from ptt.effects.contract import CHECKS, check_effect
 from ptt.effects.registry import load_effects, make_effect, parse_key
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
-from ptt.model import differentiate
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

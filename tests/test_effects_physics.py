@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.optimize import root
 from torch.testing import assert_close
 
+from ptt.chain import components, differentiate, predict
 from ptt.effects import library
 from ptt.effects.base import total_size
 from ptt.effects.bench import sample_view, take
@@ -18,7 +19,7 @@ from ptt.errors import ModelError
 from ptt.machine import parse_machine
 from ptt.mechanisms.statics import GRAVITY
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.model import Model, components, differentiate, predict, read_model
+from ptt.model import Model, read_model
 from ptt.table import make_table
 from ptt.view import build_view
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
+from ptt.chain import predict
 from ptt.effects import library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
@@ -23,7 +24,7 @@ from ptt.fit.solve import FitResult, fit, residual_of, rms, unseen_directions
 from ptt.frames import rotation
 from ptt.holdout import BLOCKS, blocks, folds, pose_groups
 from ptt.machine import BasePoint, MachineFile, format_machine, parse_machine
-from ptt.model import Model, Term, predict, read_model, write_model
+from ptt.model import Model, Term, read_model, write_model
 from ptt.noise import given_noise, noise_from_repeats, noise_from_std
 from ptt.problem import Problem, build_problem
 from ptt.table import Table, make_table

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from ptt.chain import differentiate
 from ptt.challenge.challenge import bench
 from ptt.commands.main import app
 from ptt.diagnosis.verdict import diagnose
@@ -14,7 +15,7 @@ from ptt.effects.prefilled import prefilled
 from ptt.effects.registry import library, make_effect, parse_key
 from ptt.errors import InputError
 from ptt.ladder.climb import climb
-from ptt.model import Model, differentiate
+from ptt.model import Model
 from ptt.problem import build_problem
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.chain import predict
 from ptt.effects.registry import library, make_effect
 from ptt.errors import TableError
 from ptt.fit.orientation import fit_poses, orientation_of
@@ -14,7 +15,7 @@ from ptt.fit.report import format_fit, report_fit
 from ptt.fit.solve import fit
 from ptt.machine import load_machine
 from ptt.mechanisms.rotations import quaternion_of
-from ptt.model import Model, predict
+from ptt.model import Model
 from ptt.problem import Problem, build_problem
 from ptt.rig.draw_arm import draw_arm
 from ptt.rig.serial_arm import rigid

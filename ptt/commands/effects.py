@@ -125,10 +125,10 @@ def _rest_of(path: Path) -> dict[str, Any]:
 
 
 def _check(file: str, json: bool) -> None:
+    from ptt.chain import differentiate
     from ptt.effects import library
     from ptt.effects.contract import check_effect
     from ptt.errors import ModelError
-    from ptt.model import differentiate
 
     own = {name: cls for name, cls in library(file).items() if name not in library()}
     findings = {name: check_effect(cls(), differentiate) for name, cls in own.items()}

@@ -7,12 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.chain import linearise, trace
+from ptt.chain import signature as signature_of
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame, rigid_basis
 from ptt.fit.solve import PRIOR_SHARE
 from ptt.machine import MachineFile
-from ptt.model import Model, linearise, parameter_names, trace
-from ptt.model import signature as signature_of
+from ptt.model import Model, parameter_names
 from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL
 from ptt.sums import SEEN
 from ptt.table import Table

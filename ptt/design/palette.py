@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.chain import linearise, signature, trace
 from ptt.design.contest import triangle
 from ptt.effects import Effect
 from ptt.effects.metrology import rigid_basis
 from ptt.fit.search import held_values, usual_sizes
 from ptt.fit.solve import FitResult
 from ptt.fit.whitened import by_own
-from ptt.model import linearise, signature, trace
 from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.view import View
 

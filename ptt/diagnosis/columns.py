@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
+from ptt.chain import Chain, linearise, signature, trace
 from ptt.effects import Effect
 from ptt.effects.base import linear_size
 from ptt.effects.metrology import rigid_basis
 from ptt.fit.solve import FitResult
 from ptt.fit.whitened import by_own, whiten
-from ptt.model import Chain, linearise, signature, trace
 from ptt.noise import Noise
 from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
 

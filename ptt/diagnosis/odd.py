@@ -7,13 +7,13 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy import stats
 
+from ptt.chain import trace
 from ptt.dependence.contexts import COORDINATES, context_views, is_joint
 from ptt.dependence.curves import binned_curve, corrected
 from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.screen import toll
 from ptt.diagnosis.walker import State, Walker
 from ptt.diagnosis.wander import take_off
-from ptt.model import trace
 from ptt.sums import gain, project
 
 SEARCHED = 500  # shapes and places that a search for one odd dependence tries

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nets import RbfSettings, train_rbf
+from ptt.chain import linearise
 from ptt.compare.lack_of_fit import lack_of_fit_of
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.wander import Wander, take_off
 from ptt.fit.solve import FitResult
 from ptt.holdout import BLOCKS, blocks
-from ptt.model import linearise
 from ptt.noise import Noise
 from ptt.problem import Problem
 

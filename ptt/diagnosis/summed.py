@@ -8,6 +8,7 @@ from operator import add
 import numpy as np
 import torch
 
+from ptt.chain import Prediction, predict
 from ptt.chunks import map_chunks
 from ptt.diagnosis.columns import Linear, Shapes, few_shapes, linear_columns
 from ptt.diagnosis.design import BLOCKS, Design, with_priors
@@ -15,7 +16,6 @@ from ptt.diagnosis.gross import gross_errors
 from ptt.effects import Effect
 from ptt.fit.outliers import inside
 from ptt.fit.solve import FitResult, fitted_terms, unseen_directions
-from ptt.model import Prediction, predict
 from ptt.noise import Noise
 from ptt.problem import Problem, apply_frames
 from ptt.sums import Sums, accumulate, project, solve

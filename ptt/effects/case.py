@@ -44,7 +44,7 @@ def make_case(effect: Effect, kind: str, differentiate: Differentiate) -> Case:
     Args:
         effect: the effect.
         kind: 'three-ptt' or 'serial'.
-        differentiate: `ptt.model.differentiate`.
+        differentiate: `ptt.chain.differentiate`.
 
     Returns:
         The case.

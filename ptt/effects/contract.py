@@ -45,7 +45,7 @@ def check_effect(effect: Effect, differentiate: Differentiate) -> tuple[Finding,
 
     Args:
         effect: the effect.
-        differentiate: `ptt.model.differentiate`.
+        differentiate: `ptt.chain.differentiate`.
 
     Returns:
         One finding per check and family.

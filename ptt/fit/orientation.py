@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.chain import Prediction, Shifts, differentiate, predict
 from ptt.errors import TableError
 from ptt.fit.gauss_newton import descend
 from ptt.fit.layout import Layout
@@ -14,7 +15,7 @@ from ptt.fit.whitened import build_system
 from ptt.frames import rotation
 from ptt.mechanisms.rotations import from_quaternion, rotation_vector
 from ptt.mechanisms.serial import Serial
-from ptt.model import Model, Prediction, Shifts, differentiate, predict
+from ptt.model import Model
 from ptt.problem import Problem
 from ptt.view import View
 

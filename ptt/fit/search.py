@@ -7,12 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.chain import Chain, linearise, signature, trace
 from ptt.effects import Effect
 from ptt.effects.base import flatten, linear_size
 from ptt.effects.metrology import SetupJump, rigid_basis
 from ptt.fit.outliers import linear_residual
 from ptt.fit.whitened import by_own, whiten
-from ptt.model import Chain, Model, Term, linearise, signature, trace
+from ptt.model import Model, Term
 from ptt.noise import DEFAULT_SIGMA, Noise
 from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
 

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from ptt.chain import Prediction
 from ptt.fit.gauss_newton import DONE, Equations, descend
 from ptt.fit.layout import Layout, lay_out
 from ptt.fit.outliers import inside, linear_residual
 from ptt.fit.search import open_terms
 from ptt.fit.whitened import Evaluator, System
-from ptt.model import Model, Prediction, Term
+from ptt.model import Model, Term
 from ptt.noise import DEFAULT_SIGMA, Noise
 from ptt.problem import Problem
 

@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.chain import Prediction, linearise
 from ptt.fit.layout import Layout
 from ptt.frames import rotation
-from ptt.model import Prediction, linearise
 from ptt.noise import Noise
 from ptt.problem import Problem, apply_frames
 
@@ -83,7 +83,7 @@ def build_system(
         problem: the readings.
         whitener: (3, 3) 1/mm.
         unknowns: (u,) in usual sizes.
-        crossed: as in `ptt.model.linearise`.
+        crossed: as in `ptt.chain.linearise`.
 
     Returns:
         The system.

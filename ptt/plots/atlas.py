@@ -6,12 +6,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.chain import predict
 from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.cards import TELLING, Card
 from ptt.effects.case import usual_theta
 from ptt.effects.geometry import machine, pull
-from ptt.model import predict
 from ptt.table import make_table
 from ptt.view import View, build_view
 

@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ptt.chain import predict
 from ptt.fit.outliers import inside
 from ptt.fit.solve import fit, residual_of
-from ptt.model import Model, predict
+from ptt.model import Model
 from ptt.noise import DEFAULT_SIGMA, Noise
 from ptt.problem import Problem
 
