@@ -203,3 +203,13 @@ def test_a_hose_that_pulls_from_one_side_is_not_told_as_many_effects(tmp_path):
     assert found.verdict == "unknown"
     assert found.depends_on[0].on in ("x", "y", "z")
     assert len(found.suggested) <= len(truth)
+
+
+def test_a_path_cut_short_says_that_more_is_missing(tmp_path):
+    drawn, path = run(tmp_path, "multi", 2013)
+    assert len(drawn.truth) > 1
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)), steps=1)
+    assert len(found.suggested) == 1
+    assert found.verdict == "unknown"
+    assert "no more steps were allowed" in found.words
+    assert found.depends_on == () or found.depends_on[0].share > 0.0

@@ -171,7 +171,7 @@ def diagnose(
     rest = _rest(path, walker, seed)
     unknown = rest.significant
     if path.added and (unknown or _suspicious(path)):
-        path, rest, unknown = _plainer(path, rest, walker, frozenset(model.keys), seed)
+        path, rest, unknown = _plainer(path, rest, walker, frozenset(model.keys), steps, seed)
     tell("measure next")
     gross = problem.used & ~path.end.design.rows
     clean = problem.masked(gross)
@@ -194,7 +194,7 @@ def diagnose(
         path=path,
         words="",
     )
-    return replace(result, words=explain_verdict(result))
+    return replace(result, words=explain_verdict(result, steps))
 
 
 def _find_path(model: Model, problem: Problem, known: Library, steps: int, tell: Progress) -> tuple[Walker, Path]:
@@ -222,13 +222,15 @@ def _suspicious(path: Path) -> bool:
     return flexible or len(path.added) > MANY
 
 
-def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed: int) -> tuple[Path, Rest, bool]:
+def _plainer(
+    path: Path, rest: Rest, walker: Walker, given: frozenset[str], steps: int, seed: int
+) -> tuple[Path, Rest, bool]:
     """Where something unknown may be missing: the steps that help beyond doubt, and what the rest then depends on.
 
     One odd dependence after a few plain steps competes with the whole path; the cheaper explanation counts.
     """
-    short, simple = walk_plainly(path, walker, given), simple_part(path, walker)
-    cuts = [part.cut(steps) for part in (short, simple) for steps in range(len(part.added), -1, -1)]
+    short, simple = walk_plainly(path, walker, given, steps), simple_part(path, walker)
+    cuts = [part.cut(count) for part in (short, simple) for count in range(len(part.added), -1, -1)]
     plain_paths = {frozenset(plain.added): plain for plain in reversed(cuts)}  # of two alike the one that was walked
     spread, freedom = path.end.screened.spread, path.end.screened.freedom
     least, kept = path_cost(walker, path.end, path.end), (path, rest, rest.significant)
@@ -243,7 +245,7 @@ def _plainer(path: Path, rest: Rest, walker: Walker, given: frozenset[str], seed
         tolls = path_cost(walker, plain.end, path.end) - misfit / spread
         for oddity in weigh_oddities(walker, plain.end, left.depends_on):
             cost = tolls + oddity.cost(misfit, spread, freedom)
-            if cost < least:
+            if cost < min(least, tolls + misfit / spread):  # it has to be worth its own toll, too
                 least, kept = cost, (plain, left.led_by(oddity.dependence), True)
     if rest.significant and not kept[1].depends_on and _suspicious(path):
         # What such a path blurs may still show after its plain steps.

@@ -73,6 +73,8 @@ SENTENCES: dict[str, tuple[str, str, float, str, int]] = {
 LEGS = {"link-length", "joint-offset", "joint-clearance", "platform-twist"}
 LINKS = {"dh-offsets"}
 TOWERS = {"tower-position", "tower-tilt"}
+MISSING = "Something is missing that no known effect describes"
+EXCESS = 1.5  # times the noise that are worth a word
 SIGNIFICANT = 3.0  # standard errors from which a joint's share is worth a word
 
 
@@ -108,29 +110,43 @@ def explain_step(
     return f"{head[0].upper()}{head[1:]}. {tie[0].upper()}{tie[1:]}; {fall}."
 
 
-def explain_verdict(result: "Diagnosis") -> str:
+def explain_verdict(result: "Diagnosis", steps: int | None = None) -> str:
     """The verdict in a few sentences.
 
     Args:
         result: the diagnosis.
+        steps: how many effects could be added; None for as many as it takes.
 
     Returns:
         Text.
     """
     noise = result.noise.total * 1e3
     before, after = result.rms_um["before"]["total"], result.rms_um["after"]["total"]
-    steps = " ".join(candidate.words for candidate in result.candidates[: len(result.suggested)])
+    told = " ".join(candidate.words for candidate in result.candidates[: len(result.suggested)])
     if result.verdict == "nothing-missing":
         return (
             f"Nothing is missing that these {result.rows} readings could show: the error is {after:.1f} um, "
-            f"the noise {noise:.1f} um ({result.noise.source})."
+            f"the noise {noise:.1f} um ({result.noise.source}).{_excess(result)}"
         )
     if result.verdict == "missing":
-        return f"{steps} With that the error is {after:.1f} um, down from {before:.1f} um."
-    partly = f"Helps, but is not all: {steps} " if steps else ""
+        return f"{told} With that the error is {after:.1f} um, down from {before:.1f} um.{_excess(result)}"
+    partly = f"Helps, but is not all: {told} " if told else ""
     why = "; ".join(result.rest.reasons)
     on = _strongest(result)
-    return f"{partly}Something is missing that no known effect describes: {why}.{on}"
+    stopped = steps is not None and steps == len(result.suggested)
+    what = "More is missing, but no more steps were allowed" if stopped else MISSING
+    return f"{partly}{what}: {why}.{on}"
+
+
+def _excess(result: "Diagnosis") -> str:
+    """A word where much more is left than the noise is said to be, though it follows nothing that was recorded."""
+    times = result.rms_um["after"]["total"] / max(result.noise.total * 1e3, 1e-12)
+    if times < EXCESS:
+        return ""
+    return (
+        f" That is {times:.1f} x the noise by the {result.noise.source}: they understate the scatter of a reading, or "
+        "something is missing that follows nothing recorded here."
+    )
 
 
 def _strongest(result: "Diagnosis") -> str:
