@@ -146,9 +146,11 @@ def map_chunks(work: Callable[[Problem], Part], chunks: Sequence[Callable[[], Pr
         return
     # Forked workers see the whole run without a copy of it; forward derivatives are not safe in threads.
     _shared[:] = [work, chunks]
-    with ProcessPoolExecutor(workers, get_context("fork"), torch.set_num_threads, (1,)) as pool:
-        yield from pool.map(_work_on, range(len(chunks)))
-    _shared.clear()
+    try:
+        with ProcessPoolExecutor(workers, get_context("fork"), torch.set_num_threads, (1,)) as pool:
+            yield from pool.map(_work_on, range(len(chunks)))
+    finally:
+        _shared.clear()
 
 
 _shared: list[Any] = []

@@ -79,5 +79,23 @@ def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
     assert outcome.exit_code == 2
     path.write_text("[1, 2]")
     assert CliRunner().invoke(app, ["effects", "new", "own-cause", "--like", str(path)]).exit_code == 2
-    with pytest.raises(InputError, match="lacks"):
-        prefilled("own-cause", {"on": "b2"})
+    for broken in ('{"depends_on": 5}', '{"depends_on": ["abc"]}', "nothing"):
+        path.write_text(broken)
+        assert CliRunner().invoke(app, ["effects", "new", "own-cause", "--like", str(path)]).exit_code == 2
+    with pytest.raises(InputError, match="residual"):
+        prefilled("own-cause", {"on": "b2", "shape": "smooth"})
+    for hostile in (found('b2"""\nprint()', "smooth"), found("b2", "smooth", residual='x"""\nprint()')):
+        with pytest.raises(InputError, match="proper"):
+            prefilled("own-cause", hostile)
+    with pytest.raises(InputError, match="place"):
+        prefilled("own-cause", found("b2", "step", place=["high", "low"]))
+
+
+def test_on_an_arm_it_acts_on_the_joint_in_rad() -> None:
+    text = prefilled("own-cause", found("direction2", "levels", residual="joint 2"))
+    assert 'mechanisms = ("serial",)' in text
+    assert '"rad"' in text
+
+
+def test_temperatures_are_taken_from_the_reference() -> None:
+    assert "view.warmth > 2.2" in prefilled("own-cause", found("temperature", "step", place=[22.0, 22.4]))

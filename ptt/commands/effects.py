@@ -119,6 +119,8 @@ def _rest_of(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path), fix="name a readable file") from None
     except (JSONDecodeError, UnicodeDecodeError, KeyError, TypeError):
         raise InputError("is no diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed") from None
+    if not isinstance(found, list) or (found and not isinstance(found[0], dict)):
+        raise InputError("is no diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed")
     if not found:
         raise InputError("its rest depends on nothing", where=str(path), fix="start from `ptt effects new` alone")
     return dict(found[0])

@@ -86,7 +86,7 @@ def _weigh_fields(walker: Walker, state: State, found: tuple[Dependence, ...]) -
     leading = next((item for item in found if item.on in COORDINATES), None)
     if leading is None:
         spread, freedom = state.screened.spread, state.screened.freedom
-        chance = min(stats.f.sf(took / spread / seen, seen, freedom) for took, seen in gains if seen)
+        chance = min((stats.f.sf(took / spread / seen, seen, freedom) for took, seen in gains if seen), default=1.0)
         leading = _leading_coordinate(state, place, float(min(1.0, chance * SEARCHED)))
     return [Oddity(leading, took, seen, FIELD) for took, seen in gains if seen]
 

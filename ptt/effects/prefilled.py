@@ -45,11 +45,11 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
         InputError: the name is taken, or the entry lacks something.
     """
     free_name(name)
-    try:
-        on, shape = str(dependence["on"]), str(dependence["shape"])
-        part = _part(on, shape, dependence)
-    except (KeyError, TypeError, IndexError) as error:
-        raise InputError(f"the dependence lacks {error}", fix="give the JSON of `ptt diagnose --json`") from None
+    dependence = _checked(dependence)
+    on, shape = str(dependence["on"]), str(dependence["shape"])
+    part = _part(on, shape, dependence)
+    serial = on.startswith("q") or str(dependence["residual"]).startswith("joint")
+    usual, unit = ("1e-4", "rad") if serial and re.search(r"\d$", on) else ("0.02", "mm")
     joint = re.fullmatch(r"(?:b|q|direction|speed)(\d+)", on)
     stage = "drive" if joint else "metrology" if on in ("time", "run") else "structure"
     size = part.count if joint else 3 * part.count
@@ -66,8 +66,8 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
         "",
         f'    name = "{name}"',
         f'    stage = "{stage}"',
-        '    mechanisms = ("three-ptt", "serial")' if joint is None else f'    mechanisms = ("{_kind(on)}",)',
-        f'    parameters = (Parameter("size", "{_unit(on)}", {_usual(on)}, "{part.words}", count={size}),)',
+        f'    mechanisms = ("{"serial" if serial else "three-ptt"}",)',
+        f'    parameters = (Parameter("size", "{unit}", {usual}, "{part.words}", count={size}),)',
         f"    requires = {_requires(on, dependence)}",
         *(["    reverses = True"] if on.startswith("direction") else []),
         *(["    follows_clock = True"] if on in ("time", "temperature", "run") else []),
@@ -77,6 +77,30 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
         *(f"        {line}" for line in _placed(joint[1] if joint else None)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
+    """The entry with every part of the kind it should be: what is written below ends up in a file that is run."""
+    checked = {key: dependence.get(key) for key in ("residual", "on", "shape", "place", "period_mm", "with")}
+    names = {"residual": r"(?:slider|joint) \d+|[xyz]", "on": _VARIABLE, "shape": "[a-z]+", "with": _VARIABLE}
+    for key, pattern in names.items():
+        if (key, checked[key]) != ("with", None) and not re.fullmatch(pattern, str(checked[key])):
+            raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
+    try:
+        at = [float(value) for value in dependence["curve"]["at"]]
+        place = None if checked["place"] is None else [float(value) for value in checked["place"]]
+        period = None if checked["period_mm"] is None else float(checked["period_mm"])
+    except (KeyError, TypeError, ValueError):
+        raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
+    if len(at) < 2 or (place is not None and len(place) != 2):
+        raise InputError("the dependence has no proper curve or place", fix=_FIX)
+    if place is not None and checked["on"] == "temperature":
+        place = [value - REFERENCE_C for value in place]
+    return checked | {"curve": {"at": at}, "place": place, "period_mm": period}
+
+
+_VARIABLE = r"(?:b|q|direction|speed)\d+|[xyz]|payload|temperature|time|run"
+_FIX = "give the JSON of `ptt diagnose --json`"
 
 
 def _placed(joint: str | None) -> tuple[str, ...]:
@@ -173,15 +197,3 @@ def _requires(on: str, dependence: Mapping[str, Any]) -> str:
     wanted = {on.rstrip("0123456789"), str(dependence.get("with"))} & {"payload", "temperature", "time", "direction"}
     quoted = [f'"{name}"' for name in sorted(wanted)]
     return f"({quoted[0]},)" if len(quoted) == 1 else f"({', '.join(quoted)})"
-
-
-def _kind(on: str) -> str:
-    return "serial" if on.startswith("q") else "three-ptt"
-
-
-def _unit(on: str) -> str:
-    return "rad" if on.startswith("q") else "mm"
-
-
-def _usual(on: str) -> str:
-    return "1e-4" if on.startswith("q") else "0.02"

@@ -187,6 +187,7 @@ def _measure(
 ) -> Ladder:  # fmt: skip
     """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
     tell = progress or (lambda what, done, of: None)
+    problem = problem.anchored()  # else a moved frame would pass for what an effect took
     hidden = folds(problem.table, FOLDS)
     total, done = len(rungs) * (len(hidden) + 1), 0
     fits, held_out = [], []
