@@ -190,8 +190,9 @@ def _conclude(
         path=path,
     )
     how = (
-        f"The path was found on {run.sample.table.rows} rows in stretches of travel; fit, screen, held-out errors and "
-        f"verdict are of all rows, summed up in chunks of {run.size}."
+        f"Path, noise, ties and the tests of the rest against repeats and position are of {run.sample.table.rows} rows "
+        f"in stretches of travel; parameters, screen, held-out errors, gross rows and what the rest follows are of all "
+        f"rows, summed up in chunks of {run.size}."
     )
     return replace(result, words=f"{explain_verdict(result)} {how}")
 
