@@ -12,7 +12,7 @@ from ptt.plots.common import COLOUR_MAP, DPI, round_down
 from ptt.problem import Problem
 
 MOST_ARROWS = 300
-REACH = 0.12  # of the workspace's size that the 95 % arrow takes
+REACH = 0.18  # of the workspace's size that the 95 % arrow takes
 ZOOM, TALL = 1.1, 0.6
 NARROW = 0.5  # share of the longest side that every side is given at least
 KEY = 0.2  # room for the key, in halves of the picture
@@ -85,10 +85,10 @@ def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
     from matplotlib import colormaps
 
     colours = colormaps[COLOUR_MAP](norm(size))
-    # The heads of 3-D arrows are two more segments each, drawn after all shafts.
-    colours = np.concatenate([colours, np.repeat(colours, 2, axis=0)])
-    panel.plot(*place.T, linestyle="none", marker=".", markersize=1.5, color="0.6")
-    panel.quiver(*place.T, *arrow.T, colors=colours, linewidth=1.0, arrow_length_ratio=0.25)
+    # The heads of 3-D arrows are two more segments each: all shafts are drawn, then all left halves, then all right ones.
+    colours = np.tile(colours, (3, 1))
+    panel.plot(*place.T, linestyle="none", marker=".", markersize=3.0, color="0.6")
+    panel.quiver(*place.T, *arrow.T, colors=colours, linewidth=1.8, arrow_length_ratio=0.3)
     tips = np.concatenate([place, place + arrow])
     low, high = tips.min(axis=0), tips.max(axis=0)
     room = np.maximum(high - low, NARROW * (high - low).max())
@@ -108,7 +108,7 @@ def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
     panel.plot(place[:, 0], place[:, 1], linestyle="none", marker=".", markersize=2, color="0.6")
     drawn = panel.quiver(
         place[:, 0], place[:, 1], arrow[:, 0], arrow[:, 1], size, norm=norm, cmap=COLOUR_MAP, angles="xy",
-        scale_units="xy", scale=1.0, width=0.0035,
+        scale_units="xy", scale=1.0, width=0.005,
     )  # fmt: skip
     tips = np.concatenate([place, place + arrow])[:, :2]
     low, high = tips.min(axis=0), tips.max(axis=0)
