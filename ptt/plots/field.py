@@ -85,7 +85,7 @@ def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
     from matplotlib import colormaps
 
     colours = colormaps[COLOUR_MAP](norm(size))
-    # The heads of 3-D arrows are two more segments each: all shafts are drawn, then all left halves, then all right ones.
+    # The heads of 3-D arrows are two more segments each: first come all shafts, then the left halves, then the right.
     colours = np.tile(colours, (3, 1))
     panel.plot(*place.T, linestyle="none", marker=".", markersize=3.0, color="0.6")
     panel.quiver(*place.T, *arrow.T, colors=colours, linewidth=1.8, arrow_length_ratio=0.3)

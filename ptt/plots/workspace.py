@@ -22,7 +22,7 @@ from ptt.mechanisms.workspace import WorkspaceMap, workspace_map
 GRID = 241
 DPI = 150
 TICKS = (1, 1.2, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 10, 12, 15, 20, 30, 50, 100)
-COLOUR_MAP = "viridis"
+COLOUR_MAP = "viridis_r"  # bright is good, as on the maps of arms
 LIMIT_COLOUR = "#d1495b"
 
 
