@@ -3,9 +3,11 @@
 import asyncio
 import io
 import json
+import re
 import shutil
 import zipfile
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from unittest.mock import create_autospec
 
@@ -15,14 +17,23 @@ import plotly.graph_objects as go
 import pytest
 from typer.testing import CliRunner
 
+from ptt.chunks import CHUNK, LONG
 from ptt.commands.main import app
 from ptt.commands.report import report as report_verb
+from ptt.diagnosis.long import choose_diagnosis, diagnose_long
+from ptt.diagnosis.verdict import diagnose
 from ptt.errors import InputError, ModelError, PttError
 from ptt.machine import EffectEntry, ParameterEntry, parse_machine
+from ptt.readers import Mapping
+from ptt.report.contents import gather
 from ptt.studio import field, figures, jobs
-from ptt.studio.controller import LIMIT, safe_name
+from ptt.studio.answers import agreed
+from ptt.studio.controller import LIMIT, RESERVED, Studio, safe_name
 from ptt.studio.looks import Look
+from ptt.studio.page_finish import commands_of
+from ptt.studio.page_model import ladder_of, words_of
 from ptt.studio.results import Changed, Source
+from ptt.studio.server import Opening, keep_opening
 from ptt.studio.session import Session, key_of, parameter_rows
 from ptt.studio.worker import QuestionError
 
@@ -147,6 +158,103 @@ def test_ladder_and_commands_grow_with_the_steps(here: Path, added: Changed):
     )
 
 
+def in_tab(session: Session, folder: Path | None = None) -> Studio:
+    """A tab without a browser and without a process that calculates."""
+    studio = object.__new__(Studio)
+    studio.session, studio.busy, studio.trouble, studio._epoch = session, None, "", 0
+    studio.folder = folder or Path()
+    studio.tell = lambda topic: None  # type: ignore[method-assign]
+    return studio
+
+
+def test_a_switched_off_effect_leaves_no_held_out_figure(here: Path, added: Changed):
+    start, compared = fresh(), jobs.compare(RUN, MACHINE, silent)
+    rungs, noise = ladder_of(in_tab(start.remembering(compared=compared)))
+    assert [rung.heldout_rms_um for rung in rungs] == [None]
+    plain = compared.data["rms_um"]["total"]
+    words = words_of(start, rungs[-1], noise, "total")
+    assert f"{plain:.2f}" in words and "plain RMS; no held-out figure" in words and "switched off" not in words
+    assert figures.ladder_figure(rungs, noise)["data"][1]["y"] == []
+
+    with_it = start.changed("add", ("backlash",), added)
+    rungs, noise = ladder_of(in_tab(with_it))
+    assert re.match(r"Now [\d.]+ .* held out; noise [\d.]+ .m$", words_of(with_it, rungs[-1], noise, "total"))
+
+    off = with_it.switched("backlash", False)
+    waiting = words_of(off, ladder_of(in_tab(off))[0][-1], noise, "total")
+    assert waiting == "backlash off: the figures of that are being worked out"
+    off = off.remembering(compared=jobs.compare(RUN, off.text, silent))
+    rungs, noise = ladder_of(in_tab(off))
+    assert [rung.words for rung in rungs] == ["as given", "+ backlash", "backlash off"]
+    words = words_of(off, rungs[-1], noise, "total")
+    assert f"Now {plain:.2f}" in words and "plain RMS" in words and "switched off: backlash" in words
+    drawn = figures.ladder_figure(rungs, noise)["data"]
+    assert [len(trace["y"]) for trace in drawn] == [2, 2, 2, 1]
+
+
+def test_commands_remove_what_is_switched_off_and_add_it_again(here: Path, added: Changed):
+    off = fresh().changed("add", ("backlash",), added).switched("backlash", False)
+    steps = (
+        "ptt add run.csv backlash --model machine.toml --out model1.toml",
+        "ptt remove run.csv backlash --model model1.toml --out model2.toml",
+    )
+    assert off.commands == steps and off.switched("backlash", True).commands == steps[:1]
+    listed = commands_of(in_tab(off))
+    assert listed[-1] == "ptt predict targets.csv --model model2.toml --out sliders.csv"
+    assert any(line.startswith("#") for line in listed)
+    both = off.changed("add", ("homing-offset",), jobs.change(RUN, off.text, "add", ("homing-offset",), silent))
+    more = (*steps, "ptt add run.csv homing-offset --model model2.toml --out model3.toml")
+    assert both.commands == more and both.now is not None and both.now.fitted == both.text
+    assert both.switched("backlash", True).commands == (
+        *more, "ptt add run.csv backlash --model model3.toml --out model4.toml"
+    )  # fmt: skip
+    again = off.changed("add", ("backlash",), added)
+    assert again.text == added.model and again.commands[-1].startswith("ptt add run.csv backlash --model model2.toml")
+
+
+def test_uploads_take_the_place_of_nothing(tmp_path: Path):
+    studio = in_tab(Session(), tmp_path)
+    assert studio.keep("run.csv", b"one") == "run.csv"
+    assert studio.keep("../RUN.csv", b"two") == "RUN (2).csv"
+    assert studio.keep("run.csv", b"three") == "run (3).csv"
+    assert studio.keep("run.csv", b"one") == "run.csv"  # the same again
+    assert (tmp_path / "run.csv").read_bytes() == b"one"
+    for name in RESERVED:
+        assert studio.keep(name.upper(), b"mine").casefold() not in {each.casefold() for each in RESERVED}
+    assert studio.keep("Model.toml", b"other") == "Model (3).toml"
+    for name in ("own.py", "OWN.PY", "own.py. "):
+        with pytest.raises(InputError, match="program"):
+            studio.keep(name, b"raise SystemExit")
+    with pytest.raises(InputError, match="larger"):
+        studio.keep("large.csv", bytes(LIMIT + 1))
+
+
+def test_files_of_effects_lie_where_no_upload_gets(tmp_path: Path):
+    studio = in_tab(Session(), tmp_path)
+    given = Source("run.csv", map_="answers.toml", effects=("own.py",))
+    files = {"run.csv": b"run", "answers.toml": b"", "own.py": b"own = 1"}
+    source = keep_opening(studio, Opening(files, given, MACHINE))
+    assert source == replace(given, map_="answers (2).toml")
+    assert source.effect_files == ("effects/own.py",) and source.options[-2:] == ("--effects", "own.py")
+    kept = {studio.keep(name, b"upload") for name in ("effects/own.py.txt", "effects", "own.csv")}
+    assert kept == {"own.py.txt", "effects (2)", "own.csv"}
+    assert [file.name for file in (tmp_path / "effects").iterdir()] == ["own.py"]
+    assert (tmp_path / "effects" / "own.py").read_bytes() == b"own = 1"
+
+
+def test_a_look_of_a_run_that_was_replaced_is_not_kept(look: Look):
+    studio = in_tab(fresh())
+    other = Session().opened(Source("other.csv"), MACHINE)
+
+    async def work(words: str, job: str, *arguments: object, quiet: bool = False) -> Look | None:
+        studio.session = other  # meanwhile another run was opened
+        return look if job == "look" else None
+
+    studio.work = work  # type: ignore[method-assign]
+    asyncio.run(studio._look())
+    assert studio.session == other and studio.session.look is None
+
+
 def test_parameters_say_what_is_not_measured():
     entry = EffectEntry(
         name="windup",
@@ -201,6 +309,48 @@ def test_what_a_file_leaves_open_becomes_a_question(here: Path):
     answered = Source("open.csv", answers=((asked.value.question, "mm_s"),))
     assert "feed [mm/s]" in jobs.look(answered, MACHINE, silent).covariates
     assert answered.words == "open.csv --map answers.toml"
+
+
+def test_what_a_further_run_leaves_open_becomes_a_question(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str).rename(columns={"feed_mm_s": "feed"})
+    frame.to_csv("second.csv", index=False, sep=";")
+    source = replace(RUN, also=("second.csv",))
+    with pytest.raises(QuestionError) as asked:
+        jobs.look(source, MACHINE, silent)
+    assert "second.csv" in asked.value.question
+    answered = jobs.look(replace(source, answers=((asked.value.question, "mm_s"),)), MACHINE, silent)
+    assert answered.rows == 2 * len(frame) and "feed [mm/s]" in answered.covariates
+
+
+def test_answers_that_contradict_each_other_are_left_out():
+    one = Mapping(delimiter=",", dates="day-first", columns={"a": "x_cmd", "b": "y_cmd"}, units={"a": "m"})
+    two = Mapping(delimiter=";", columns={"a": "x_cmd", "b": "ignore"}, targets=Mapping(decimal=","))
+    both = Mapping(dates="day-first", columns={"a": "x_cmd"}, units={"a": "m"}, targets=Mapping(decimal=","))
+    assert agreed([one, two]) == both and agreed([one]) == one
+
+
+def test_a_long_run_is_referred_to_the_command_line(here: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("ptt.chunks.LONG", 200)
+    with pytest.raises(InputError, match=r"run: ptt diagnose run\.csv"):
+        jobs.learn(RUN, MACHINE, silent)
+    with pytest.raises(InputError, match=r"run: ptt report run\.csv"):
+        jobs.report(RUN, MACHINE, None, silent)
+
+
+def test_the_diagnosis_is_chosen_by_rows():
+    assert choose_diagnosis(LONG) is diagnose
+    for chosen, size in ((choose_diagnosis(LONG + 1), CHUNK), (choose_diagnosis(300, 1000), 1000)):
+        assert isinstance(chosen, partial) and chosen.func is diagnose_long and chosen.keywords == {"size": size}
+
+
+def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: pytest.MonkeyPatch):
+    def in_chunks(*given: object, size: int) -> None:
+        raise InputError(f"chunks of {size}")
+
+    monkeypatch.setattr("ptt.diagnosis.long.LONG", 200)
+    monkeypatch.setattr("ptt.diagnosis.long.diagnose_long", in_chunks)
+    opened = jobs._open(RUN, MACHINE)
+    assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"
 
 
 def test_a_bad_file_gets_the_words_of_the_command_line(here: Path):

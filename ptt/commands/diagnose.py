@@ -47,18 +47,16 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
-    from functools import partial
-
-    from ptt.chunks import CHUNK, LONG
-    from ptt.diagnosis.long import diagnose_long
-    from ptt.diagnosis.verdict import diagnose as learn
+    from ptt.chunks import CHUNK
+    from ptt.diagnosis.long import choose_diagnosis
+    from ptt.diagnosis.verdict import diagnose as learn_whole
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
     if opened.compensator.network is not None:
         note("the compensator's network is left aside: the physics alone is diagnosed")
-    if chunk_rows is not None or opened.table.rows > LONG:
+    learn = choose_diagnosis(opened.table.rows, chunk_rows)
+    if learn is not learn_whole:
         note(f"{opened.table.rows} rows are summed up in chunks of {chunk_rows or CHUNK}")
-        learn = partial(diagnose_long, size=chunk_rows or CHUNK)
     with progress() as tell:
         result = learn(
             opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: tell(what, 0, 0)

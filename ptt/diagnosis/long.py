@@ -1,12 +1,13 @@
 """Diagnosis of a long run: the path is found on stretches of it, then everything is fitted and tested on all rows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from torch import Tensor
 
-from ptt.chunks import CHUNK, SAMPLE, cut, sample_stretches, take
+from ptt.chunks import CHUNK, LONG, SAMPLE, cut, sample_stretches, take
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.columns import Trial
 from ptt.diagnosis.design import BLOCKS, present_candidates
@@ -28,6 +29,21 @@ WORTH = 5e-4  # share of the noise's variance that a further effect must take: 1
 PASSES = 3
 BENT = 1e-5  # share of chi-squared by which a linear step may miss before all rows are linearised again
 LONG_SEARCH = 12  # shapes from which only the sample's best is taken to all rows
+
+
+def choose_diagnosis(rows: int, size: int | None = None) -> Callable[..., Diagnosis]:
+    """Which diagnosis suits a run: all rows at once, or summed up in chunks.
+
+    Args:
+        rows: of the run.
+        size: rows of a chunk; None leaves it to the run, which is then cut only beyond `LONG` rows.
+
+    Returns:
+        `diagnose`, or `diagnose_long` with its chunks.
+    """
+    if size is None and rows <= LONG:
+        return diagnose
+    return partial(diagnose_long, size=size or CHUNK)
 
 
 def diagnose_long(

@@ -18,6 +18,7 @@ from ptt.diagnosis.wander import Wander, find_wander
 from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
 from ptt.effects.base import linear_size
+from ptt.errors import TableError
 from ptt.fit.solve import rms
 from ptt.model import Model, Term, parameter_names
 from ptt.noise import Noise
@@ -29,6 +30,7 @@ STEPS = 12
 CLEARLY = 30.0  # chi-squared by which one odd dependence has to beat a path whose own rest already shows a trace
 MANY = 3  # steps beyond which a path is asked whether one odd dependence would not do instead
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
+LEAST = 12  # readings: twice what a rigid motion alone takes
 OFF = 1.15  # noise floors further apart than this are worth a second walk
 
 
@@ -162,8 +164,11 @@ def diagnose(
         The diagnosis.
 
     Raises:
-        TableError: nothing tells the noise floor.
+        TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
+    if (count := int(problem.used.sum())) < LEAST:
+        fix = f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
+        raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
     walker, path = _find_path(model, problem, known, steps, tell)

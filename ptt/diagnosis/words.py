@@ -170,6 +170,8 @@ def _sentence(term: Term, problem: Problem) -> str:
     if problem.file.machine.kind == "serial" and shown_first.axis and unit in ("um", "um/N"):
         unit = {"um": "urad", "um/N": "urad/Nmm"}[unit]
         factor *= 1e3
+    if problem.file.machine.kind == "serial":
+        text = text.replace("screw lead", "gear or encoder scale").replace("travel{s}", "turn{s}")
     if not per_joint:
         return text.format(what=f"{np.linalg.norm(values) * factor:.{decimals}f} {unit}")
     shown = [i for i in range(len(values)) if values[i] > SIGNIFICANT * stds[i]] or [int(np.argmax(values))]

@@ -12,8 +12,9 @@ import torch
 
 from ptt import __version__
 from ptt.compare.comparison import Comparison, compare_run
+from ptt.diagnosis.long import choose_diagnosis
 from ptt.diagnosis.saturated import noise_floor
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.verdict import Diagnosis
 from ptt.effects.registry import Library, library
 from ptt.errors import InputError, ModelError
 from ptt.evaluate import Evaluation
@@ -213,6 +214,7 @@ def with_network(model: Compensator, trained: Compensator, where: str) -> Compen
 def _look(model: Model, problem: Problem, known: Library, source: Source) -> Look:
     why: dict[str, str] = {}
     noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
+    diagnose = choose_diagnosis(problem.table.rows)
     found = _unless("diagnose", why, lambda: diagnose(model, problem, known), source)
     return Look(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
 

@@ -3,23 +3,25 @@
 import asyncio
 import shutil
 import tempfile
-from collections.abc import Callable
+import unicodedata
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from nicegui import Client, ui
 
-from ptt.errors import PttError
+from ptt.errors import InputError, PttError
 from ptt.files import write_bytes
 from ptt.machine import parse_machine
 from ptt.studio.looks import Look
-from ptt.studio.results import Source
+from ptt.studio.results import EFFECTS, SEAL, Source
 from ptt.studio.session import START, Session
 from ptt.studio.worker import JobCancelledError, JobFailedError, QuestionError, Worker
 
 LIMIT = 64 * 2**20  # bytes of an upload: more than a million rows
-RESERVED = ("model.toml", "answers.toml", "sliders.csv", "report.html", "compensator", "challenge")
+RESERVED = ("model.toml", "answers.toml", "sliders.csv", "report.html", "compensator", "challenge", EFFECTS, SEAL)
 Listener = Callable[[], None]
 
 
@@ -183,7 +185,7 @@ class Studio:
         if not session.ready:
             return
         found = await self.work("finding what is missing", "learn", session.source, session.text)
-        if found is not None:
+        if found is not None and self.session.source == session.source:
             self.session = replace(self.session, lessons={**self.session.lessons, session.text: found})
             self.tell("session")
 
@@ -217,30 +219,49 @@ class Studio:
         if not session.ready:
             return
         trained = await self.work("training the network", "train", session.source, session.text)
-        if trained is not None:
+        if trained is not None and self.session.source == session.source:
             self.session = replace(self.session, trainings={**self.session.trainings, session.text: trained})
             self.tell("session")
 
     def keep(self, name: str, data: bytes) -> str:
-        """Keep an uploaded file in the session's folder.
+        """Keep an uploaded file in the session's folder, beside whatever is there.
 
         Args:
             name: as the browser gives it; only its last part counts.
             data: its content, never executed.
 
         Returns:
-            The name in the folder.
+            The name in the folder; a number is added where another file has that name.
 
         Raises:
-            ValueError: larger than the limit.
+            InputError: larger than the limit, or a program.
         """
         if len(data) > LIMIT:
-            raise ValueError(f"larger than {LIMIT >> 20} MB")
-        kept = safe_name(name)
-        if kept in RESERVED:
-            kept = f"own {kept}"
-        write_bytes(self.folder / kept, data)
-        return kept
+            raise InputError(f"larger than {LIMIT >> 20} MB", where=safe_name(name), fix="split it")
+        wanted = safe_name(name)
+        if _folded(wanted).endswith(".py"):
+            fix = "name your own effects when starting the studio: ptt studio --effects FILE.py"
+            raise InputError("a program is not taken from the page", where=wanted, fix=fix)
+        taken = {_folded(file.name): file for file in self.folder.iterdir()} | dict.fromkeys(RESERVED)
+        for kept in _numbered(wanted):
+            there = taken.get(_folded(kept))
+            if _folded(kept) not in taken:
+                write_bytes(self.folder / kept, data)
+                return kept
+            if there is not None and there.is_file() and there.read_bytes() == data:
+                return there.name
+        raise AssertionError  # numbers do not end
+
+    def keep_effects(self, name: str, data: bytes) -> None:
+        """Keep a file of effects that was named when the studio was started; it will be executed.
+
+        Args:
+            name: of the file.
+            data: its content.
+        """
+        place = self.folder / EFFECTS
+        place.mkdir(exist_ok=True)
+        write_bytes(place / name, data)
 
     async def _turn(self, change: Callable[[Session], Session]) -> None:
         """Change the model at once; while something else is changing it, everything stays as it is."""
@@ -254,7 +275,7 @@ class Studio:
         self.tell("session")
         if session.look is None and session.ready:
             look: Look | None = await self.work("residual", "look", session.source, session.text, quiet=True)
-            if look is not None:
+            if look is not None and self.session.source == session.source:
                 self.session = replace(self.session, looks={**self.session.looks, session.text: look})
                 self.tell("session")
         await self.compare()
@@ -276,6 +297,18 @@ def safe_name(name: str) -> str:
     last = name.replace("\\", "/").rsplit("/", 1)[-1]
     kept = "".join(letter if letter.isalnum() or letter in "._- ()+" else "_" for letter in last).strip(". ")
     return kept[-100:] or "file"
+
+
+def _numbered(name: str) -> Iterator[str]:
+    """The name itself, then 'name (2)' and so on, the ending kept."""
+    yield name
+    place = Path(name)
+    yield from (f"{place.stem} ({number}){place.suffix}" for number in count(2))
+
+
+def _folded(name: str) -> str:
+    """What a file system that ignores case and the spelling of accents compares."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 async def _ask(question: QuestionError) -> str | None:

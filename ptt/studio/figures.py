@@ -101,7 +101,7 @@ def against_figure(
 
 
 def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str = "total") -> Figure:
-    """The error after each step, training and held out, beside the noise floor.
+    """The error after each step, training and held out, beside the noise floor; plain where nothing was held out.
 
     Args:
         rungs: the steps.
@@ -112,25 +112,30 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
         The figure.
     """
     place = [f"{number}. {rung.words}" for number, rung in enumerate(rungs)]
-    train, held = ([float(f[axis]) for f in each] for each in zip(*((r.rms_um, r.heldout_rms_um) for r in rungs)))  # noqa: B905
+    parted = [(at, rung.rms_um, rung.heldout_rms_um) for at, rung in zip(place, rungs, strict=True)]
+    held = [(at, float(figure[axis])) for at, _, figure in parted if figure is not None]
+    train = [(at, float(figure[axis])) for at, figure, other in parted if other is not None]
+    plain = [(at, float(figure[axis])) for at, figure, other in parted if other is None]
     noise = float(noise_um[axis])
-    words = {"mode": "lines+markers", "type": "scatter", "x": place}
-    marks = [f"{value:.1f}" for value in held]
     data: list[Figure] = [
-        {**words, "y": train, "name": "training", "line": {"color": BLUE},
+        {**_steps(train, "training"), "mode": "lines+markers", "line": {"color": BLUE},
          "marker": {"size": 13, "symbol": "circle-open", "line": {"width": 2}}},
-        {**words, "y": held, "name": "held out", "mode": "markers+text", "text": marks, "textposition": "top right",
-         "marker": {"size": 8, "symbol": "diamond", "color": ORANGE}, "cliponaxis": False},
+        {**_steps(held, "held out"), "mode": "markers+text", "text": [f"{value:.1f}" for _, value in held],
+         "textposition": "top right", "marker": {"size": 8, "symbol": "diamond", "color": ORANGE}, "cliponaxis": False},
         {"type": "scatter", "mode": "lines", "x": [place[0], place[-1]], "y": [noise, noise], "name": "noise floor",
          "line": {"color": GREY, "dash": "dash"}},
+        {**_steps(plain, "all rows, not refitted"), "mode": "markers+text", "textposition": "top right",
+         "text": [f"{value:.1f}" for _, value in plain], "cliponaxis": False,
+         "marker": {"size": 11, "symbol": "square-open", "color": BLUE}},
     ]  # fmt: skip
     if len(place) == 1:
         data[2] |= {"mode": "markers", "marker": {"symbol": "line-ew-open", "size": 40, "color": GREY}}
-    top, low = max(*train, *held, noise), min(*train, *held, noise)
+    all_of_them = [value for _, value in (*train, *held, *plain)]
+    top, low = max(*all_of_them, noise), min(*all_of_them, noise)
     ticks = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
     bounds = [float(np.log10(low / 1.6)), float(np.log10(top * 2.0))]
     layout = whole_layout(
-        xaxis={**_axis(""), "type": "category"}, showlegend=True,
+        xaxis={**_axis(""), "type": "category", "categoryorder": "array", "categoryarray": place}, showlegend=True,
         yaxis={**_axis(f"RMS error, {axis} [\N{MICRO SIGN}m]"), "type": "log", "range": bounds, "tickvals": ticks},
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         margin={"l": 62, "r": 14, "t": 30, "b": 28},
@@ -204,6 +209,12 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
         margin={"l": 62, "r": 10, "t": 40, "b": 30},
     )  # fmt: skip
     return whole_figure(data, layout)
+
+
+def _steps(points: Sequence[tuple[str, float]], name: str) -> Figure:
+    """A trace of the ladder; nothing of it is seen where it has no points."""
+    places, values = [at for at, _ in points], [value for _, value in points]
+    return {"type": "scatter", "x": places, "y": values, "name": name, "visible": bool(points)}
 
 
 def _points(

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.studio.looks import Look
-from ptt.studio.results import ANSWERS, Changed, Compared, Learned, Predicted, Source, Trained
+from ptt.studio.results import ANSWERS, SEAL, Changed, Compared, Learned, Predicted, Source, Trained
+from ptt.studio.steps import START
 from ptt.studio.worker import Progress, QuestionError
 
 if TYPE_CHECKING:
@@ -51,13 +52,14 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:
-    """As `ptt diagnose`."""
+    """As `ptt diagnose`, of runs whose rows fit into memory at once."""
     from ptt.commands.common import plain
     from ptt.commands.diagnose import format_diagnosis
     from ptt.diagnosis.verdict import diagnose
     from ptt.table import table_to_frame
 
     opened = _open(source, model)
+    _refuse_long(opened, f"ptt diagnose {source.words} --model {START}")
     result = diagnose(opened.model, opened.problem, opened.library, progress=lambda what: tell(what, 0, 0))
     poses = None if result.separation is None else result.separation.targets
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
@@ -115,7 +117,7 @@ def predict(source: Source, model: str | bytes, targets: str, tell: Progress) ->
     place, out = _place(model), Path("sliders.csv")
     said, noted = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(noted):
-        run(Path(targets), place, out, effects=[Path(name) for name in source.effects], json=True)
+        run(Path(targets), place, out, effects=[Path(name) for name in source.effect_files], json=True)
     warnings = tuple(line for line in noted.getvalue().splitlines() if line.startswith("warning"))
     return Predicted(json.loads(said.getvalue()), warnings, out.read_bytes())
 
@@ -125,6 +127,7 @@ def report(source: Source, model: str, archive: bytes | None, tell: Progress) ->
     from ptt.commands.report import report as run
 
     tell("", 0, 0)
+    _refuse_long(_open(source, model), f"ptt report {source.words} --model {START} --out report.html")
     reading, out = source.reading(), Path("report.html")
     with contextlib.redirect_stdout(io.StringIO()):
         run(
@@ -136,17 +139,15 @@ def report(source: Source, model: str, archive: bytes | None, tell: Progress) ->
 
 
 def challenge(level: str, seed: int | None, tell: Progress) -> tuple[str, str]:
-    """As `ptt challenge new`; names of the run and of the machine."""
+    """As `ptt challenge new`; where the run and the machine are. The seal lies in the session's folder."""
     from ptt.challenge.challenge import new_challenge
 
     tell("drawing a machine and measuring it", 0, 0)
     for file in Path("challenge").glob("*"):
         file.unlink()
     made = new_challenge("challenge", level, seed=seed).to_dict()  # type: ignore[arg-type]
-    Path(made["run"]).replace("run.csv")
-    Path(made["machine"]).replace("machine.toml")
-    Path(made["sealed"]).replace("sealed.json")
-    return "run.csv", "machine.toml"
+    Path(made["sealed"]).replace(SEAL)
+    return made["run"], made["machine"]
 
 
 def reveal(model: str, tell: Progress) -> Mapping[str, Any]:
@@ -210,6 +211,7 @@ def _read_asking(source: Source, place: Path) -> None:
     from ptt.commands.common import parse_settings
     from ptt.machine import load_machine
     from ptt.readers import save_mapping
+    from ptt.studio.answers import agreed
     from ptt.table import read_table
 
     answers = dict(source.answers)
@@ -221,17 +223,30 @@ def _read_asking(source: Source, place: Path) -> None:
 
     spec = load_machine(place).machine
     serial = spec.kind == "serial"
-    table = read_table(
-        source.run,
-        len(spec.joint) if spec.kind == "serial" else 3,
-        joint_prefix="q" if serial else "b",
-        targets=source.targets or None,
-        set_values=parse_settings(source.set_),
-        mapping=source.map_ or None,
-        ask=ask,
-    )
+    understood = [
+        read_table(
+            run,
+            len(spec.joint) if spec.kind == "serial" else 3,
+            joint_prefix="q" if serial else "b",
+            targets=source.targets or None,
+            set_values=parse_settings(source.set_),
+            mapping=source.map_ or None,
+            ask=ask,
+        ).understood
+        for run in (source.run, *source.also)
+    ]
     if source.answers:
-        save_mapping(table.understood.mapping, ANSWERS)
+        save_mapping(agreed([each.mapping for each in understood]), ANSWERS)
+
+
+def _refuse_long(opened: "Opened", instead: str) -> None:
+    """Runs that are summed up in chunks need processes of their own, which the page's process may not start."""
+    from ptt.chunks import LONG
+    from ptt.errors import TableError
+
+    rows = opened.table.rows
+    if rows > LONG:
+        raise TableError(f"{rows} rows are too many to diagnose on the page (more than {LONG})", fix=f"run: {instead}")
 
 
 def _place(model: str | bytes) -> Path:

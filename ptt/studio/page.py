@@ -8,6 +8,7 @@ from ptt.studio.page_learn import build_learn
 from ptt.studio.page_load import build_load
 from ptt.studio.page_look import build_look
 from ptt.studio.page_model import build_model
+from ptt.studio.session import key_of
 from ptt.studio.style import CSS
 
 VIEWS = {"Load": build_load, "Look": build_look, "Learn": build_learn, "Add": build_model, "Finish": build_finish}
@@ -94,7 +95,8 @@ def _told(studio: Studio) -> str:
     session = studio.session
     if session.now is None or session.source is None:
         return "No run yet: drop a tracker CSV, or start from a sample"
-    keys = [key for key in (e.name for e in session.effects)]
+    off = session.now.off
+    keys = [entry.name + (" (off)" if key_of(entry) in off else "") for entry in session.effects]
     effects = ", ".join(keys) if keys else "no effects"
     figure = session.comparison
     error = f" \N{MIDDLE DOT} error {figure.data['rms_um']['total']:.1f} \N{MICRO SIGN}m rms" if figure else ""

@@ -4,8 +4,11 @@ from collections.abc import Callable
 
 from nicegui import events, ui
 
+from ptt.errors import PttError
 from ptt.studio.controller import LIMIT, Studio
 from ptt.studio.figures import before_after_figure
+from ptt.studio.results import SEAL
+from ptt.studio.steps import REFITS
 
 UNTRAINED = (
     "A Gaussian RBF network learns what physics left over, as a function of position; it changes nothing beside the "
@@ -76,7 +79,7 @@ class FinishView:
         self.model.set_enabled(session.ready)
         self.compensator.set_enabled(session.training is not None)
         self.report.set_enabled(idle)
-        self.seal.set_visibility((self.studio.folder / "sealed.json").exists())
+        self.seal.set_visibility((self.studio.folder / SEAL).exists())
         self.seal.set_enabled(idle)
 
     def show(self) -> None:
@@ -123,7 +126,11 @@ class FinishView:
         if session.source is None:
             self.studio.fail("load a run and its machine first")
             return
-        kept = self.studio.keep(event.file.name, data)
+        try:
+            kept = self.studio.keep(event.file.name, data)
+        except PttError as error:
+            self.studio.fail(str(error))
+            return
         model = session.training.archive if session.training else session.text
         found = await self.studio.work("working out commands", "predict", session.source, model, kept)
         if found is None:
@@ -155,9 +162,11 @@ def commands_of(studio: Studio) -> list[str]:
     session = studio.session
     if session.now is None or session.source is None:
         return []
-    steps, run = session.now.commands, session.source.words
+    steps, run = session.commands, session.source.words
     last = f"model{len(steps)}.toml" if steps else "machine.toml"
     lines = [f"ptt compare {run} --model machine.toml", f"ptt diagnose {run} --model machine.toml", *steps]
+    if session.now.removed or len(steps) > len(session.now.commands):
+        lines.append(REFITS)
     if session.training is not None:
         lines.append(f"python train.py {run} --machine {last} --out compensator")
         last = "compensator"

@@ -162,7 +162,7 @@ class LearnView:
     async def show_card(self, key: str) -> None:
         """Show the card of an effect."""
         source = self.studio.session.source
-        files = () if source is None else source.effects
+        files = () if source is None else source.effect_files
         self.shown = key
         card = await self.studio.work(f"card of {key}", "card", key, self.studio.session.kind, files, quiet=True)
         if card is not None and self.shown == key:

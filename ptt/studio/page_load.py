@@ -2,14 +2,14 @@
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
-from pathlib import Path
 
 from nicegui import events, ui
 
 from ptt.errors import PttError
+from ptt.files import write_bytes
 from ptt.machine import parse_machine
 from ptt.studio.controller import LIMIT, Studio
-from ptt.studio.results import Source
+from ptt.studio.results import SEAL, Source
 from ptt.studio.samples import LEVELS, SAMPLES, sample_files
 
 Go = Callable[[str], None]
@@ -33,12 +33,13 @@ def build_load(studio: Studio, go: Go) -> None:
 def _build_files(studio: Studio) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
         ui.label("Your own files").classes("st-head")
-        _drop("Tracker run (CSV, TXT)", "run", lambda name, data: _take_run(studio, name, data))
-        _drop("Machine (machine.toml)", "machine", lambda name, data: _take_machine(studio, name, data))
+        _drop(studio, "Tracker run (CSV, TXT)", "run", lambda name, data: _take_run(studio, name, data))
+        _drop(studio, "Machine (machine.toml)", "machine", lambda name, data: _take_machine(studio, name, data))
         waiting = ui.label().classes("st-note").mark("waiting")
         with ui.expansion("A further run, or targets of an export").classes("w-full").props("dense"):
-            _drop("Further run, read together with the first", "also", lambda n, d: _take_also(studio, n, d))
-            _drop("Targets of an export that holds readings only", "targets", lambda n, d: _take_targets(studio, n, d))
+            also, targets = "Further run, read together with the first", "Targets of an export that holds readings only"
+            _drop(studio, also, "also", lambda name, data: _take_also(studio, name, data))
+            _drop(studio, targets, "targets", lambda name, data: _take_targets(studio, name, data))
 
     def update() -> None:
         if studio.pending is not None and not studio.machine:
@@ -115,11 +116,14 @@ def _build_understood(studio: Studio, go: Go) -> None:
     update()
 
 
-def _drop(label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> None:
+def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> None:
     async def uploaded(event: events.UploadEventArguments) -> None:
         data = await event.file.read()
         upload.reset()
-        await take(event.file.name, data)
+        try:
+            await take(event.file.name, data)
+        except PttError as error:
+            studio.fail(str(error))
 
     def rejected() -> None:
         ui.notify(f"not taken: larger than {LIMIT >> 20} MB", type="warning")
@@ -183,21 +187,23 @@ async def _take_targets(studio: Studio, name: str, data: bytes) -> None:
 async def _take_sample(studio: Studio, name: str) -> None:
     files = sample_files(name)
     assert files is not None
-    for file in files:
-        studio.keep(file.name, file.read_bytes())
-    run = next(file.name for file in files if file.name == "run.csv")
-    await studio.open(Source(run), (studio.folder / "machine.toml").read_text(encoding="utf-8"))
+    named = {file.name: file for file in files}
+    run = _keep(studio, "run.csv", named["run.csv"].read_bytes())
+    write_bytes(studio.folder / SEAL, named[SEAL].read_bytes())
+    await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"))
 
 
 async def _take_challenge(studio: Studio, level: str) -> None:
     made = await studio.work("drawing a machine and measuring it", "challenge", level, None)
     if made is not None:
-        await studio.open(Source(made[0]), (studio.folder / made[1]).read_text(encoding="utf-8"))
+        run, machine = (studio.folder / name for name in made)
+        await studio.open(Source(studio.keep(run.name, run.read_bytes())), machine.read_text(encoding="utf-8"))
 
 
 def _keep(studio: Studio, name: str, data: bytes) -> str:
-    Path(studio.folder / "sealed.json").unlink(missing_ok=True)
-    return studio.keep(name, data)
+    kept = studio.keep(name, data)
+    (studio.folder / SEAL).unlink(missing_ok=True)
+    return kept
 
 
 def _noise(noise: object) -> str:

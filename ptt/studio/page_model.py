@@ -1,6 +1,6 @@
 """Add: the ladder of errors beside the noise floor, the effects with their switches, and the model with and without."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from nicegui import ui
 
@@ -8,7 +8,7 @@ from ptt.machine import EffectEntry
 from ptt.studio.controller import Studio
 from ptt.studio.figures import against_figure, ladder_figure, short_label
 from ptt.studio.page_look import LookView
-from ptt.studio.session import Rung, Snapshot, key_of, parameter_rows
+from ptt.studio.session import Rung, Session, Snapshot, key_of, parameter_rows
 
 AXES = ("total", "x", "y", "z")
 
@@ -84,7 +84,7 @@ class ModelView:
 
     async def _learn_names(self) -> None:
         session = self.studio.session
-        files = () if session.source is None else session.source.effects
+        files = () if session.source is None else session.source.effect_files
         known = await self.studio.work("effects", "names", session.kind, files, quiet=True)
         if known is not None:
             self.which.set_options(list(known))
@@ -128,12 +128,7 @@ class ModelView:
             )
             return
         self.ladder.update_figure(ladder_figure(rungs, noise, str(self.axis.value)))
-        last, axis = rungs[-1], str(self.axis.value)
-        helped = "" if last.helped else " (this step did not help beyond chance)"
-        self.figures.set_text(
-            f"Now {last.rms_um[axis]:.2f} \N{MICRO SIGN}m on training rows, {last.heldout_rms_um[axis]:.2f} "
-            f"\N{MICRO SIGN}m held out; noise {noise[axis]:.2f} \N{MICRO SIGN}m{helped}"
-        )
+        self.figures.set_text(words_of(session, rungs[-1], noise, str(self.axis.value)))
 
     def _fill_selects(self) -> None:
         look = self.studio.session.look
@@ -162,7 +157,7 @@ class ModelView:
 
 
 def ladder_of(studio: Studio) -> tuple[tuple[Rung, ...], dict[str, float]]:
-    """The ladder of the session; before the first step, the comparison alone.
+    """The ladder of the session, and the comparison where the ladder does not speak of the active model.
 
     Args:
         studio: of this tab.
@@ -170,13 +165,51 @@ def ladder_of(studio: Studio) -> tuple[tuple[Rung, ...], dict[str, float]]:
     Returns:
         Its steps and the noise floor in um; no steps where nothing is known yet.
     """
-    session = studio.session
-    if session.now is not None and session.now.rungs:
-        return session.now.rungs, dict(session.now.noise_um)
-    found = session.comparison
-    if found is None or found.data["noise_um"]["total"] is None:
+    now, found = studio.session.now, studio.session.comparison
+    rungs: tuple[Rung, ...] = () if now is None else now.rungs
+    noise = dict(now.noise_um) if now is not None and rungs else dict(found.data["noise_um"]) if found else {}
+    if now is None or noise.get("total") is None:
         return (), {}
-    return (Rung("as given", found.data["rms_um"], found.data["rms_um"]),), dict(found.data["noise_um"])
+    if now.fitted != now.active and found is not None:
+        rungs = (*rungs, Rung(_switched(now) or "as given", found.data["rms_um"], None))
+    return rungs, noise
+
+
+def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: str) -> str:
+    """The error of the active model in words; a held-out figure only where one was worked out.
+
+    Args:
+        session: the session.
+        last: the ladder's last step.
+        noise_um: noise floor.
+        axis: 'x', 'y', 'z' or 'total'.
+
+    Returns:
+        One sentence.
+    """
+    now, micro = session.now, "\N{MICRO SIGN}m"
+    assert now is not None
+    left = f"; switched off: {', '.join(sorted(now.off))}; the figures are without it" if now.off else ""
+    if last.heldout_rms_um is None:
+        after = (
+            "no held-out figure, because nothing was fitted" if not now.rungs else "nothing was refitted or held out"
+        )
+        noise = f"noise {noise_um[axis]:.2f} {micro}"
+        return f"Now {last.rms_um[axis]:.2f} {micro} over all rows (plain RMS; {after}); {noise}{left}"
+    if now.fitted != now.active:
+        return f"{_switched(now)}: the figures of that are being worked out"
+    helped = "" if last.helped else " (this step did not help beyond chance)"
+    return (
+        f"Now {last.rms_um[axis]:.2f} {micro} on training rows, {last.heldout_rms_um[axis]:.2f} {micro} held out; "
+        f"noise {noise_um[axis]:.2f} {micro}{helped}{left}"
+    )
+
+
+def _switched(now: Snapshot) -> str:
+    """What switches did since the last fit; '' where nothing was fitted and nothing is off."""
+    if now.off:
+        return f"{', '.join(sorted(now.off))} off"
+    return "switched on again" if now.rungs else ""
 
 
 def build_model(studio: Studio, go: Callable[[str], None]) -> None:

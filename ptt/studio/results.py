@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from ptt.commands.common import Reading
 
 ANSWERS = "answers.toml"
+SEAL = "sealed.json"
+EFFECTS = "effects"  # folder of the effect files; uploads never get there, for what is in it is executed
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Source:
         targets: targets of an export; '' where none.
         set_: 'column=value' each.
         map_: saved answers on columns and units; '' where none.
-        effects: Python files that the person who started the page named.
+        effects: Python files that the person who started the page named; they lie in the folder `EFFECTS`.
         answers: (question, answer) given on the page.
     """
 
@@ -54,6 +56,11 @@ class Source:
         """File with the answers on columns and units; '' where none."""
         return ANSWERS if self.answers else self.map_
 
+    @property
+    def effect_files(self) -> tuple[str, ...]:
+        """Where the effect files are."""
+        return tuple(f"{EFFECTS}/{name}" for name in self.effects)
+
     def reading(self) -> "Reading":
         """The same as the command line has it; nobody is asked on a terminal."""
         from ptt.commands.common import Reading
@@ -63,7 +70,7 @@ class Source:
             targets=Path(self.targets) if self.targets else None,
             set_=self.set_,
             map_=Path(self.mapping) if self.mapping else None,
-            effects=[Path(name) for name in self.effects],
+            effects=[Path(name) for name in self.effect_files],
             json=True,
         )
 

@@ -2,7 +2,7 @@
 
 import socket
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from nicegui import app, ui
@@ -115,12 +115,41 @@ class UploadLimit:
 
 
 async def _start(studio: Studio, opening: Opening) -> None:
-    for name, data in opening.files.items():
-        studio.keep(name, data)
-    studio.machine, studio.pending = opening.machine, opening.source
+    try:
+        source = keep_opening(studio, opening)
+    except InputError as error:
+        studio.fail(str(error))
+        return
+    studio.machine, studio.pending = opening.machine, source
     studio.tell("session")
-    if opening.source is not None and opening.machine:
-        await studio.open(opening.source, opening.machine)
+    if source is not None and opening.machine:
+        await studio.open(source, opening.machine)
+
+
+def keep_opening(studio: Studio, opening: Opening) -> Source | None:
+    """Copy the files of the command line into a tab's folder.
+
+    Args:
+        studio: of the tab.
+        opening: the files.
+
+    Returns:
+        The source by the names that the files have there.
+
+    Raises:
+        InputError: a file that cannot be taken.
+    """
+    source = opening.source
+    if source is None:
+        return None
+    kept = {"": ""}
+    for name, data in opening.files.items():
+        if name in source.effects:
+            studio.keep_effects(name, data)
+        else:
+            kept[name] = studio.keep(name, data)
+    also = tuple(kept[name] for name in source.also)
+    return replace(source, run=kept[source.run], also=also, targets=kept[source.targets], map_=kept[source.map_])
 
 
 def _free_port(port: int) -> int:

@@ -1,6 +1,5 @@
 """The state of one page: a run, a model and how it came to be, and what was found out; values only, no browser."""
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -9,19 +8,22 @@ from ptt.errors import ModelError
 from ptt.machine import EffectEntry, MachineFile, format_machine, parse_machine
 from ptt.studio.looks import Look
 from ptt.studio.results import Changed, Compared, Learned, Source, Trained
+from ptt.studio.steps import START, step_command, switch_commands
 
 Value = TypeVar("Value")
 Figures = Mapping[str, float]
-START = "machine.toml"
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One step of the ladder: words, RMS of training and of held-out rows in um, and whether the step helped."""
+    """One step of the ladder: words, RMS in um, and whether the step helped.
+
+    The RMS is of training and of held-out rows; where nothing was held out, it is the plain one of all rows.
+    """
 
     words: str
     rms_um: Figures
-    heldout_rms_um: Figures
+    heldout_rms_um: Figures | None
     helped: bool = True
 
 
@@ -36,6 +38,8 @@ class Snapshot:
         rungs: the ladder that led here.
         noise_um: noise floor of that ladder.
         commands: the commands that led here.
+        removed: effects that those commands removed because they were switched off.
+        fitted: the active text that the last rung describes.
         fit: the last fit in words.
     """
 
@@ -45,6 +49,8 @@ class Snapshot:
     rungs: tuple[Rung, ...] = ()
     noise_um: Mapping[str, Any] = field(default_factory=dict)
     commands: tuple[str, ...] = ()
+    removed: frozenset[str] = frozenset()
+    fitted: str = ""
     fit: str = ""
 
     @property
@@ -122,6 +128,16 @@ class Session:
         return () if self.now is None else self.now.file.effect
 
     @property
+    def commands(self) -> tuple[str, ...]:
+        """The commands that lead to the active model, the removal of what is switched off included."""
+        if self.now is None or self.source is None:
+            return ()
+        return (
+            *self.now.commands,
+            *switch_commands(self.source, len(self.now.commands), self.now.removed, self.now.off),
+        )
+
+    @property
     def kind(self) -> str:
         """Family of the mechanism."""
         return "three-ptt" if self.now is None else self.now.file.machine.kind
@@ -160,23 +176,20 @@ class Session:
             The session.
         """
         assert self.now is not None and self.source is not None
-        number = len(self.now.commands) + 1
-        given = START if number == 1 else f"model{number - 1}.toml"
-        words = [self.source.run, *effects, "--model", given, *self.source.options, "--out", f"model{number}.toml"]
-        command = shlex.join(["ptt", verb, *words])
+        commands, off = self.commands, self.now.off - set(effects)
         sign = {"add": "+ ", "remove": "\N{MINUS SIGN} ", "fit": ""}[verb]
         steps = tuple(_rung(step) for step in change.data["steps"])
-        return self._to(
-            Snapshot(
-                _with_off(change.model, self.now),
-                self.now.off,
-                f"{sign}{' '.join(effects) or 'refit'}",
-                (*self.now.rungs, *steps[1:]) if self.now.rungs else steps,
-                change.data["noise_um"],
-                (*self.now.commands, command),
-                change.text,
-            )
+        made = Snapshot(
+            _with_off(change.model, self.now),
+            off,
+            f"{sign}{' '.join(effects) or 'refit'}",
+            (*self.now.rungs, *steps[1:]) if self.now.rungs else steps,
+            change.data["noise_um"],
+            (*commands, step_command(self.source, len(commands), verb, effects)),
+            off,
+            fit=change.text,
         )
+        return self._to(replace(made, fitted=made.active))
 
     def switched(self, key: str, on: bool) -> "Session":
         """With an effect on or off; its parameters stay as they are.
