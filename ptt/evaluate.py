@@ -61,7 +61,7 @@ class Evaluation:
     unmatched: dict[str, list[str]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Figures for JSON: axes, total, protocol, and beside them unaligned, noise_um, unmatched."""
+        """Figures for JSON: axes, total, protocol, and beside them length, unaligned, noise_um, unmatched."""
         data = compare_errors(self.before, self.after) | {"protocol": self.protocol}
         if self.raw is not None:
             data["unaligned"] = compare_errors(*self.raw)
@@ -78,7 +78,8 @@ def compare_errors(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
         after: (m, 3) mm.
 
     Returns:
-        'axes' -> x, y, z -> before_um, after_um, reduction_percent, goal_percent, goal_met; 'total' alike without goal.
+        'axes' -> x, y, z -> before_um, after_um, reduction_percent, goal_percent, goal_met; alike without goal 'total',
+        the root of the axes' summed squares, and 'length', of the error vector's length in each row.
     """
     first, second = (1e3 * np.abs(errors).mean(axis=0) for errors in (before, after))
     axes: dict[str, Any] = {}
@@ -86,7 +87,9 @@ def compare_errors(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
         axes[axis] = _reduction(float(first[index]), float(second[index])) | {"goal_percent": GOALS[axis]}
         gained = axes[axis]["reduction_percent"]
         axes[axis]["goal_met"] = gained is not None and gained >= GOALS[axis]
-    return {"axes": axes, "total": _reduction(float(np.linalg.norm(first)), float(np.linalg.norm(second)))}
+    total = _reduction(float(np.linalg.norm(first)), float(np.linalg.norm(second)))
+    lengths = (1e3 * float(np.linalg.norm(errors, axis=1).mean()) for errors in (before, after))
+    return {"axes": axes, "total": total, "length": _reduction(*lengths)}
 
 
 def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) -> Errors:

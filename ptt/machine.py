@@ -184,7 +184,7 @@ def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise MachineError(f"not valid TOML: {error}", where=where) from error
+        raise MachineError(f"not valid TOML: {error}", where=where, fix="is this a machine file?") from error
     try:
         document = _Document.model_validate(raw)
     except pydantic.ValidationError as error:

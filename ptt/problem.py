@@ -19,6 +19,7 @@ from ptt.view import View, build_view
 SHIFT_USUAL = 10.0  # mm: the frame takes what it can; machine parameters only what it cannot
 TURN_USUAL = 0.05  # rad
 MOUNT_USUAL = 10.0  # mm
+CONTRARY = 5.0  # mm, median: corrections of commands are far smaller, swapped axes and other machines far larger
 FOREIGN = 20.0  # mm: targets this far from what the commands ask for are of another base or tool
 
 
@@ -125,9 +126,11 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
 
     Raises:
         WorkspaceError: targets or commands out of reach.
-        TableError: too few readings, or base reflectors missing that the machine file relies on.
+        TableError: too few readings, targets and slider commands that contradict each other, or base reflectors
+            missing that the machine file relies on.
     """
     view = build_view(file, table)
+    _refuse_contrary(file, table, view)
     observed = np.isfinite(table.measured).all(axis=1)
     used = observed & (table.role != "base")
     policy = file.tracker.frame
@@ -208,6 +211,22 @@ def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tupl
     turned = torch.einsum("nijc,nj->nic", by_vector[index], reading)
     eye = torch.eye(3, dtype=reading.dtype).expand(len(reading), 3, 3)
     return moved + parameters[index, :3], torch.cat([eye, turned], dim=-1)
+
+
+def _refuse_contrary(file: MachineFile, table: Table, view: View) -> None:
+    """Refuse targets that the slider commands do not ask for; an arm's may be stated for another base or tool."""
+    if table.command is None or file.machine.kind != "three-ptt":
+        return
+    apart = np.linalg.norm(table.target - view.p.numpy(), axis=1)
+    known = np.isfinite(apart) & (table.role != "base")
+    for run in np.unique(table.run[known]):
+        median = float(np.median(apart[known & (table.run == run)]))
+        if median > CONTRARY:
+            raise TableError(
+                f"targets and slider commands disagree by {median:.0f} mm (median)",
+                where=table.run_label[run] if " + " in table.source else table.source,
+                fix="are x and y swapped, or is it another machine?",
+            )
 
 
 def _from_poses(

@@ -14,7 +14,7 @@ from ptt.files import write_text
 from ptt.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
 from ptt.readers.assemble import set_columns, table_fields
 from ptt.readers.joined import join_fields
-from ptt.readers.scale import scale_hint
+from ptt.readers.scale import scale_fix, scale_hint
 
 COORDINATES = ("x", "y", "z")
 QUATERNION = ("qx", "qy", "qz", "qw")
@@ -198,7 +198,7 @@ def _read_one(
     table = Table(**arrays, joint_prefix=prefix, understood=understood)
     hint = scale_hint(table.target, table.measured)
     if hint:
-        raise TableError(hint, where=table.source, fix="rename the columns (x_meas_m) or convert them")
+        raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)} or convert them")
     return table
 
 

@@ -268,7 +268,7 @@ def test_a_scale_that_stands_still_to_the_end_is_refused():
 
 
 def test_turns_without_a_lead_are_refused():
-    with pytest.raises(TableError, match="screw lead"):
+    with pytest.raises(TableError, match=r"screw lead; add `--lead 5` \(mm\) or `--model machine.toml`"):
         read_scale_log(DATA / "scale.csv")
 
 

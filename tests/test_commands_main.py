@@ -246,6 +246,71 @@ def test_simulate_refuses_sliders_made_for_other_targets(target_frame, tmp_path)
     assert "another target" in line and not (tmp_path / "r.csv").exists()
 
 
+def test_commands_beside_the_targets_are_driven_and_said_so(target_frame, tmp_path):
+    targets, sliders = write(tmp_path / "t.csv", target_frame), tmp_path / "s.csv"
+    assert invoke("predict", targets, "--model", MACHINE, "--out", sliders).exit_code == 0
+    frame = pd.read_csv(sliders)
+    write(sliders, frame.assign(b1=frame["b1"] + 0.1))
+    rig = DATA / "rigs" / "experiment1.toml"
+    alone = invoke("simulate", rig, sliders, "--out", tmp_path / "a.csv", "--json")
+    assert json.loads(alone.stdout)["sliders"] == "given" and "driven by the commands b1.." in alone.stderr
+    invoke("simulate", rig, sliders, "--sliders", sliders, "--out", tmp_path / "b.csv")
+    invoke("simulate", rig, targets, "--out", tmp_path / "c.csv")
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes() != (tmp_path / "c.csv").read_bytes()
+
+
+@pytest.mark.parametrize("verb", ["plan", "predict"])
+def test_readings_are_never_overwritten_but_earlier_output_is(verb, run_frame, target_frame, tmp_path):
+    out = write(tmp_path / "run.csv", run_frame)
+    before = out.read_bytes()
+    given = [write(tmp_path / "t.csv", target_frame), "--model", MACHINE] if verb == "predict" else [MACHINE]
+    more = [] if verb == "predict" else ["--rows", "120"]
+    line = error_line(invoke(verb, *given, *more, "--out", out))
+    assert line.endswith("run.csv: holds readings; nothing was written; name another file")
+    assert out.read_bytes() == before
+    for _ in range(2):
+        assert invoke(verb, *given, *more, "--out", tmp_path / "new.csv").exit_code == 0
+
+
+def test_readings_are_seen_in_another_encoding_too(run_frame, tmp_path):
+    run_frame.to_csv(tmp_path / "wide.csv", index=False, encoding="utf-16")
+    with pytest.raises(InputError, match="holds readings"):
+        common.refuse_readings(tmp_path / "wide.csv")
+
+
+@pytest.mark.parametrize("verb", ["compare", "diagnose"])
+def test_swapped_targets_are_refused(verb, run_frame, tmp_path):
+    swapped = run_frame.assign(x_cmd=run_frame["y_cmd"], y_cmd=run_frame["x_cmd"])
+    line = error_line(invoke(verb, write(tmp_path / "swap.csv", swapped), "--model", MACHINE))
+    assert "swap.csv: targets and slider commands disagree by " in line
+    assert line.endswith("mm (median); are x and y swapped, or is it another machine?")
+
+
+def test_no_verdict_on_a_handful_of_readings(run_frame, tmp_path):
+    base, poses = run_frame[run_frame["role"] == "base"], run_frame[run_frame["role"] != "base"]
+    few = write(tmp_path / "few.csv", pd.concat([base[:8], poses[:11]]))
+    line = error_line(invoke("diagnose", few, "--model", MACHINE))
+    assert "few.csv: 11 readings are too few for a verdict" in line and "at least 12 poses" in line
+
+
+def test_a_file_that_is_no_machine_is_asked_about():
+    line = error_line(invoke("compare", DATA / "experiment1.csv", "--model", DATA / "README.md"))
+    assert "not valid TOML" in line and line.endswith("is this a machine file?")
+
+
+@pytest.mark.parametrize(
+    "verb, named", [("iso", ("RUN.csv", "--effects FILE.py")), ("backlash", ("LOG.csv", "--lead MM"))]
+)
+def test_help_names_files_as_the_other_verbs_do(verb, named):
+    shown = " ".join(invoke(verb, "--help").stdout.split())
+    assert all(name in shown for name in named)
+
+
+def test_help_of_challenges_is_plain():
+    shown = invoke("challenge", "--help").stdout
+    assert "Commands:" in shown and "\u2500" not in shown and "--install-completion" not in shown
+
+
 def test_simulate_writes_run_and_truth(target_frame, tmp_path):
     targets = write(tmp_path / "t.csv", target_frame)
     common_args = ["simulate", DATA / "rigs" / "experiment1.toml", targets, "--truth", tmp_path / "truth.csv", "--json"]

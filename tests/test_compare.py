@@ -112,6 +112,16 @@ def test_figures_are_ordered_and_totals_add_up(rows):
         assert values["total"] == pytest.approx(np.sqrt(sum(values[axis] ** 2 for axis in AXES)))
 
 
+def test_text_gives_the_length_of_error_vectors_not_the_sum_of_axes_that_peak_in_different_rows():
+    target = places(40)
+    error = np.zeros((40, 3))
+    error[::2, 0], error[1::2, 1] = 0.03, -0.04
+    text = format_comparison(held(machine(sigma=0.002), make_table(target, measured=target + error)))
+    ends = {name: text.split(name, 1)[1].splitlines()[0].split()[-1] for name in ("largest", "mean |error|")}
+    assert ends == {"largest": "40.0", "mean |error|": "35.0"}
+    assert next(line for line in text.splitlines() if line.rstrip().endswith("length"))
+
+
 def test_slider_errors_are_those_that_were_made():
     file, made = machine(), np.array([0.02, -0.03, 0.05])
     table = moved_sliders(file, places(60), lambda q, direction: made)

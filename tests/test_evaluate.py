@@ -38,6 +38,9 @@ def test_the_figures_are_those_of_equation_21():
     assert [axis["goal_percent"] for axis in (x, y, z)] == [90.0, 90.0, 80.0]
     assert [x["goal_met"], z["goal_met"]] == [True, False]
     assert data["total"]["before_um"] == pytest.approx(np.hypot(np.hypot(300, 200), 100))
+    lengths = 1e3 * np.linalg.norm(before, axis=1)
+    assert data["length"]["before_um"] == pytest.approx(lengths.mean())
+    assert data["length"]["after_um"] == pytest.approx(1e3 * np.linalg.norm(before * [0.05, 0.10, 0.21], axis=1).mean())
 
 
 def test_no_error_before_has_no_reduction():
@@ -127,6 +130,7 @@ def test_the_command_prints_the_documented_keys(tmp_path):
     assert {"axes", "total", "protocol", "unaligned", "noise_um", "unmatched"} <= set(data)
     assert data["protocol"]["rows"] == 30 and len(data["unmatched"]["before"]) == 10
     text = CliRunner().invoke(app, args).stdout
+    assert "\n  length" in text and "WARNING" not in text
     assert "goal 80 met" in text and "without counterpart in before" in text and "without frame alignment" in text
 
 
@@ -134,3 +138,14 @@ def test_one_run_needs_a_model(tmp_path):
     write_table(run(0.2, name=NAMES), tmp_path / "b.csv")
     result = CliRunner().invoke(app, ["evaluate", str(tmp_path / "b.csv")])
     assert result.exit_code == 2 and "--model" in result.stderr
+
+
+def test_few_matches_are_the_first_thing_said(tmp_path):
+    write_table(run(0.2, name=NAMES), tmp_path / "b.csv")
+    write_table(run(0.01, PLACES[:19], name=NAMES[:19]), tmp_path / "a.csv")
+    args = ["evaluate", str(tmp_path / "b.csv"), str(tmp_path / "a.csv"), "--frame", "trusted"]
+    result = CliRunner().invoke(app, args)
+    assert result.stdout.startswith("WARNING: only 19 of 40 rows of BEFORE count")
+    assert "warning: only 19 of 40 rows of BEFORE" in result.stderr
+    spoken = CliRunner().invoke(app, [*args, "--json"])
+    assert json.loads(spoken.stdout)["protocol"]["rows"] == 19 and "only 19 of 40" in spoken.stderr

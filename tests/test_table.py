@@ -175,8 +175,14 @@ BAD = {
         "this looks like metres; rename the columns",
     ),
     "metres target": (csv("0,0,.3,0,0,300", ".1,0,.3,99,0,300", "0,.1,.3,0,99,300"), "x_cmd, y, z spread over 0.1 mm"),
-    "inches": (csv("0,0,0,0,0,0", "254,0,0,10,0,0", "0,254,0,0,10,0"), "this looks like inches"),
-    "micrometres": (csv("0,0,0,0,0,0", "30,0,0,30000,0,0", "0,30,0,0,30000,0"), "this looks like micrometres"),
+    "inches": (
+        csv("0,0,0,0,0,0", "254,0,0,10,0,0", "0,254,0,0,10,0"),
+        "looks like inches; rename the columns (x_meas_in)",
+    ),
+    "micrometres": (
+        csv("0,0,0,0,0,0", "30,0,0,30000,0,0", "0,30,0,0,30000,0"),
+        "like micrometres; rename the columns (x_meas_um)",
+    ),
     "binary": ("\x00\x01\x02\x03" * 40, "run.csv: not a text file; export the readings as CSV"),
 }
 

@@ -160,7 +160,9 @@ def _command(table: pd.DataFrame, lead_mm: float | None, turns: float | None, so
         fix = "add one, or mark the rows' phase and give the number of turns"
         raise TableError("no column command_turns or motor_mm", where=source, fix=fix)
     if lead_mm is None or lead_mm <= 0.0:
-        raise TableError("motor turns need the screw lead", where=source, fix="give a positive lead in mm")
+        raise TableError(
+            "motor turns need the screw lead", where=source, fix="add `--lead 5` (mm) or `--model machine.toml`"
+        )
     if not by_phase:
         return _numbers(table, "command_turns", source) * lead_mm
     assert turns is not None

@@ -5,21 +5,30 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ptt.commands.common import Json
+
 if TYPE_CHECKING:
     from ptt.backlash.measure import BacklashResult
 
 
 def backlash(
-    scale: Annotated[Path, typer.Argument(help="Log of a linear scale: slider, command_turns or motor_mm, scale_mm.")],
+    scale: Annotated[
+        Path,
+        typer.Argument(metavar="LOG.csv", help="Log of a linear scale: slider, command_turns or motor_mm, scale_mm."),
+    ],
     model: Annotated[
-        Path | None, typer.Option(help="Machine file or compensator folder; gives the screw lead.")
+        Path | None,
+        typer.Option("--model", metavar="M", help="machine.toml or compensator folder; gives the screw lead."),
     ] = None,
-    lead_mm: Annotated[float | None, typer.Option("--lead", help="Screw lead, mm.")] = None,
+    lead_mm: Annotated[float | None, typer.Option("--lead", metavar="MM", help="Screw lead, mm.")] = None,
     turns: Annotated[
-        float | None, typer.Option(help="Motor turns each way, for a marked log without commands.")
+        float | None,
+        typer.Option("--turns", metavar="U", help="Motor turns each way, for a marked log without commands."),
     ] = None,
-    resolution_um: Annotated[float | None, typer.Option("--resolution-um", help="One count of the scale, um.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    resolution_um: Annotated[
+        float | None, typer.Option("--resolution-um", metavar="UM", help="One count of the scale, um.")
+    ] = None,
+    json: Json = False,
 ) -> None:
     """Measure the backlash of each slider, by data length and by scale counts, for each payload."""
     from ptt.backlash.measure import measure_backlash

@@ -8,7 +8,11 @@ import typer
 
 from ptt.commands.common import Effects, Json, ModelPath, Reading, note, open_library, open_model, show
 
-app = typer.Typer(help="A run with hidden faults that you find; then open the seal and see how well you did.")
+app = typer.Typer(
+    help="A run with hidden faults that you find; then open the seal and see how well you did.",
+    add_completion=False,
+    rich_markup_mode=None,
+)
 
 
 class LevelName(StrEnum):
@@ -108,7 +112,8 @@ def _hidden(item: dict[str, Any], noise: float) -> list[str]:
         status += f" by {', '.join(item['instead'])}"
     elif item["is"] == "explained":
         status += " by the other effects of the model"
-    lines = [f"  {item['effect']}: {status}; it leaves {item['size_um']:.1f} um, {item['size_um'] / noise:.1f} x noise"]
+    size = item["size_um"]
+    lines = [f"  {item['effect']}: {status}; by itself it makes {size:.1f} um, {size / noise:.1f} x noise"]
     lines.append(f"    truth  {', '.join(f'{key} = {_short(value)}' for key, value in item['truth'].items())}")
     if item["model"]:
         lines.append(f"    model  {', '.join(_parameter(one) for one in item['model'])}")

@@ -58,7 +58,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 __all__ = [
     "Also", "Effects", "Json", "Map", "ModelPath", "Opened", "Progress", "Reading", "Run", "Set", "Targets", "note",
     "open_library", "open_model", "open_problem", "open_run", "parse_settings", "plain", "progress", "read_rows",
-    "show", "tell_notes",
+    "refuse_readings", "show", "tell_notes",
 ]  # fmt: skip
 
 
@@ -229,6 +229,25 @@ def parse_settings(pairs: Sequence[str]) -> dict[str, float]:
     return values
 
 
+def refuse_readings(out: Path) -> None:
+    """Refuse to write targets or commands over a tracker run, which nothing brings back.
+
+    Args:
+        out: the file about to be written; an earlier list of targets or commands may be replaced.
+
+    Raises:
+        InputError: a file of that name has a column x_meas.
+    """
+    from ptt.errors import InputError
+
+    if not out.is_file():
+        return
+    with out.open("rb") as file:
+        head = file.read(8192).replace(b"\0", b"").lower()  # without the zeros, UTF-16 too shows its titles
+    if b"x_meas" in head:
+        raise InputError("holds readings; nothing was written", where=str(out), fix="name another file")
+
+
 def _asker(reading: Reading) -> "Ask | None":
     """Who answers what a file leaves open: nobody where a program is listening or no terminal is there."""
     if reading.json or not sys.stdin.isatty():
@@ -249,6 +268,7 @@ def _asker(reading: Reading) -> "Ask | None":
 def _check_unit(table: "Table", file: "MachineFile", reading: Reading) -> None:
     """Refuse metres in a mm column; a person who answered on units with --map knows better."""
     from ptt.errors import TableError
+    from ptt.readers.scale import scale_fix
     from ptt.table import unit_hint
 
     spec = file.machine
@@ -259,7 +279,7 @@ def _check_unit(table: "Table", file: "MachineFile", reading: Reading) -> None:
     )
     hint = unit_hint(table, size)
     if hint and not _states_units(reading.map_):
-        fix = "rename the columns (x_cmd_m), or give their unit in a file for --map"
+        fix = f"{scale_fix(hint)}, or give their unit in a file for --map"
         raise TableError(hint, where=table.source, fix=fix)
 
 

@@ -15,6 +15,7 @@ from ptt.commands.common import (
     Run,
     Set,
     Targets,
+    note,
     open_library,
     open_model,
     open_run,
@@ -70,7 +71,10 @@ def evaluate(
         raise InputError("one run and nothing to hold it against", fix="name AFTER.csv, or --model M")
     else:
         data = _computed(run, model, frame, z_datum, reading)
-    show(data, _text(data), json)
+    warning = _few_matched(data)
+    if warning:
+        note(f"warning: {warning}")
+    show(data, "\n".join([f"WARNING: {warning}", _text(data)] if warning else [_text(data)]), json)
 
 
 def _measured(
@@ -106,7 +110,15 @@ def _computed(run: Path, model: Path, frame: Frame | None, z_datum: ZDatum, read
 
 def _short(result: "Evaluation") -> dict[str, Any]:
     data = result.to_dict()
-    return {key: data[key] for key in ("axes", "total", "protocol")}
+    return {key: data[key] for key in ("axes", "total", "length", "protocol")}
+
+
+def _few_matched(data: dict[str, Any]) -> str:
+    """What to say where less than half of a run has a counterpart in the other; '' where there is no such thing."""
+    matched = data["protocol"]["rows"]
+    rows = {side: matched + len(left) for side, left in data["unmatched"].items()}
+    few = [f"{count} rows of {side.upper()}" for side, count in rows.items() if 2 * matched < count]
+    return f"only {matched} of {' and of '.join(few)} count, the others have no counterpart" if few else ""
 
 
 def _text(data: dict[str, Any]) -> str:
@@ -133,7 +145,7 @@ def _text(data: dict[str, Any]) -> str:
 
 def _table(data: dict[str, Any], goals: bool = True) -> list[str]:
     lines = [f"  {'mean |error|':<12} {'before um':>10} {'after um':>10} {'less %':>8}"]
-    for name, row in (*data["axes"].items(), ("total", data["total"])):
+    for name, row in (*data["axes"].items(), ("length", data["length"])):
         gained = row["reduction_percent"]
         line = f"  {name:<12} {row['before_um']:>10.1f} {row['after_um']:>10.1f}"
         line += f" {'-' if gained is None else f'{gained:.1f}':>8}"

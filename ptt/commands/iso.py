@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ptt.commands.common import parse_settings
+from ptt.commands.common import Also, Effects, Json, Map, Reading, Set, Targets, open_library, parse_settings
 
 if TYPE_CHECKING:
     from ptt.iso.figures import IsoPoses
@@ -14,18 +14,26 @@ if TYPE_CHECKING:
 
 
 def iso(
-    run: Annotated[Path, typer.Argument(help="Tracker run, or axis runs with direction, target_mm, measured_mm.")],
-    model: Annotated[Path | None, typer.Option(help="Machine file or compensator folder.")] = None,
-    also: Annotated[list[Path] | None, typer.Option(help="Another run; repeatable.")] = None,
-    targets: Annotated[Path | None, typer.Option(help="Targets of an export that holds readings only.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="One value for all rows: payload_kg=2.")] = None,
-    map_: Annotated[Path | None, typer.Option("--map", help="Saved answers on columns and units.")] = None,
+    run: Annotated[
+        Path,
+        typer.Argument(metavar="RUN.csv", help="Tracker run, or axis runs with direction, target_mm, measured_mm."),
+    ],
+    model: Annotated[
+        Path | None, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")
+    ] = None,
+    also: Also = None,
+    targets: Targets = None,
+    set_: Set = None,
+    map_: Map = None,
+    effects: Effects = None,
     any_direction: Annotated[bool, typer.Option(help="Do not tell the approaches of a pose apart.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    json: Json = False,
 ) -> None:
     """Work out ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
     from ptt.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
+    if effects:
+        open_library(Reading(effects=effects))  # no figure needs them; a file that cannot be used is said all the same
     result: IsoAxes | IsoPoses
     if is_axis_file(run):
         result = read_axis_figures(run)

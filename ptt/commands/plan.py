@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Effects, Json, Reading, open_library, open_model, read_rows, show
+from ptt.commands.common import Effects, Json, Reading, open_library, open_model, read_rows, refuse_readings, show
 
 if TYPE_CHECKING:
     from ptt.design.first_run import FirstRun
@@ -40,6 +40,7 @@ def plan(
     from ptt.design.first_run import plan_first_run
     from ptt.table import write_table
 
+    refuse_readings(out)
     reading = Reading(effects=effects, json=json)
     known = open_library(reading)
     model = open_model(machine, known).model

@@ -18,6 +18,7 @@ from ptt.commands.common import (
     open_model,
     progress,
     read_rows,
+    refuse_readings,
     show,
 )
 
@@ -53,6 +54,7 @@ def predict(
     from ptt.files import write_text
     from ptt.training.train import correction_of
 
+    refuse_readings(out)
     reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
     compensator = open_model(model, open_library(reading))
     table = read_rows(targets, compensator.model.file, reading, "targets")
@@ -144,7 +146,7 @@ def _text(data: dict[str, Any]) -> str:
         [
             f"{data['out']}: {data['rows']} rows ({counts})"
             + (f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"),
-            f"  largest correction {data['largest_shift_um']:.1f} um",
+            f"  largest static correction {data['largest_shift_um']:.1f} um",
             f"  sent: {data['form']}; the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2) would put the tool "
             f"at most {data['first_order_difference_um']:.3f} um elsewhere",
             f"  reversal: {data['reversal']} (largest part {data['largest_reversal_um']:.1f} um)",

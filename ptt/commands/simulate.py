@@ -36,6 +36,9 @@ def simulate(
     machine = load_rig(rig)
     reading = Reading(map_=map_, json=json)
     wanted = read_rows(targets, machine.machine, reading, "targets")
+    if sliders is None and _holds_commands(wanted):
+        sliders = targets
+        note(f"driven by the commands {wanted.joint_prefix}1.. in {targets}, as with --sliders {targets}")
     sent = (
         None if sliders is None else _sliders(sliders, wanted, read_rows(sliders, machine.machine, reading, "sliders"))
     )
@@ -57,6 +60,12 @@ def _commands(table: "Table") -> "pd.DataFrame":
     frame = table_to_frame(table)
     frame["role"] = table.role
     return frame
+
+
+def _holds_commands(table: "Table") -> bool:
+    """Whether commands to send stand beside the targets, as `ptt predict` writes them."""
+    beside = {title.strip().lower() for title in table.understood.ignored}
+    return {f"{table.joint_prefix}{joint}" for joint in (1, 2, 3)} <= beside
 
 
 def _sliders(path: Path, wanted: "Table", sent: "Table") -> "pd.DataFrame":

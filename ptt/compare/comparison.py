@@ -78,6 +78,11 @@ class Comparison:
         return figures((self.unaligned - self.residual)[self.kept])["rms_um"]
 
     @property
+    def lengths(self) -> np.ndarray:
+        """How far each reading that counts is off after the frame policy, (m,) mm."""
+        return np.asarray(np.linalg.norm(self.residual[self.kept], axis=1))
+
+    @property
     def explainable_share(self) -> float | None:
         """Share of the residual's mean square that is more than noise, 0 to 1; None where the noise is unknown."""
         if self.noise is None:
@@ -95,7 +100,6 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON, keys as documented."""
-        length = np.linalg.norm(self.residual[self.kept], axis=1)
         unknown: dict[str, Any] = {**dict.fromkeys((*AXES, "total")), "source": "unknown"}
         return {
             "rows": self.rows,
@@ -105,7 +109,7 @@ class Comparison:
             "frame": self.frame,
             "frame_removed_um": self.frame_removed,
             **figures(self.residual[self.kept]),
-            "length_um": one_figure(length, UM),
+            "length_um": one_figure(self.lengths, UM),
             "raw_um": figures(self.raw[self.kept]),
             "unaligned_um": figures(self.unaligned[self.kept]),
             "base_frame_um": None if self.by_base is None else figures(self.by_base[self.kept]),
@@ -178,6 +182,9 @@ def compare_run(
 
 def figures(error: np.ndarray) -> dict[str, dict[str, float]]:
     """Figures of an error per axis, and in total as the root of their summed squares.
+
+    Only of root mean squares and biases is that a figure of the error vectors' lengths (means and lengths of means);
+    for mean, 95 % and largest take `one_figure` of the lengths.
 
     Args:
         error: (m, 3) mm.

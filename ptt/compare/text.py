@@ -6,7 +6,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ptt.compare.comparison import Comparison, figures
+from ptt.compare.comparison import UM, Comparison, figures, one_figure
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.where import Part, WorstRow
 
@@ -53,9 +53,10 @@ def _table(*columns: str) -> Table:
 
 
 def _errors(result: Comparison) -> Table:
-    table = _table("", "x", "y", "z", "total")
+    """Per axis, and of the length of the error vector of each reading: the largest of one axis may be another row's."""
+    table = _table("", "x", "y", "z", "length")
     after, before = figures(result.residual[result.kept]), figures(result.unaligned[result.kept])
-    raw = figures(result.raw[result.kept])
+    raw, length = figures(result.raw[result.kept]), one_figure(result.lengths, UM)
     base = {} if result.by_base is None else figures(result.by_base[result.kept])["rms_um"]
     rows = [
         ("rms of measured - target, as they come", raw["rms_um"]),
@@ -63,9 +64,9 @@ def _errors(result: Comparison) -> Table:
         ("rms of what the frame took", result.frame_removed),
         *([] if result.by_base is None else [("in the frame of the base reflectors alone: rms", base)]),
         ("after frame alignment: rms", after["rms_um"]),
-        ("                       mean |error|", after["mean_um"]),
-        ("                       95 % below", after["p95_um"]),
-        ("                       largest", after["max_um"]),
+        ("                       mean |error|", after["mean_um"] | {"total": length["mean_um"]}),
+        ("                       95 % below", after["p95_um"] | {"total": length["p95_um"]}),
+        ("                       largest", after["max_um"] | {"total": length["max_um"]}),
     ]
     if result.noise is not None:
         rows.append((f"noise floor, 1 sigma ({result.noise.source})", result.noise.to_dict()))  # type: ignore[arg-type]

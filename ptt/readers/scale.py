@@ -3,6 +3,7 @@
 import numpy as np
 
 _FACTORS = {"metres": (1000.0, 0.25), "inches": (25.4, 0.05)}
+_SUFFIX = {"metres": "m", "inches": "in", "micrometres": "um"}
 _LARGEST_IN_METRES = 5.0
 
 
@@ -32,6 +33,19 @@ def scale_hint(target: np.ndarray, measured: np.ndarray, size_mm: float | None =
         if 0.0 < width < 2e-3 * size_mm:
             return _sentence(name, width, "metres", f"the machine is {size_mm:.3g} mm in size")
     return None
+
+
+def scale_fix(hint: str) -> str:
+    """The way out of a hint: the column title that states the unit.
+
+    Args:
+        hint: a sentence of `scale_hint`.
+
+    Returns:
+        For instance 'rename the columns (x_meas_in)'.
+    """
+    title, unit = hint.split(",")[0], hint.split()[-1]
+    return f"rename the columns ({title}_{_SUFFIX[unit]})"
 
 
 def _sentence(title: str, width: float, unit: str, against: str) -> str:
