@@ -214,13 +214,17 @@ def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tupl
 
 
 def _refuse_contrary(file: MachineFile, table: Table, view: View) -> None:
-    """Refuse targets that the slider commands do not ask for; an arm's may be stated for another base or tool."""
+    """Refuse targets that the slider commands do not ask for; an arm's may be stated for another base or tool.
+
+    A constant shift is none of it: targets may mean another point of the platform, heights another zero.
+    """
     if table.command is None or file.machine.kind != "three-ptt":
         return
-    apart = np.linalg.norm(table.target - view.p.numpy(), axis=1)
-    known = np.isfinite(apart) & (table.role != "base")
+    apart = table.target - view.p.numpy()
+    known = np.isfinite(apart).all(axis=1) & (table.role != "base")
     for run in np.unique(table.run[known]):
-        median = float(np.median(apart[known & (table.run == run)]))
+        own = apart[known & (table.run == run)]
+        median = float(np.median(np.linalg.norm(own - np.median(own, axis=0), axis=1)))
         if median > CONTRARY:
             raise TableError(
                 f"targets and slider commands disagree by {median:.0f} mm (median)",

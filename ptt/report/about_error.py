@@ -57,9 +57,9 @@ def figures_grid(result: Comparison) -> Grid:
         ("measured less model, before frame alignment: RMS", data["unaligned_um"]["rms_um"]),
         (f"what the frame took ({result.frame}): RMS", data["frame_removed_um"]),
         ("after frame alignment: RMS", data["rms_um"]),
-        ("after frame alignment: mean size", data["mean_um"]),
-        ("after frame alignment: 95 % below", data["p95_um"]),
-        ("after frame alignment: largest", data["max_um"]),
+        ("after frame alignment: mean size", data["mean_um"] | {"total": data["length_um"]["mean_um"]}),
+        ("after frame alignment: 95 % below", data["p95_um"] | {"total": data["length_um"]["p95_um"]}),
+        ("after frame alignment: largest", data["max_um"] | {"total": data["length_um"]["max_um"]}),
     ]
     if data["base_frame_um"] is not None:
         rows.insert(3, ("in the frame of the base reflectors alone: RMS", data["base_frame_um"]["rms_um"]))

@@ -26,7 +26,7 @@ def reduction_section(contents: Contents) -> Section:
                 _less(row["reduction_percent"]),
                 f"{row['goal_percent']:.0f} %, {'met' if row['goal_met'] else 'missed'}" if "goal_met" in row else NONE,
             )
-            for axis, row in (*data["axes"].items(), ("total", data["total"]))
+            for axis, row in (*data["axes"].items(), ("length", data["length"]))
         ]
         head = ("mean |error|", "before um", "after um", "less", "goal")
         blocks.append(grid(f"{TITLES.get(name, name).capitalize()}", head, rows))
