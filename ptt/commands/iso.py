@@ -96,22 +96,14 @@ def _axes_lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _pose_lines(figures: dict[str, Any]) -> list[str]:
-    before, after = figures["as_measured"], figures["aligned"]
+    from ptt.iso.pose import named_figures
+
+    after = figures["aligned"]
     lines = [
         f"{figures['standard']}: {len(after['poses'])} poses repeated, {after['single_poses']} measured once left out",
         f"  {'um':<30}{'mean':>9}{'worst':>9}",
     ]
-    rows = (
-        ("accuracy AP, as measured", before["AP_um"]),
-        ("accuracy AP, aligned", after["AP_um"]),
-        ("repeatability RP", after["RP_um"]),
-        ("variation by direction vAP", after["vAP_um"]),
-        ("distance accuracy AD", after["AD_um"]),
-        ("distance repeatability RD", after["RD_um"]),
-        ("drift of AP, aligned", after["dAP_um"]),
-        ("drift of RP", after["dRP_um"]),
-    )
-    for name, pair in rows:
+    for name, pair in named_figures(figures):
         mean, worst = (pair["mean"], pair["worst"]) if pair else (None, None)
         lines.append(f"  {name:<30}{_cell(mean)}{_cell(worst)}")
     return lines

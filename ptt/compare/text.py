@@ -7,7 +7,6 @@ from rich.console import Console
 from rich.table import Table
 
 from ptt.compare.comparison import UM, Comparison, figures, one_figure
-from ptt.dependence.dependence import Dependence
 from ptt.dependence.where import Part, WorstRow
 
 SHOWN_ROWS = 5
@@ -166,25 +165,13 @@ def _dependences(result: Comparison) -> list[str | Table]:
         return ["The error depends on nothing that the run tells of."]
     table = _table("error of", "on", "share", "by chance", "how")
     for item in found[:SHOWN_DEPENDENCES]:
-        table.add_row(item.residual, item.on, _percent(item.share), _chance(item.p_value), _how(item))
+        table.add_row(item.residual, item.on, _percent(item.share), _chance(item.p_value), item.how())
     more = f", the first {SHOWN_DEPENDENCES} of {len(found)}" if len(found) > SHOWN_DEPENDENCES else ""
     parts: list[str | Table] = [f"what the error depends on, each by itself{more}", table]
     if found[0].rivals:
         rivals = ", ".join(found[0].rivals[:SHOWN_ROWS])
         parts.append(f"explain as much as the first, but are less likely the cause: {rivals}")
     return parts
-
-
-def _how(item: Dependence) -> str:
-    """The shape of a dependence in a word or two."""
-    unit = "rad" if item.on.startswith("q") else "mm"
-    if item.period_mm is not None:
-        return f"period {item.period_mm:.4g} {unit}"
-    if item.with_ is not None:
-        return f"varies with {item.with_}"
-    if item.place is not None:
-        return f"{item.shape} at {item.place[0]:.4g} to {item.place[1]:.4g}"
-    return item.shape
 
 
 def _percent(share: float) -> str:

@@ -55,6 +55,20 @@ class Dependence:
     with_: str | None = None
     rivals: tuple[str, ...] = ()
 
+    def how(self, second: str | None = None) -> str:
+        """The shape in a word or two, for example 'period 5 mm' or 'step at 12 to 14'.
+
+        Args:
+            second: a name for the second variable; None for its own.
+        """
+        if self.period_mm is not None:
+            return f"period {self.period_mm:.4g} {'rad' if self.on.startswith('q') else 'mm'}"
+        if self.with_ is not None:
+            return f"varies with {second or self.with_}"
+        if self.place is not None:
+            return f"{self.shape} at {self.place[0]:.4g} to {self.place[1]:.4g}"
+        return self.shape
+
     def to_dict(self) -> dict[str, object]:
         """Figures for JSON, curves in um."""
         centre, mean, half = self.curve.T

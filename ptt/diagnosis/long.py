@@ -90,7 +90,7 @@ def diagnose_long(
         added.append(more.trial.effect.key)
         fitted, design = run.weigh(run.with_effect(fitted, more.trial.effect))
     given = run.weigh_given(told.path.start.fitted, design.rows)
-    return _conclude(run, told, added, given, fitted, design)
+    return _conclude(run, told, added, given, fitted, design, steps)
 
 
 class _Run:
@@ -182,7 +182,13 @@ class _Run:
 
 
 def _conclude(
-    run: _Run, told: Diagnosis, added: list[str], given: FitResult, fitted: FitResult, design: SummedDesign
+    run: _Run,
+    told: Diagnosis,
+    added: list[str],
+    given: FitResult,
+    fitted: FitResult,
+    design: SummedDesign,
+    steps: int,
 ) -> Diagnosis:
     """The sample's diagnosis with everything that all rows tell in its place."""
     problem, rows = run.problem, design.rows
@@ -210,7 +216,7 @@ def _conclude(
         f"in stretches of travel; parameters, screen, held-out errors, gross rows and what the rest follows are of all "
         f"rows, summed up in chunks of {run.size}."
     )
-    return replace(result, words=f"{explain_verdict(result)} {how}")
+    return replace(result, words=f"{explain_verdict(result, steps)} {how}")
 
 
 def _path(told: Diagnosis, added: list[str], given: FitResult, fitted: FitResult, design: SummedDesign) -> Path:

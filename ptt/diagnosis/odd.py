@@ -50,9 +50,9 @@ class Oddity:
 def weigh_oddities(walker: Walker, state: State, found: tuple[Dependence, ...]) -> list[Oddity]:
     """What each dependence would take off a state's residual if it were an effect.
 
-    A dependence on a joint's own height, direction or speed acts on that joint; others act on the tool. Where the
-    residual depends on a coordinate of the tool, a free smooth field over the workspace is weighed as well: what pulls
-    at the platform from one side moves it by no function of one coordinate.
+    A dependence on a joint's own height, direction or speed acts on that joint; others act on the tool. A free
+    smooth field over the workspace is weighed as well: what pulls at the platform from one side moves it by no function
+    of one coordinate.
 
     Args:
         walker: of the problem.
@@ -60,7 +60,7 @@ def weigh_oddities(walker: Walker, state: State, found: tuple[Dependence, ...]) 
         found: dependences.
 
     Returns:
-        Those that are local, periodic or not of an axis, largest gain first.
+        Those that are local, periodic or not of an axis, and free fields, largest gain first.
     """
     contexts = context_views(walker.problem)
     terms = [(term.effect, term.theta) for term in state.fitted.model.terms]

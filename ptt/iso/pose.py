@@ -301,3 +301,25 @@ def _mean_and_worst(values: Sequence[float]) -> dict[str, float] | None:
     if not values:
         return None
     return {"mean": 1e3 * float(np.mean(values)), "worst": 1e3 * float(max(values, key=abs))}
+
+
+def named_figures(figures: dict[str, Any]) -> list[tuple[str, dict[str, float] | None]]:
+    """The figures of a run under the standard's names.
+
+    Args:
+        figures: what `ptt iso` gives in JSON for poses.
+
+    Returns:
+        Name, and mean and worst over the poses in um, None where the run does not tell them.
+    """
+    before, after = figures["as_measured"], figures["aligned"]
+    return [
+        ("accuracy AP, as measured", before["AP_um"]),
+        ("accuracy AP, aligned", after["AP_um"]),
+        ("repeatability RP", after["RP_um"]),
+        ("variation by direction vAP", after["vAP_um"]),
+        ("distance accuracy AD", after["AD_um"]),
+        ("distance repeatability RD", after["RD_um"]),
+        ("drift of AP, aligned", after["dAP_um"]),
+        ("drift of RP", after["dRP_um"]),
+    ]

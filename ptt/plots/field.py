@@ -33,7 +33,7 @@ def draw_field(result: Comparison, problem: Problem) -> Figure:
     span = max(float(np.ptp(place, axis=0).max()), 1e-3)
     factor = enlargement(span, 1e-3 * float(np.quantile(size, 0.95)))
     norm = Normalize(0.0, max(float(size.max()), 1e-3))
-    figure = Figure(figsize=(12.4, 6.0), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, wspace=0.06))
+    figure = Figure(figsize=(12.4, 6.0), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, wspace=0.16))
     grid = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     space = figure.add_subplot(grid[0], projection="3d")
     _draw_space(space, place, error * factor, size, norm)
@@ -124,7 +124,7 @@ def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
 
 def _draw_key(panel: Axes, span: float, factor: float) -> None:
     """A bar below the arrows: how long an error of a round size is drawn."""
-    size = round_down(1e3 * 2.0 * REACH * span / factor)
+    size = round_down(1e3 * REACH * span / factor)
     left, right = panel.get_xlim()
     start, height = left + 0.04 * (right - left), panel.get_ylim()[0] + 0.2 * KEY * (right - left)
     end = start + 1e-3 * size * factor

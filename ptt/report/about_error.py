@@ -161,26 +161,13 @@ def depends_grid(found: tuple[Dependence, ...], title: str, problem: Problem) ->
         The table.
     """
     rows = [
-        (one.residual, variable_label(one.on, problem), percent(one.share), chance(one.p_value), how(one, problem))
+        (
+            one.residual,
+            variable_label(one.on, problem),
+            percent(one.share),
+            chance(one.p_value),
+            one.how(one.with_ and variable_label(one.with_, problem)),
+        )
         for one in found
     ]
     return grid(title, ("error of", "on", "share of variance", "p-value", "how"), rows, left=2, wordy=True)
-
-
-def how(item: Dependence, problem: Problem) -> str:
-    """The shape of a dependence in a word or two.
-
-    Args:
-        item: the dependence.
-        problem: for the names of the variables.
-
-    Returns:
-        For example 'period 5 mm' or 'step at 12 to 14'.
-    """
-    if item.period_mm is not None:
-        return f"period {item.period_mm:.4g} {'rad' if item.on.startswith('q') else 'mm'}"
-    if item.with_ is not None:
-        return f"varies with {variable_label(item.with_, problem)}"
-    if item.place is not None:
-        return f"{item.shape} at {item.place[0]:.4g} to {item.place[1]:.4g}"
-    return item.shape

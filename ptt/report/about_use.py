@@ -1,5 +1,6 @@
 """What the report says of the use of it: error before and after, and the standard's figures."""
 
+from ptt.iso.pose import named_figures
 from ptt.report.blocks import Block, Picture, Section, Words, grid
 from ptt.report.contents import Contents
 from ptt.report.numbers import NONE, um
@@ -50,18 +51,11 @@ def iso_section(contents: Contents) -> Section:
         words = f"Not worked out: {contents.why_not['iso']}."
         return Section("iso", "ISO 9283 figures", (Words(words, "lack"),))
     figures = contents.iso.to_dict()
-    before, after = figures["as_measured"], figures["aligned"]
-    rows = (
-        ("accuracy AP, as measured", before["AP_um"]),
-        ("accuracy AP, aligned", after["AP_um"]),
-        ("repeatability RP", after["RP_um"]),
-        ("variation by direction vAP", after["vAP_um"]),
-        ("distance accuracy AD", after["AD_um"]),
-        ("distance repeatability RD", after["RD_um"]),
-        ("drift of AP, aligned", after["dAP_um"]),
-        ("drift of RP", after["dRP_um"]),
-    )
-    cells = [(name, *((um(pair["mean"]), um(pair["worst"])) if pair else (NONE, NONE))) for name, pair in rows]
+    after = figures["aligned"]
+    cells = [
+        (name, *((um(pair["mean"]), um(pair["worst"])) if pair else (NONE, NONE)))
+        for name, pair in named_figures(figures)
+    ]
     words = (
         f"The machine as it was measured, without the model: {len(after['poses'])} poses at least twice the same way; "
         f"{after['single_poses']} measured once are left out."
