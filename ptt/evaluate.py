@@ -12,12 +12,12 @@ from ptt.frames import align
 from ptt.machine import MachineFile
 from ptt.noise import Noise, noise_from_repeats
 from ptt.problem import build_problem, into_base
+from ptt.same_pose import count_places, same_places
 from ptt.table import Table
 from ptt.travel import arrival_direction, run_starts
 
 AXES = ("x", "y", "z")
 GOALS = {"x": 90.0, "y": 90.0, "z": 80.0}  # percent, of the source paper
-SAME_TARGET = 1e-3  # mm
 LEAST_ROWS = 4  # a rigid motion is found from three; with no more it would take every error away
 
 Datum = Literal["absolute", "first"]
@@ -159,7 +159,7 @@ def evaluate_pair(
     ]  # fmt: skip
     protocol = {
         "rows": len(first),
-        "poses": len(np.unique(np.round(_targets(before, file)[first] / SAME_TARGET), axis=0)),
+        "poses": count_places(_targets(before, file)[first]),
         "frame": one.frame,
         "z_datum": z_datum,
         "measured": True,
@@ -185,10 +185,16 @@ def match_rows(
         Row numbers in `before` and in `after`, and the rows left over, in words, under 'before' and 'after'.
     """
     by_name = bool(set(before.name[usable_before]) & set(after.name[usable_after]) - {""})
-    keys = [_keys(table, usable, by_name) for table, usable in ((before, usable_before), (after, usable_after))]
+    place = same_places(np.concatenate([before.target, after.target]))
+    places = place[: before.rows], place[before.rows :]
+    keys = [
+        _keys(table, usable, by_name, own)
+        for table, usable, own in zip((before, after), (usable_before, usable_after), places, strict=True)
+    ]
     second_of = keys[1]
     pairs = [(row, second_of[key]) for key, row in keys[0].items() if key in second_of]
-    pairs = [(i, j) for i, j in pairs if _same_target(before, i, after, j)]
+    open_ = [np.isnan(table.target).any(axis=1) for table in (before, after)]
+    pairs = [(i, j) for i, j in pairs if places[0][i] == places[1][j] or open_[0][i] or open_[1][j]]
     first, second = ([pair[side] for pair in pairs] for side in (0, 1))
     unmatched = {
         "before": _left_over(before, set(keys[0].values()) - set(first)),
@@ -223,7 +229,7 @@ def _align(
     rotations, shifts = np.tile(np.eye(3), (int(frame.max()) + 1, 1, 1)), np.zeros((int(frame.max()) + 1, 3))
     for index in np.unique(frame[pose]):
         here = pose & (frame == index)
-        if len(np.unique(np.round(target[here] / SAME_TARGET), axis=0)) < LEAST_ROWS:
+        if count_places(target[here]) < LEAST_ROWS:
             fix = f"measure at least {LEAST_ROWS} poses, or use --frame trusted"
             raise TableError("too few poses to find the tracker's frame", where=table.source, fix=fix)
         rotations[index], shifts[index] = align(target[here], table.measured[here])
@@ -246,27 +252,20 @@ def _refer_z(errors: np.ndarray, table: Table, index: np.ndarray, z_datum: Datum
     picked = errors[index].copy()
     if z_datum == "first":
         usable = np.flatnonzero(np.isfinite(errors).all(axis=1) & (table.role == "pose"))
-        start = table.target[usable[0]]
-        same = usable[np.abs(table.target[usable] - start).max(axis=1) < SAME_TARGET]
+        same = usable[same_places(table.target[usable]) == 0]
         picked[:, 2] -= errors[same, 2].mean()
     return picked
 
 
-def _keys(table: Table, usable: np.ndarray, by_name: bool) -> dict[tuple[Any, int], int]:
-    """(name or target, occurrence) -> row."""
+def _keys(table: Table, usable: np.ndarray, by_name: bool, place: np.ndarray) -> dict[tuple[Any, int], int]:
+    """(name or number of the place, occurrence) -> row."""
     seen: Counter[Any] = Counter()
     keys = {}
     for row in np.flatnonzero(usable):
-        place = tuple(np.round(table.target[row] / SAME_TARGET).astype(np.int64).tolist())
-        key = str(table.name[row]) if by_name and table.name[row] else place
+        key = str(table.name[row]) if by_name and table.name[row] else int(place[row])
         keys[(key, seen[key])] = int(row)
         seen[key] += 1
     return keys
-
-
-def _same_target(before: Table, i: int, after: Table, j: int) -> bool:
-    apart = np.abs(before.target[i] - after.target[j])
-    return bool(np.all(np.isnan(apart) | (apart <= SAME_TARGET)))
 
 
 def _left_over(table: Table, rows: Sequence[int] | set[int]) -> list[str]:

@@ -4,11 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ptt.same_pose import number_rows, same_places
+
 if TYPE_CHECKING:
     from ptt.table import Table
 
 BLOCKS = 10
-SAME_POSE = 1e-3  # mm (rad): targets (commands) closer than this are one pose
 PLACED = 3  # joints up to which the tool position tells the pose
 
 
@@ -23,15 +24,11 @@ def pose_groups(table: "Table") -> np.ndarray:
         has so many joints that a position does not tell its pose), numbered in order of first appearance; -1 for
         base reflectors.
     """
-    place = np.where(np.isfinite(table.target), table.target, 0.0)
-    if table.command is not None:
-        command = np.asarray(table.command)
-        if not np.isfinite(table.target).any() or (command.shape[1] > PLACED and np.isfinite(command).all()):
-            place = command
-    keys = np.round(place / SAME_POSE).astype(np.int64)
-    groups = number_rows(keys)
-    groups[table.role == "base"] = -1
-    return _renumber(groups)
+    groups = same_places(_places(table))
+    used = table.role != "base"
+    groups[used] = number_rows(groups[used, None])
+    groups[~used] = -1
+    return groups
 
 
 def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
@@ -74,30 +71,13 @@ def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:
     return [part for part in parts if part.any()]
 
 
-def number_rows(keys: np.ndarray) -> np.ndarray:
-    """Number the different rows of a table of whole numbers in their sorted order.
-
-    Args:
-        keys: (n, m) int.
-
-    Returns:
-        (n,) int; equal rows have equal numbers.
-    """
-    order = np.lexsort(keys.T[::-1])
-    new = (np.diff(keys[order], axis=0) != 0).any(axis=1)
-    number = np.empty(len(keys), dtype=int)
-    number[order] = np.concatenate([np.zeros(min(len(keys), 1), dtype=int), np.cumsum(new)])
-    return number
-
-
-def _renumber(groups: np.ndarray) -> np.ndarray:
-    """Number groups in order of first appearance, leaving -1 alone."""
-    used = groups >= 0
-    if not used.any():
-        return groups
-    values, first, inverse = np.unique(groups[used], return_index=True, return_inverse=True)
-    rank = np.empty(len(values), dtype=int)
-    rank[np.argsort(first)] = np.arange(len(values))
-    result = groups.copy()
-    result[used] = rank[inverse]
-    return result
+def _places(table: "Table") -> np.ndarray:
+    """What tells the poses of a table apart: targets, or commands where they tell more or there is nothing else."""
+    if table.command is None:
+        return table.target
+    told = np.isfinite(table.target).all(axis=1)
+    if not told.any() or (table.joints > PLACED and np.isfinite(table.command).all()):
+        return table.command
+    return (
+        table.target if told.all() else np.column_stack([table.target, np.where(told[:, None], np.nan, table.command)])
+    )

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from ptt.holdout import number_rows, pose_groups
+from ptt.holdout import pose_groups
+from ptt.same_pose import number_alike, number_rows
 
 if TYPE_CHECKING:
     from ptt.table import Table
@@ -15,6 +16,7 @@ NEAR_IN_TIME = 1800.0  # s: repeats further apart than this have seen drift and 
 ENOUGH = 30  # degrees of freedom below which repeats alone do not make a noise floor
 SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
+SAME_FEED = 1e-3  # mm/s
 DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: used only to start with, never reported
 
 
@@ -65,23 +67,24 @@ def repeat_groups(table: "Table", direction: np.ndarray) -> np.ndarray:
         (n,) int; equal for rows that repeat each other: same target, arrival, payload, temperature, speed and run,
         near in time.
     """
-    columns = [pose_groups(table), table.run, *direction.T.astype(int)]
-    for values, step in (
+    keys = np.column_stack([pose_groups(table), table.run, direction.astype(np.int64)])
+    group = number_rows(keys)
+    for values, tolerance in (
         (table.payload_kg, SAME_LOAD),
         (table.temp_c, SAME_WARMTH),
-        (table.feed_mm_s, 1e-3),
+        (table.feed_mm_s, SAME_FEED),
         (table.time_s, NEAR_IN_TIME),
     ):
         if values is not None:
-            columns.append(np.round(np.nan_to_num(np.asarray(values, dtype=float)) / step).astype(np.int64))
-    keys = np.column_stack([np.asarray(column, dtype=np.int64) for column in columns])
-    return number_rows(keys)
+            group = number_alike(values, tolerance, within=group)
+    return group
 
 
 def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarray) -> Noise | None:
     """Pool the scatter of true repeats.
 
-    Deviations far outside the others (a broken beam) are left out before pooling.
+    Deviations far outside the others (a broken beam) are left out before pooling. A reading that repeats another to
+    its last digit is a copied row, which says nothing of the scatter, and counts once.
 
     Args:
         table: n rows.
@@ -93,6 +96,7 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
     """
     usable = np.isfinite(measured).all(axis=1) & (table.role != "base")
     group = repeat_groups(table, direction)
+    usable &= first_of_copies(table, group)
     values, group = measured[usable], np.unique(group[usable], return_inverse=True)[1].reshape(-1)
     if not len(values):
         return None
@@ -108,6 +112,23 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
             break
         kept[np.flatnonzero(kept)[far]] = False
     return Noise(covariance, "repeats", float(freedom))
+
+
+def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:
+    """Rows that are no copy, to the last digit, of an earlier reading of their group.
+
+    Args:
+        table: n rows.
+        group: (n,) int, repeats of each other.
+
+    Returns:
+        (n,) bool.
+    """
+    bits = np.ascontiguousarray(table.measured, dtype=np.float64).view(np.int64)
+    kind = number_rows(np.column_stack([group, bits]))
+    first = np.zeros(table.rows, dtype=bool)
+    first[np.unique(kind, return_index=True)[1]] = True
+    return first
 
 
 def noise_from_std(table: "Table") -> Noise | None:

@@ -166,7 +166,6 @@ RUN_FAULTS = {
         ["metres"],
     ),
     "no rows": (lambda f: f[:0], ["no rows"]),
-    "identical rows": (lambda f: pd.concat([f, f[60:61]]), ["identical", "row 122", "row 62"]),
     "one row": (lambda f: f[10:11], ["one row"]),
 }
 

@@ -151,7 +151,6 @@ BAD = {
     "only comments": ("# nothing\n\n", "run.csv: the file is empty"),
     "header only": (csv(), "run.csv: only a header, no rows"),
     "one row": (csv(ROWS[0]), "run.csv row 2: only one row"),
-    "copy": (csv(ROWS[0], ROWS[1], ROWS[0]), "run.csv row 4: identical to row 2 in every column"),
     "empty command": (csv(ROWS[0], "1,,3,4,5,6"), "row 3, column y_cmd: empty command"),
     "empty joint": (
         csv("1,,3,1,2,3", "1,2,3,4,1,2", header="b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas"),

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from ptt.noise import ENOUGH, repeat_groups
+from ptt.noise import ENOUGH, first_of_copies, repeat_groups
 from ptt.problem import Problem
 
 AXES = ("x", "y", "z")
@@ -50,9 +50,9 @@ def lack_of_fit_of(problem: Problem, residual: np.ndarray, fitted: int = 0) -> L
     Returns:
         The test; without a figure where repeats leave fewer than 30 degrees of freedom.
     """
-    rows = np.isfinite(residual).all(axis=1)
-    group = repeat_groups(problem.table, problem.view.direction.numpy())[rows]
-    group = np.unique(group, return_inverse=True)[1].reshape(-1)
+    group = repeat_groups(problem.table, problem.view.direction.numpy())
+    rows = np.isfinite(residual).all(axis=1) & first_of_copies(problem.table, group)
+    group = np.unique(group[rows], return_inverse=True)[1].reshape(-1)
     values, size = residual[rows], np.bincount(group)
     freedom = float(len(size) - fitted / 3.0), float(len(values) - len(size))
     if freedom[1] < ENOUGH or freedom[0] < 1.0:

@@ -81,10 +81,9 @@ def read_any(path: str | Path, request: Request | None = None) -> Export:
     if request.purpose == "run":
         _refuse_single(raw)
     values, columns, dates, time_note = _values(raw, columns, request)
-    if request.purpose == "run":
-        _refuse_copies(raw, values)
+    copies = _copies(raw, values) if request.purpose == "run" else []
     raw = replace(raw, delimiter=delimiter)
-    understood = _understood(raw, columns, [*notes, *time_note], dates, request.mapping)
+    understood = _understood(raw, columns, [*notes, *time_note, *copies], dates, request.mapping)
     extra = {column.title: values[column.title] for column in columns if not column.quantity}
     known = {column.quantity: values[column.quantity] for column in columns if column.quantity}
     return Export(raw.source, known, extra, raw.line, understood)
@@ -179,21 +178,21 @@ def _refuse_single(raw: RawText) -> None:
         raise TableError("only one row; nothing can be learned from one reading", where=where, fix="measure more poses")
 
 
-def _refuse_copies(raw: RawText, values: dict[str, np.ndarray]) -> None:
-    """Two rows identical in every column are one reading copied; rows without a reading may well be alike."""
+def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
+    """A warning on rows identical in every column, which count as repeats; those without a reading may be alike."""
     if len(set(raw.body)) == len(raw.body):
-        return
+        return []
     measured = [values[name] for name in ("x_meas", "y_meas", "z_meas") if name in values]
+    read = (
+        ~np.all([np.isnan(column) for column in measured], axis=0) if measured else np.ones(len(raw.body), dtype=bool)
+    )
     seen: dict[str, int] = {}
-    for index, line in enumerate(raw.body):
-        if line in seen and (not measured or not all(np.isnan(column[index]) for column in measured)):
-            where = f"{raw.source} row {raw.line[index]}"
-            raise TableError(
-                f"identical to row {raw.line[seen[line]]} in every column",
-                where=where,
-                fix="remove the copy, or number true repeats in a column 'repeat'",
-            )
-        seen[line] = index
+    copied = [index for index, line in enumerate(raw.body) if seen.setdefault(line, index) != index and read[index]]
+    if not copied:
+        return []
+    first = f"row {raw.line[copied[0]]} is identical to row {raw.line[seen[raw.body[copied[0]]]]} in every column"
+    more = f", and {len(copied) - 1} more rows are copies" if len(copied) > 1 else ""
+    return [f"warning: {first}{more}: taken as repeats, but copies tell nothing of the scatter of readings"]
 
 
 def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: str | None, given: Mapping) -> Understood:

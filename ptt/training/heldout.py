@@ -7,6 +7,7 @@ import numpy as np
 from ptt.evaluate import Evaluation
 from ptt.model import Model
 from ptt.problem import Problem
+from ptt.same_pose import count_places
 from ptt.training.compensator import Compensator
 from ptt.training.train import Progress, Protocol, fit_physics, hold_out, learn_rest, sound
 
@@ -43,7 +44,7 @@ def evaluate_heldout(
         before, after = (errors - errors[0] * np.array([0.0, 0.0, 1.0]) for errors in (before, after))
     words = {
         "rows": int(held.rows.sum()),
-        "poses": len(np.unique(np.round(problem.target[held.rows], 3), axis=0)),
+        "poses": count_places(problem.target[held.rows]),
         "frame": f"{problem.file.tracker.frame}, by the machine file",
         "z_datum": z_datum,
         "measured": False,

@@ -1,0 +1,135 @@
+"""When two values are one: no grid of cells, one tolerance for holding out, noise and matching."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
+
+from ptt.compare.lack_of_fit import lack_of_fit_of
+from ptt.evaluate import evaluate_pair, match_rows
+from ptt.holdout import pose_groups
+from ptt.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
+from ptt.problem import build_problem
+from ptt.same_pose import SAME_POSE, count_places, number_alike, same_places
+from ptt.table import make_table, read_table, write_table
+
+UP = np.ones((1, 3))
+
+
+def alike(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether two numberings part the rows in the same way."""
+    pairs = len(np.unique(np.column_stack([first, second]), axis=0))
+    return pairs == len(np.unique(first)) == len(np.unique(second))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 40), st.integers(1, 4))
+def test_poses_are_what_a_search_of_all_pairs_finds(seed: int, poses: int, joints: int) -> None:
+    random = np.random.default_rng(seed)
+    visit = random.integers(0, poses, 3 * poses)
+    place = random.uniform(-50.0, 50.0, (poses, joints))[visit] + random.uniform(-3e-4, 3e-4, (len(visit), joints))
+    near = cdist(place, place, "chebyshev") <= SAME_POSE
+    assert alike(same_places(place), connected_components(near)[1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.floats(-1e3, 1e3), st.floats(1e-13, 9e-4))
+def test_where_the_origin_lies_makes_no_difference(seed: int, origin: float, apart: float) -> None:
+    random = np.random.default_rng(seed)
+    place = np.round(random.uniform(-50.0, 50.0, (25, 3)), 2) + origin
+    both = np.concatenate([place, place + apart * random.choice([-1.0, 1.0], (25, 3))])
+    number = same_places(both)
+    np.testing.assert_array_equal(number[:25], number[25:])
+    assert count_places(both) == len(np.unique(place, axis=0))
+
+
+def test_a_dense_path_is_not_one_pose_and_parts_are_no_wider_than_the_tolerance() -> None:
+    place = np.arange(4000)[:, None] * np.array([2e-4, 0.0, 0.0])
+    number = same_places(place)
+    assert 790 <= number.max() + 1 <= 810
+    assert max(np.ptp(place[number == each, 0]) for each in range(number.max() + 1)) <= SAME_POSE * (1 + 1e-9)
+
+
+def test_what_is_missing_is_like_what_is_missing_only() -> None:
+    np.testing.assert_array_equal(number_alike(np.array([np.nan, 0.0, np.nan, 0.0]), 1.0), [0, 1, 0, 1])
+    np.testing.assert_array_equal(number_alike(np.zeros(4), 1.0, within=np.array([5, 3, 5, 3])), [0, 1, 0, 1])
+    assert number_alike(np.zeros((0, 3)), 1.0).shape == (0,)
+
+
+def test_targets_of_a_hair_apart_are_one_pose_wherever_they_lie() -> None:
+    edge = 0.5005  # a boundary between cells of a micrometre
+    place = np.array([[edge - 5e-11, 1.0, 2.0], [9.0, 9.0, 9.0], [edge + 5e-11, 1.0, 2.0]])
+    np.testing.assert_array_equal(pose_groups(make_table(place)), [0, 1, 0])
+
+
+def test_rows_without_a_target_are_told_apart_by_their_commands() -> None:
+    target = np.array([[1.0, 2.0, 3.0], [np.nan] * 3, [np.nan] * 3, [1.0, 2.0, 3.0]])
+    command = np.array([[10.0, 10, 10], [11, 11, 11], [12, 12, 12], [10, 10, 10]])
+    np.testing.assert_array_equal(pose_groups(make_table(target, command)), [0, 1, 2, 0])
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.5 * NEAR_IN_TIME - 5.0, NEAR_IN_TIME - 5.0, 12345.0])
+def test_repeats_ten_seconds_apart_are_repeats_whenever_the_clock_was_set(begin: float) -> None:
+    time = begin + np.array([0.0, 10.0, 10.0 + 1.5 * NEAR_IN_TIME])
+    table = make_table(np.ones((3, 3)), measured=np.zeros((3, 3)), time_s=time)
+    np.testing.assert_array_equal(repeat_groups(table, np.repeat(UP, 3, axis=0)), [0, 0, 1])
+
+
+@pytest.mark.parametrize("base", [19.74, 19.76, 20.0, 20.25])
+def test_a_twentieth_of_a_kelvin_is_the_same_warmth_and_a_slow_warming_is_not(base: float) -> None:
+    warm = np.concatenate([base + np.array([0.0, 0.05]), base + 5.0 + 0.1 * np.arange(60)])
+    table = make_table(np.ones((62, 3)), measured=np.zeros((62, 3)), temp_c=warm)
+    group = repeat_groups(table, np.repeat(UP, 62, axis=0))
+    assert group[0] == group[1] and group[2] not in group[:2]
+    assert max(np.ptp(warm[group == each]) for each in np.unique(group)) <= SAME_WARMTH * (1 + 1e-9)
+
+
+def test_the_noise_does_not_fall_with_copied_rows() -> None:
+    """Each row of a run pasted a second time: the readings scatter as before."""
+    random = np.random.default_rng(4)
+    place = np.repeat(random.uniform(-50, 50, (60, 3)), 3, axis=0)
+    reading = place + 0.005 * random.standard_normal(place.shape)
+    once, twice = (
+        make_table(place, measured=reading),
+        make_table(np.tile(place, (2, 1)), measured=np.tile(reading, (2, 1))),
+    )
+    found = noise_from_repeats(once, once.measured, np.repeat(UP, 180, axis=0))
+    again = noise_from_repeats(twice, twice.measured, np.repeat(UP, 360, axis=0))
+    assert found is not None and again is not None and found.total == pytest.approx(0.005 * np.sqrt(3), rel=0.15)
+    np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-9)
+    assert again.freedom == found.freedom
+
+
+def test_copied_rows_do_not_make_a_good_model_look_bad(bench) -> None:
+    """Copies would halve the pure error, and noise would pass for a lack of fit."""
+    random = np.random.default_rng(4)
+    place = np.repeat(random.uniform(-40, 40, (60, 3)), 3, axis=0)
+    reading = place + 0.005 * random.standard_normal(place.shape)
+    problem = build_problem(bench, make_table(np.tile(place, (2, 1)), measured=np.tile(reading, (2, 1))))
+    test = lack_of_fit_of(problem, problem.measured - problem.target, 6)
+    assert test.p_value is not None and test.p_value > 0.01
+
+
+def test_identical_rows_are_a_warning(tmp_path) -> None:
+    place = np.arange(30.0).reshape(10, 3)
+    write_table(make_table(place, measured=place + 0.1), tmp_path / "run.csv")
+    lines = (tmp_path / "run.csv").read_text().splitlines()
+    (tmp_path / "run.csv").write_text("\n".join([*lines[:5], lines[4], lines[4], *lines[5:]]) + "\n")
+    table = read_table(tmp_path / "run.csv")
+    assert table.rows == 12
+    (warning,) = [line for line in table.understood.lines if line.startswith("warning")]
+    assert "row 6 is identical to row 5 in every column, and 1 more" in warning and "repeats" in warning
+
+
+def test_before_and_after_are_matched_across_the_edge_of_a_cell() -> None:
+    random = np.random.default_rng(2)
+    place = np.round(random.uniform(-50, 50, (40, 3)), 3) + 5e-4  # on edges between cells of a micrometre
+    after = place + 1e-10 * random.choice([-1.0, 1.0], place.shape)
+    tables = [make_table(each, measured=each + 0.1) for each in (place - 1e-11, after)]
+    first, second, left = match_rows(*tables, np.ones(40, dtype=bool), np.ones(40, dtype=bool))
+    np.testing.assert_array_equal(first, second)
+    assert len(first) == 40 and left == {"before": [], "after": []}
+    protocol = evaluate_pair(*tables, frame="trusted").protocol
+    assert (protocol["rows"], protocol["poses"]) == (40, 40)
