@@ -1,0 +1,280 @@
+"""How wide the unknowns of a linear problem are: one learned prior variance for each group, at the most evidence."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lapack
+
+WIDTH = float(np.log(8.0))  # of the log-normal prior of a group's size: two in three lie within 8 x of the usual
+WIDE = 1e6  # prior variance of unknowns of no group: they take what the data ask for
+NARROWEST, WIDEST = 1e-6, 1e8  # variances a group may have: a thousandth to ten thousand usual sizes
+STEPS = 30
+DONE = 1e-3  # nats still to be had at which it ends
+LEAP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
+FURTHEST = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
+HALVINGS = 8
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Unknowns of a linear problem at the prior variances that make the data most probable.
+
+    Attributes:
+        values: (P,) posterior mean, in units of the columns.
+        cholesky: (P, P) lower L with L L^T = X^T X + diag(1 / prior), rows and columns as given.
+        prior: (P,) variance of each unknown before the data, in units of `phi`.
+        scales: (G,) learned variance of each group, in units of `phi`.
+        curvature: (G, G) minus the second derivative of `total` by the logarithms of `scales`.
+        log_evidence: log marginal likelihood at these scales, nats, up to a constant of the data alone.
+        log_prior: log prior density of the scales over its peak, nats.
+        left: Q = |y - X values|^2 + values^T diag(1 / prior) values.
+        phi: white variance, (freedom + Q) / (freedom + count).
+        steps: evaluations of the evidence.
+    """
+
+    values: np.ndarray
+    cholesky: np.ndarray
+    prior: np.ndarray
+    scales: np.ndarray
+    curvature: np.ndarray
+    log_evidence: float
+    log_prior: float
+    left: float
+    phi: float
+    steps: int
+
+    @property
+    def total(self) -> float:
+        """What is maximised: log evidence and log prior of the scales, nats."""
+        return self.log_evidence + self.log_prior
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """(X^T X + diag(1 / prior))^-1, (P, P)."""
+        return _invert(self.cholesky)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the unknowns given the scales, (P, P)."""
+        return self.phi * self.inverse
+
+
+def learn(
+    gram: np.ndarray,
+    side: np.ndarray,
+    square: float,
+    count: float,
+    owner: np.ndarray,
+    *,
+    freedom: float,
+    start: np.ndarray | None = None,
+    floor: float | np.ndarray = NARROWEST,
+    ceiling: float | np.ndarray = WIDEST,
+    width: float | np.ndarray = WIDTH,
+    wide: float = WIDE,
+    done: float = DONE,
+) -> Posterior:
+    """Find the prior variance of each group of unknowns, and the unknowns with it.
+
+    y = X b + e with e ~ N(0, phi) and b_i ~ N(0, phi d_g) for every unknown i of group g; phi is profiled against its
+    own degrees of freedom. The variances d maximise
+
+        -1/2 log|X^T X + D^-1| - 1/2 log|D| - (N + nu)/2 log((nu + Q) / (nu + N)) + log prior(d),
+
+    by MacKay's rule while they are far off and by Newton's method near the end; no step is taken that lowers it.
+
+    Source: MacKay, Bayesian Interpolation, Neural Computation 4 (1992), for the evidence and its fixed point.
+
+    Args:
+        gram: X^T X of whitened rows, (P, P).
+        side: X^T y, (P,).
+        square: y^T y.
+        count: N, number of coordinates.
+        owner: (P,) int, group 0 .. G-1 of each unknown; -1 where the prior is `wide` and fixed.
+        freedom: nu, degrees of freedom behind the noise that whitened the rows: 0 unknown, inf exact.
+        start: (G,) variances to start from; None starts at the usual sizes.
+        floor: least variance, one for all or (G,).
+        ceiling: largest variance, one for all or (G,); equal to the floor for a group that is not learned.
+        width: of the log-normal prior of a group's size (the root of its variance) about the usual one, in nats; inf
+            for no prior; one for all or (G,).
+        wide: prior variance of unknowns of no group.
+        done: nats still to be had at which it ends.
+
+    Returns:
+        The posterior.
+    """
+    groups = int(owner.max(initial=-1)) + 1
+    low, high, spread = (np.broadcast_to(np.asarray(item, dtype=float), groups) for item in (floor, ceiling, width))
+    problem = _Problem(gram, side, square, count, freedom, *_sorted(owner), spread, wide)
+    at = np.log(np.clip(np.ones(groups) if start is None else start, low, high))
+    here = problem.evaluate(at)
+    bottom, top = np.log(low), np.log(high)
+    slope = problem.slope(here)
+    for _ in range(STEPS):
+        free = (bottom < top) & ~((at <= bottom) & (slope.first < 0)) & ~((at >= top) & (slope.first > 0))
+        newton = _newton(slope, free)
+        if slope.first @ newton <= 2.0 * done:
+            break
+        found = _climb(problem, here, at, _steps(slope, newton, free), bottom, top)
+        if found is None:
+            break
+        at, here = found
+        slope = problem.slope(here)
+    return problem.posterior(here, slope)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """The evidence and what it was made of at some log variances, unknowns in sorted order."""
+
+    value: float
+    values: np.ndarray
+    factor: np.ndarray  # Cholesky factor of the matrix scaled to a unit diagonal
+    scale: np.ndarray  # root of the diagonal
+    prior: np.ndarray
+    left: float
+    phi: float
+    scales: np.ndarray
+    log_prior: float
+
+
+@dataclass(frozen=True)
+class _Slope:
+    """Derivatives of the evidence by the log variances.
+
+    Attributes:
+        first: (G,).
+        curvature: minus the second, (G, G).
+        mackay: step to where his rule puts each log variance, (G,).
+    """
+
+    first: np.ndarray
+    curvature: np.ndarray
+    mackay: np.ndarray
+
+
+class _Problem:
+    """The sums in an order where every group is a run of columns."""
+
+    def __init__(
+        self, gram: np.ndarray, side: np.ndarray, square: float, count: float, freedom: float, order: np.ndarray,
+        group: np.ndarray, spread: np.ndarray, wide: float,
+    ) -> None:  # fmt: skip
+        self.order, self.group, self.spread, self.wide = order, group, spread, wide
+        self.gram, self.side, self.square = gram[np.ix_(order, order)], side[order], square
+        self.count, self.freedom, self.evaluations = count, freedom, 0
+        self.members = (group[:, None] == np.arange(len(spread))).astype(float)  # shape: (P, G)
+        self.size = self.members.sum(axis=0)
+
+    def evaluate(self, logs: np.ndarray) -> _Point:
+        """The evidence at some log variances, (G,)."""
+        self.evaluations += 1
+        scales = np.exp(logs)
+        prior = np.append(scales, self.wide)[self.group]
+        matrix = self.gram.copy()
+        np.einsum("ii->i", matrix)[:] += 1.0 / prior
+        scale = np.sqrt(np.diag(matrix))
+        factor = _factor(matrix / np.outer(scale, scale))
+        values = lapack.dpotrs(factor, self.side / scale, lower=1)[0] / scale if len(scale) else self.side
+        # A quadratic form about its minimum: rounding of the values enters only squared.
+        left = max(self.square - float(values @ (2.0 * self.side - matrix @ values)), 1e-300)
+        phi, tail = self._noise(left)
+        log_prior = -0.125 * float(((logs / self.spread) ** 2).sum())
+        half = float(np.log(np.diag(factor)).sum() + np.log(scale).sum()) + 0.5 * float(np.log(prior).sum())
+        return _Point(tail - half + log_prior, values, factor, scale, prior, left, phi, scales, log_prior)
+
+    def _noise(self, left: float) -> tuple[float, float]:
+        """White variance, and the evidence's term of it."""
+        if np.isinf(self.freedom):
+            return 1.0, 0.5 * (self.count - left)
+        known = self.freedom + self.count
+        phi = (self.freedom + left) / known
+        return phi, -0.5 * known * float(np.log(phi))
+
+    def slope(self, point: _Point) -> _Slope:
+        """Derivatives by the log variances, and MacKay's step."""
+        inverse = _invert(point.factor) / np.outer(point.scale, point.scale)
+        scales, members = point.scales, self.members
+        energy = (point.values**2 @ members) / (point.phi * scales)
+        decided = np.maximum(self.size - (inverse.diagonal() @ members) / scales, 1e-12)
+        pull = 0.25 / self.spread**2
+        both = np.outer(scales, scales)
+        moved = members.T @ (inverse * np.outer(point.values, point.values)) @ members / (point.phi * both)
+        shared = members.T @ inverse**2 @ members / both
+        noise = 0.0 if np.isinf(self.freedom) else np.outer(energy, energy) / (self.freedom + self.count)
+        own = np.diag(energy + self.size - decided)
+        return _Slope(
+            0.5 * (energy - decided) - pull * np.log(scales),
+            np.diag(pull) - 0.5 * (2.0 * moved + noise + shared - own),
+            np.maximum(np.log(np.maximum(energy, 1e-12) / decided), -FURTHEST),
+        )
+
+    def posterior(self, point: _Point, slope: _Slope) -> Posterior:
+        """The result, unknowns in the order that they were given in."""
+        place = np.argsort(self.order)
+        lower = point.factor * point.scale[:, None]
+        if (np.diff(place) < 0).any():
+            lower = np.tril(lower[place] @ lower[place].T)
+            scale = np.sqrt(np.diag(lower))
+            lower = _factor(lower / np.outer(scale, scale)) * scale[:, None]
+        return Posterior(
+            point.values[place], lower, point.prior[place], point.scales, slope.curvature,
+            point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations,
+        )  # fmt: skip
+
+
+def _sorted(owner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Order in which unknowns of a group stand together, and the group of each in that order."""
+    order = np.argsort(owner, kind="stable")
+    return order, owner[order]
+
+
+def _newton(slope: _Slope, free: np.ndarray) -> np.ndarray:
+    """An uphill step; where the evidence is not concave, along the same directions by the size of the curvature."""
+    step = np.zeros_like(slope.first)
+    if free.any():
+        strength, ways = np.linalg.eigh(slope.curvature[np.ix_(free, free)])
+        step[free] = ways @ ((ways.T @ slope.first[free]) / np.maximum(np.abs(strength), 1e-2))
+    return step * min(1.0, FURTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
+
+
+def _steps(slope: _Slope, newton: np.ndarray, free: np.ndarray) -> Iterator[np.ndarray]:
+    """Steps worth trying: MacKay's while it is long (near the end it is slow), then Newton's and parts of it."""
+    mackay = np.where(free, slope.mackay, 0.0)
+    if np.abs(mackay).max() > LEAP:
+        yield mackay
+    yield from (newton * 0.5**n for n in range(HALVINGS))
+
+
+def _climb(
+    problem: _Problem, here: _Point, at: np.ndarray, steps: Iterable[np.ndarray], bottom: np.ndarray, top: np.ndarray
+) -> tuple[np.ndarray, _Point] | None:
+    """The first step that raises the evidence."""
+    for step in steps:
+        there = np.clip(at + step, bottom, top)
+        point = problem.evaluate(there)
+        if point.value > here.value:
+            return there, point
+    return None
+
+
+def _factor(matrix: np.ndarray) -> np.ndarray:
+    """Lower Cholesky factor of a matrix with a unit diagonal; rounding may ask for a little more on it."""
+    if not len(matrix):
+        return matrix
+    extra = 0.0
+    for _ in range(8):
+        factor, failed = lapack.dpotrf(matrix + extra * np.eye(len(matrix)) if extra else matrix, lower=1, clean=1)
+        if not failed:
+            return np.asarray(factor)
+        extra = max(10.0 * extra, len(matrix) * 1e-16)
+    raise np.linalg.LinAlgError("normal equations are not positive definite")
+
+
+def _invert(lower: np.ndarray) -> np.ndarray:
+    """(L L^T)^-1."""
+    if not len(lower):
+        return lower
+    half = np.asarray(lapack.dpotri(lower, lower=1)[0])  # its upper triangle is the factor's own: zero
+    return half + half.T - np.diag(half.diagonal())

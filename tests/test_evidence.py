@@ -1,0 +1,169 @@
+"""Prior variances learned at the most evidence: against brute force on the marginal likelihood of the readings."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import optimize, stats
+
+from ptt.fit.evidence import WIDTH, Posterior, learn
+
+ROWS = 40
+FREE = 1e3  # wide enough, and readings' own covariance can still be inverted to many digits
+
+
+def problem(seed: int, sizes: list[float], each: int = 3, frame: int = 2, rows: int = ROWS) -> tuple:
+    """Columns, readings and owners: some free columns, then groups whose values have these sizes."""
+    random = np.random.default_rng(seed)
+    owner = np.concatenate([np.full(frame, -1), np.repeat(np.arange(len(sizes)), each)])
+    columns = random.normal(size=(rows, len(owner))) * np.exp(random.normal(size=len(owner)))
+    truth = random.normal(size=len(owner)) * np.append(sizes, 3.0)[owner]
+    return columns, columns @ truth + random.normal(size=rows), owner
+
+
+def solve(columns: np.ndarray, values: np.ndarray, owner: np.ndarray, **options: object) -> Posterior:
+    options = {"freedom": 12.0, "wide": FREE, **options}
+    return learn(columns.T @ columns, columns.T @ values, float(values @ values), len(values), owner, **options)
+
+
+def marginal(
+    logs: np.ndarray, columns: np.ndarray, values: np.ndarray, owner: np.ndarray, freedom: float, width: float
+) -> float:
+    """Log density of the readings themselves, the unknowns and the noise integrated out, and the scales' prior.
+
+    The noise variance has a scaled inverse chi-squared prior, so the readings have Student's distribution; its
+    constants, which depend on no scale, are left out.
+    """
+    prior = np.append(np.exp(logs), FREE)[owner]
+    spread = np.eye(len(values)) + (columns * prior) @ columns.T
+    distance = values @ np.linalg.solve(spread, values)
+    known = freedom + len(values)
+    tail = 0.5 * (len(values) - distance) if np.isinf(freedom) else -0.5 * known * np.log((freedom + distance) / known)
+    return float(tail - 0.5 * np.linalg.slogdet(spread)[1] - 0.125 * ((logs / width) ** 2).sum())
+
+
+def brute(columns: np.ndarray, values: np.ndarray, owner: np.ndarray, freedom: float, width: float) -> float:
+    groups = owner.max() + 1
+    starts = np.stack(np.meshgrid(*[[-4.0, 0.0, 5.0]] * groups), axis=-1).reshape(-1, groups)
+
+    def wanted(logs: np.ndarray) -> float:
+        return -marginal(logs, columns, values, owner, freedom, width)
+
+    inside = [(-9.0, 13.0)] * groups
+    return max(-optimize.minimize(wanted, start, method="Nelder-Mead", bounds=inside, tol=1e-6).fun for start in starts)
+
+
+@pytest.mark.parametrize("freedom", [3.0, 60.0, np.inf])
+@pytest.mark.parametrize("sizes", [[1.0, 30.0], [0.01, 2.0], [0.0, 100.0]])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_scales_are_more_probable(seed: int, sizes: list[float], freedom: float) -> None:
+    columns, values, owner = problem(seed, sizes)
+    found = solve(columns, values, owner, freedom=freedom)
+    assert found.total == pytest.approx(
+        marginal(np.log(found.scales), columns, values, owner, freedom, WIDTH), abs=1e-5
+    )
+    assert found.total > brute(columns, values, owner, freedom, WIDTH) - 5e-3
+
+
+def test_large_unknowns_are_released_and_absent_ones_held() -> None:
+    columns, values, owner = problem(5, [100.0, 0.0], each=6, rows=60)
+    found = solve(columns, values, owner)
+    free = np.linalg.lstsq(columns, values, rcond=None)[0]
+    large, absent = owner == 0, owner == 1
+    assert found.scales[0] > 1e3 and found.scales[1] < 0.3
+    np.testing.assert_allclose(found.values[large], free[large], atol=0.2)
+    assert np.abs(found.values[absent]).max() < np.abs(free[absent]).max()
+
+
+def test_what_the_data_do_not_see_keeps_its_prior_and_stays_at_zero() -> None:
+    columns, values, _ = problem(1, [1.0])
+    columns = np.column_stack([columns, columns[:, 0]])  # the same as a free column
+    found = solve(columns, values, np.array([-1, -1, 0, 0, 0, 1]))
+    assert abs(found.values[-1]) < 1e-4
+    assert found.covariance[-1, -1] == pytest.approx(found.phi * found.scales[1], rel=1e-3)
+    assert found.scales[1] == pytest.approx(1.0, abs=0.1)  # nothing but its own prior speaks of it
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.lists(st.floats(0.0, 50.0), min_size=1, max_size=4), st.floats(0.5, 200.0))
+def test_the_slope_vanishes_and_the_curvature_is_the_numerical_one(
+    seed: int, sizes: list[float], freedom: float
+) -> None:
+    columns, values, owner = problem(seed, sizes)
+    found = solve(columns, values, owner, freedom=freedom, done=1e-9)
+    logs, step = np.log(found.scales), 1e-3
+
+    def at(change: np.ndarray) -> float:
+        return marginal(logs + change, columns, values, owner, freedom, WIDTH)
+
+    eye = step * np.eye(len(logs))
+    slope = np.array([at(way) - at(-way) for way in eye]) / (2 * step)
+    np.testing.assert_allclose(slope, 0.0, atol=2e-4)
+    second = [[at(a + b) - at(a - b) - at(b - a) + at(-a - b) for a in eye] for b in eye]
+    np.testing.assert_allclose(found.curvature, -np.array(second) / (4 * step**2), atol=2e-3)
+
+
+def test_order_of_the_unknowns_does_not_matter() -> None:
+    columns, values, owner = problem(3, [1.0, 20.0, 0.1])
+    order = np.random.default_rng(0).permutation(len(owner))
+    one, other = solve(columns, values, owner), solve(columns[:, order], values, owner[order])
+    np.testing.assert_allclose(other.values, one.values[order], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(other.covariance, one.covariance[np.ix_(order, order)], rtol=1e-7, atol=1e-12)
+    for found, own in ((one, columns), (other, columns[:, order])):
+        whole = own.T @ own + np.diag(1.0 / found.prior)
+        np.testing.assert_allclose(found.cholesky @ found.cholesky.T, whole, rtol=1e-9, atol=1e-8)
+        np.testing.assert_array_equal(found.cholesky, np.tril(found.cholesky))
+
+
+def test_a_good_start_saves_steps_and_changes_nothing() -> None:
+    columns, values, owner = problem(4, [0.3, 200.0])
+    cold = solve(columns, values, owner)
+    warm = solve(columns, values, owner, start=cold.scales)
+    assert warm.steps == 1 < cold.steps
+    assert warm.total == pytest.approx(cold.total, abs=1e-2)
+
+
+def test_bounds_hold_and_a_fixed_group_is_not_learned() -> None:
+    columns, values, owner = problem(2, [50.0, 0.0, 5.0])
+    found = solve(columns, values, owner, floor=np.array([1e-2, 0.5, 1.0]), ceiling=np.array([9.0, 100.0, 1.0]))
+    assert found.scales[0] == pytest.approx(9.0)
+    assert found.scales[1] == pytest.approx(0.5)
+    assert found.scales[2] == 1.0
+
+
+def test_without_a_prior_an_absent_group_vanishes() -> None:
+    columns, values, owner = problem(2, [0.0])
+    values = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    assert solve(columns, values, owner, width=np.inf).scales[0] < 1e-4
+
+
+def test_rounding_of_strong_columns_does_no_harm() -> None:
+    columns, values, owner = problem(6, [1.0, 1.0])
+    strong = np.array([1e7, 1e7, 1e-3, *[1.0] * 5])
+    columns = np.column_stack([columns, columns[:, 0] + columns[:, 1]]) * np.append(strong, 1e6)
+    owner = np.append(owner, -1)
+    found = solve(columns, values, owner)
+    assert np.isfinite(found.total) and found.steps < 30
+    left = values - columns @ found.values
+    assert found.left == pytest.approx(left @ left + found.values**2 @ (1.0 / found.prior), rel=1e-6)
+
+
+def test_only_free_columns_are_least_squares() -> None:
+    columns, values, owner = problem(7, [])
+    found = solve(columns, values, owner, freedom=0.0)
+    expected = np.linalg.lstsq(columns, values, rcond=None)
+    np.testing.assert_allclose(found.values, expected[0], rtol=1e-2)
+    assert found.phi == pytest.approx(expected[1][0] / ROWS, rel=1e-2)
+    assert found.scales.shape == (0,) and found.curvature.shape == (0, 0)
+
+
+def test_stated_scatter_is_what_repeated_problems_scatter_by() -> None:
+    random, pulls = np.random.default_rng(11), []
+    for seed in range(150):
+        sizes = np.exp(random.normal(0.0, WIDTH, 2))
+        columns, _, owner = problem(seed, [1.0, 1.0], each=6, rows=60)
+        truth = random.normal(size=len(owner)) * np.append(sizes, 3.0)[owner]
+        found = solve(columns, columns @ truth + random.normal(size=60), owner, freedom=30.0)
+        pulls.append((found.values - truth) / np.sqrt(np.diag(found.covariance)))
+    within = np.mean(np.abs(np.concatenate(pulls)) < 2.0)
+    assert stats.binom.sf(150 * 14 * (1 - within), 150 * 14, 0.09) > 1e-4 and within > 0.92
