@@ -178,6 +178,25 @@ def test_a_compensator_reads_back_as_it_was_written(trained, tmp_path):
     assert notes["trained_on"][0]["file"] == "experiment1.csv" and notes["domain_mm"]["low"][2] == pytest.approx(0.25)
 
 
+def test_physics_and_network_of_different_trainings_are_refused(trained, tmp_path):
+    folder = save_compensator(tmp_path / "c", trained, [])
+    text = (folder / "model.toml").read_text()
+    (folder / "model.toml").write_text(text.replace("base_radius_mm = 200", "base_radius_mm = 201"))
+    assert (folder / "model.toml").read_text() != text
+    with pytest.raises(InputError, match=r"model\.toml is not the one .* --model"):
+        load_compensator(folder)
+    assert load_compensator(folder / "model.toml").network is None
+    assert load_compensator(save_compensator(folder, trained, [])).network is not None
+
+
+def test_a_folder_with_other_files_is_refused_before_anything_is_trained(tmp_path, capsys):
+    (tmp_path / "notes.txt").write_text("mine")
+    args = [str(DATA / "experiment2.csv"), "--machine", "no-such.toml", "--out", str(tmp_path)]
+    with pytest.raises(SystemExit) as ended:
+        run_alone("train", args)
+    assert ended.value.code == 2 and "notes.txt" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("damage", ["missing", "changed", "notes"])
 def test_a_damaged_compensator_is_refused(trained, tmp_path, damage):
     folder = save_compensator(tmp_path / "c", trained, [])

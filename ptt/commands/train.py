@@ -34,10 +34,11 @@ def train(
     json: Json = False,
 ) -> None:
     """Fit the effects of a machine file, train the RBF on what is left, and write both as a compensator folder."""
-    from ptt.training.compensator import save_compensator
+    from ptt.training.compensator import require_folder, save_compensator
     from ptt.training.train import PROTOCOLS
     from ptt.training.train import train as train_model
 
+    require_folder(out)
     opened = open_run(run, machine, Reading(also, targets, set_, map_, effects, json))
     protocol = PROTOCOLS[hold_out.value](opened.problem)
     with progress() as tell:

@@ -10,12 +10,15 @@ from ptt import __version__
 from ptt.effects import Library
 from ptt.errors import InputError
 from ptt.files import sha256, write_text
+from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import load_machine, save_machine
 from ptt.model import Model, read_model, write_model
 from ptt.training.rest import Space
 from ptt.training.train import Training
 
 MODEL, NETWORK, NOTES = "model.toml", "rbf.safetensors", "compensator.json"
+OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})
+TRIES = 3  # readings of a folder that may be exchanged while it is read
 
 
 @dataclass(frozen=True)
@@ -39,18 +42,37 @@ class Compensator:
 
 
 def save_compensator(folder: str | Path, training: Training, inputs: list[str]) -> Path:
-    """Write a compensator folder.
+    """Write a compensator folder, whole or not at all: physics and network of one training, never of two.
 
     Args:
-        folder: made where it does not exist.
+        folder: made where it does not exist; a compensator that is there is replaced.
         training: what was trained.
         inputs: run files it was trained on.
 
     Returns:
         The folder.
+
+    Raises:
+        InputError: the folder holds other files too, or cannot be written.
     """
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
+    with write_folder(folder, OWN) as place:
+        _write(place, training, inputs)
+    return Path(folder)
+
+
+def require_folder(folder: str | Path) -> None:
+    """Refuse a folder that a compensator cannot be written to, before anything is trained.
+
+    Args:
+        folder: it need not be there.
+
+    Raises:
+        InputError: it is a file, or holds other files, which would be lost.
+    """
+    require_own(folder, OWN)
+
+
+def _write(place: Path, training: Training, inputs: list[str]) -> None:
     save_machine(write_model(training.physics.model), place / MODEL)
     digest = save_rbf(training.rbf.network, place / NETWORK)
     domain = training.rbf.network.domain
@@ -80,7 +102,6 @@ def save_compensator(folder: str | Path, training: Training, inputs: list[str]) 
         "noise_um": training.physics.noise.to_dict(),
     }
     write_text(place / NOTES, json.dumps(notes, indent=2) + "\n")
-    return place
 
 
 def load_compensator(path: str | Path, known: Library | None = None) -> Compensator:
@@ -97,13 +118,33 @@ def load_compensator(path: str | Path, known: Library | None = None) -> Compensa
         InputError: missing or damaged.
     """
     place = Path(path)
+    if not place.exists():
+        recover_folder(place)
     if not place.is_dir():
         return Compensator(read_model(load_machine(place), known), None, {})
-    model = read_model(load_machine(place / MODEL), known)
+    for left in reversed(range(TRIES)):
+        try:
+            return _load(place, known)
+        except InputError:
+            if not left:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _load(place: Path, known: Library | None) -> Compensator:
+    """Read a folder whose three files are of one training."""
     try:
         notes = json.loads((place / NOTES).read_text(encoding="utf-8"))
-        digest = notes["sha256"][NETWORK]
-        network = load_rbf(place / NETWORK, digest)
-    except (OSError, ValueError, KeyError, NetsError) as error:
+        kept = notes["sha256"]
+        network = load_rbf(place / NETWORK, kept[NETWORK])
+        found = sha256(place / MODEL)
+        model = read_model(load_machine(place / MODEL), known)
+    except (OSError, ValueError, KeyError, TypeError, NetsError) as error:
         raise InputError(f"not a whole compensator: {error}", where=str(place), fix="train it again") from error
+    if found != kept.get(MODEL):
+        raise InputError(
+            f"not a whole compensator: {MODEL} is not the one that its network was trained beside",
+            where=str(place),
+            fix=f"train it again, or take the physics alone: --model {place / MODEL}",
+        )
     return Compensator(model, network, notes)
