@@ -150,7 +150,8 @@ def reading_noise(rig: Rig, place: np.ndarray) -> Noise:
         covariance = np.mean(
             (tracker.radial_um / MICRO) ** 2 * along + side[:, None, None] * (np.eye(3) - along), axis=0
         )
-    return Noise(covariance + (tracker.wander_um / MICRO) ** 2 * np.eye(3), "truth")
+    own = np.square(tracker.axis_um) + tracker.quantum_um**2 / 12.0 + tracker.wander_um**2
+    return Noise(covariance + np.diag(own) / MICRO**2, "truth")
 
 
 def table_of(frame: pd.DataFrame) -> Table:

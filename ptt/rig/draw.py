@@ -1,7 +1,7 @@
 """Random rigs with known hidden faults, each with a protocol on which its faults can be seen."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -10,10 +10,10 @@ import pandas as pd
 from ptt.errors import InputError
 from ptt.machine import MachineFile
 from ptt.rig.draw_faults import KNOWN, UNKNOWN, Fault
-from ptt.rig.nominal import Drawing, draw_machine
+from ptt.rig.nominal import Array, Drawing, draw_machine
 from ptt.rig.rig import SECTIONS, Rig, parse_rig
 from ptt.rig.schema import Section
-from ptt.rig.targets import as_targets, make_helix, make_loop, make_volume, there_and_back
+from ptt.rig.targets import HALF_SIZE, as_targets, make_helix, make_loop, make_volume, there_and_back
 
 Level = Literal["none", "single", "multi", "unknown"]
 Protocol = Literal["path", "volume", "payload", "warmup", "speed"]
@@ -29,12 +29,16 @@ class DrawnRig:
         targets: the poses, to be given to `simulate`.
         truth: {name of the effect or odd fault: {key: value}}, empty for a rig without faults.
         protocol: how it is measured.
+        room: (3,) mm, half size of the workspace about p = 0.
+        absent: columns of the run that nobody wrote down.
     """
 
     rig: Rig
     targets: pd.DataFrame
     truth: dict[str, dict[str, Any]]
     protocol: Protocol
+    room: Array = field(default_factory=HALF_SIZE.copy, compare=False)
+    absent: tuple[str, ...] = ()
 
 
 def draw_rig(

@@ -29,6 +29,7 @@ class Schedule:
         repeat: (n,) int from 1.
         payload: (n,) kg.
         feed: (n,) mm/s.
+        read: (n,) bool, False where the machine passes and the tracker is not looked at.
     """
 
     origin: Array
@@ -40,6 +41,7 @@ class Schedule:
     repeat: Array
     payload: Array
     feed: Array
+    read: Array
 
     @property
     def rows(self) -> int:
@@ -91,6 +93,7 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, wh
         repeat=cycle + 1,
         payload=_context(table["payload_kg"], row, pose, conditions.payload_per_cycle_kg, conditions.payload_kg, cycle),
         feed=_context(table["feed_mm_s"], row, pose, conditions.feed_per_cycle_mm_s, conditions.feed_mm_s, cycle),
+        read=~pose | (table["read"].to_numpy()[row] != 0.0),
     )
 
 
@@ -131,6 +134,7 @@ def _tidy(commands: pd.DataFrame, where: str) -> pd.DataFrame:
         table[column] = values.fillna(default).astype(str).replace("", default)
     for column in ("payload_kg", "feed_mm_s"):
         table[column] = _numbers(table, [column], where)[:, 0] if column in table else np.nan
+    table["read"] = _numbers(table, ["read"], where)[:, 0] if "read" in table else 1.0
     numbers = {"target": _numbers(table, TARGET, where), "command": _numbers(table, COMMAND, where)}
     table[TARGET], table[COMMAND] = numbers["target"], numbers["command"]
     known = np.isfinite(numbers["target"]).all(1) | np.isfinite(numbers["command"]).all(1)

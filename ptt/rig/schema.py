@@ -222,6 +222,9 @@ class Tracker(Section):
     radial_um: NonNegativeFloat = 1.0
     sideways_um_per_m: NonNegativeFloat = 1.25
     white_mm: NonNegativeFloat | None = None
+    heavy_dof: Annotated[float, Field(gt=2)] | None = None
+    axis_um: Triple = ZERO
+    quantum_um: NonNegativeFloat = 0.0
     wander_um: NonNegativeFloat = 0.0
     wander_s: PositiveFloat = 300.0
     outlier_share: Annotated[float, Field(ge=0, le=1)] = 0.0

@@ -54,7 +54,7 @@ def simulate(
     Args:
         rig: the machine, its faults, the conditions.
         commands: n targets, columns x_cmd, y_cmd, z_cmd and/or b1_cmd, b2_cmd, b3_cmd, optionally name, role,
-            payload_kg, feed_mm_s; others are left aside.
+            payload_kg, feed_mm_s, read (0: passed without a reading); others are left aside.
         sliders: columns b1, b2, b3 to send instead of the controller's own, in the order of `commands` (every cycle
             alike) or of all cycles; the targets stay.
         noise: False leaves out everything random.
@@ -89,7 +89,8 @@ def simulate(
         groups.append((["dir1", "dir2", "dir3"], motion.travel_direction(path.slider)[path.last]))
     if rig.conditions.report_force:
         groups.append((["tau1", "tau2", "tau3"], force))
-    groups.append((["x_meas", "y_meas", "z_meas"], reading.measured))
+    measured = np.where(schedule.read[:, None], reading.measured, np.nan)
+    groups.append((["x_meas", "y_meas", "z_meas"], measured))
     if rig.tracker.report_std:
         groups.append((["x_std", "y_std", "z_std"], reading.std))
     frame = _tabulate(rig, schedule, time, warmth.sensor, groups)

@@ -6,9 +6,9 @@ import pandas as pd
 from ptt.rig.nominal import Array, Drawing, can_reach, nominal_sliders
 from ptt.rig.schedule import TARGET
 
-HALF_SIZE = np.array([60.0, 60.0, 50.0])  # mm, of the volume
-APPROACH = 22.0  # mm, from where a pose of a group is approached
-LEAST_MOVE = 2.0  # mm, by which every slider moves on an approach
+HALF_SIZE = np.array([60.0, 60.0, 50.0])  # mm, of the volume on the bench
+APPROACH = 22.0  # mm on the bench, from where a pose of a group is approached
+LEAST_MOVE = 2.0  # mm on the bench, by which every slider moves on an approach
 DATUM_EVERY = 3  # groups of rows between two visits
 
 
@@ -59,16 +59,17 @@ def make_loop(rows: int, *, radius: float = 60.0, height: float = 30.0) -> Array
     return np.round(path, 4)
 
 
-def volume_span(drawing: Drawing) -> tuple[float, float]:
+def volume_span(drawing: Drawing, room: Array = HALF_SIZE) -> tuple[float, float]:
     """Slider heights that the volume covers.
 
     Args:
         drawing: the ideal machine.
+        room: (3,) mm, half size of the volume.
 
     Returns:
         Lowest and highest, mm.
     """
-    grid = np.stack(np.meshgrid(*([-1.0, -0.5, 0.0, 0.5, 1.0],) * 3), axis=-1).reshape(-1, 3) * HALF_SIZE
+    grid = np.stack(np.meshgrid(*([-1.0, -0.5, 0.0, 0.5, 1.0],) * 3), axis=-1).reshape(-1, 3) * room
     heights = nominal_sliders(drawing, grid[can_reach(drawing, grid)])
     return float(np.round(heights.min(), 3)), float(np.round(heights.max(), 3))
 
@@ -90,8 +91,8 @@ def as_targets(path: Array, prefix: str = "p") -> pd.DataFrame:
     return table
 
 
-def make_volume(drawing: Drawing, rows: int, seed: int) -> pd.DataFrame:
-    """Random poses in a 120 x 120 x 100 mm volume.
+def make_volume(drawing: Drawing, rows: int, seed: int, room: Array = HALF_SIZE) -> pd.DataFrame:
+    """Random poses in a volume, on the bench one of 120 x 120 x 100 mm.
 
     Every third part of the rows comes in groups Q P S P Q P S P around one pose P: it is reached twice from either side
     of every slider, soon after one another, which gives true repeats and both directions of arrival. In between a datum
@@ -101,6 +102,7 @@ def make_volume(drawing: Drawing, rows: int, seed: int) -> pd.DataFrame:
         drawing: the ideal machine.
         rows: about how many; the table never has more.
         seed: of the poses.
+        room: (3,) mm, half size of the volume.
 
     Returns:
         Columns name, role, x_cmd, y_cmd, z_cmd.
@@ -108,48 +110,49 @@ def make_volume(drawing: Drawing, rows: int, seed: int) -> pd.DataFrame:
     random = np.random.default_rng([seed, 11])
     blocks: list[pd.DataFrame] = []
     count, left = 0, rows
-    datum = _datum_visit(drawing)
+    datum = _datum_visit(room)
     while left >= 8:
         if count % DATUM_EVERY == 0 and left >= 10:
             blocks.append(datum)
             left -= len(datum)
         if count % 2 == 0:
-            block = as_targets(_group(drawing, random), f"g{count + 1}.")
+            block = as_targets(_group(drawing, random, room), f"g{count + 1}.")
         else:
-            block = as_targets(_random_poses(drawing, random, min(12, left)), f"v{count + 1}.")
+            block = as_targets(_random_poses(drawing, random, min(12, left), room), f"v{count + 1}.")
         blocks.append(block)
         left -= len(block)
         count += 1
     if left > 0:
-        blocks.append(as_targets(_random_poses(drawing, random, left), f"v{count + 1}."))
+        blocks.append(as_targets(_random_poses(drawing, random, left, room), f"v{count + 1}."))
     return pd.concat(blocks, ignore_index=True)
 
 
-def _random_poses(drawing: Drawing, random: np.random.Generator, count: int) -> Array:
+def _random_poses(drawing: Drawing, random: np.random.Generator, count: int, room: Array) -> Array:
     """Uniform in the volume, so that slider heights fall on every phase of the screw."""
-    poses = np.round(random.uniform(-HALF_SIZE, HALF_SIZE, (4 * count + 8, 3)), 4)
+    poses = np.round(random.uniform(-room, room, (4 * count + 8, 3)), 4)
     return poses[can_reach(drawing, poses)][:count]
 
 
-def _group(drawing: Drawing, random: np.random.Generator) -> Array:
+def _group(drawing: Drawing, random: np.random.Generator, room: Array) -> Array:
     """(8, 3) mm: a pose approached from one side and the other, twice."""
+    scale = float((room / HALF_SIZE).min())
     for _ in range(1000):
         way = random.normal(size=3)
-        way *= APPROACH / np.linalg.norm(way)
-        centre = random.uniform(-HALF_SIZE, HALF_SIZE)
+        way *= scale * APPROACH / np.linalg.norm(way)
+        centre = random.uniform(-room, room)
         before, after = np.round(centre - way, 4), np.round(centre + way, 4)
         centre = np.round(centre, 4)
         three = np.array([before, centre, after])
-        if (np.abs(three) > HALF_SIZE).any() or not can_reach(drawing, three).all():
+        if (np.abs(three) > room).any() or not can_reach(drawing, three).all():
             continue
         move = np.diff(nominal_sliders(drawing, three), axis=0)
-        if (np.abs(move) > LEAST_MOVE).all() and (move[0] * move[1] > 0).all():
+        if (np.abs(move) > scale * LEAST_MOVE).all() and (move[0] * move[1] > 0).all():
             return three[[0, 1, 2, 1] * 2]
     raise AssertionError("no group of poses fits the volume")
 
 
-def _datum_visit(drawing: Drawing) -> pd.DataFrame:
-    table = as_targets(np.array([[10.0, 14.0, 30.0], [0.0, 0.0, 0.0]]), "datum")
+def _datum_visit(room: Array) -> pd.DataFrame:
+    table = as_targets(np.array([np.round(np.array([10.0, 14.0, 30.0]) * room / HALF_SIZE, 4), np.zeros(3)]), "datum")
     table["name"] = ["approach", "datum"]
     table["role"] = ["pose", "datum"]
     return table

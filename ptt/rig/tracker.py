@@ -32,8 +32,8 @@ def read_points(
 ) -> Reading:
     """Read reflectors.
 
-    The order of causes: wavelength (scale about the station), air and angle noise, drift and knock of the stand, and
-    last the frame in which the readings are expressed.
+    The order of causes: wavelength (scale about the station), air and angle noise, drift and knock of the stand, the
+    frame in which the readings are expressed, and last what each of its axes adds and the digits that are kept.
 
     Args:
         tracker: its faults.
@@ -53,13 +53,15 @@ def read_points(
     beam = away / np.maximum(distance, 1e-9)
     radial, sideways = _sigmas(tracker, distance)
     read = station + (1.0 + 1e-6 * tracker.scale_ppm) * away
+    uneven = np.zeros_like(point)
     outlier = np.zeros(len(point), dtype=bool)
     missing = np.zeros(len(point), dtype=bool)
     if noise:
-        white = np.random.default_rng([seed, 1]).normal(size=point.shape)
+        white = _white(tracker, np.random.default_rng([seed, 1]), point.shape)
         along = (white * beam).sum(1, keepdims=True) * beam
         read = read + radial * along + sideways * (white - along)
         read = read + _wander(tracker, time, np.random.default_rng([seed, 2]))
+        uneven = np.random.default_rng([seed, 8]).normal(size=point.shape) * MICRO * np.asarray(tracker.axis_um)
         gross = np.random.default_rng([seed, 3])
         outlier = gross.random(len(point)) < tracker.outlier_share
         missing = gross.random(len(point)) < tracker.missing_share
@@ -69,9 +71,11 @@ def read_points(
     read = read + _drift(tracker, time - time[0])
     read = _knock(tracker, read, time)
     turn, shift = _setups(tracker, run, np.random.default_rng([setup_seed, 4]))
-    read = np.einsum("nij,nj->ni", turn, read) + shift
+    read = np.einsum("nij,nj->ni", turn, read) + shift + uneven
+    if noise and tracker.quantum_um:
+        read = np.round(read / (MICRO * tracker.quantum_um)) * MICRO * tracker.quantum_um
     beam = np.einsum("nij,nj->ni", turn, beam)
-    std = np.sqrt((radial * beam) ** 2 + sideways**2 * (1.0 - beam**2))
+    std = np.sqrt((radial * beam) ** 2 + sideways**2 * (1.0 - beam**2) + _own(tracker) ** 2)
     return Reading(np.where(missing[:, None], np.nan, read), std, outlier)
 
 
@@ -99,6 +103,19 @@ def _sigmas(tracker: Tracker, distance: Array) -> tuple[Array, Array]:
         return both, both
     radial = np.full_like(distance, MICRO * tracker.radial_um)
     return radial, MICRO * tracker.sideways_um_per_m * distance * 1e-3
+
+
+def _white(tracker: Tracker, random: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Unit variance, normal or with the heavy tails of Student's t."""
+    if tracker.heavy_dof is None:
+        return random.normal(size=shape)
+    dof = tracker.heavy_dof
+    return random.standard_t(dof, size=shape) * np.sqrt((dof - 2.0) / dof)
+
+
+def _own(tracker: Tracker) -> Array:
+    """(3,) mm, noise that belongs to the axes of the readings: their own, and that of rounding."""
+    return MICRO * np.hypot(np.asarray(tracker.axis_um), tracker.quantum_um / np.sqrt(12.0))
 
 
 def _wander(tracker: Tracker, time: Array, random: np.random.Generator) -> Array:

@@ -1,0 +1,129 @@
+"""Sound rigs that nobody here built: drawing, path, conditions and noise all drawn by seed."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ptt.machine import MachineFile, ThreePttSpec
+from ptt.rig.draw import DrawnRig, Protocol
+from ptt.rig.draw_machine import Foreign, draw_machine_file
+from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
+from ptt.rig.nominal import Array, draw_machine
+from ptt.rig.paths import SMOOTH, draw_plan
+from ptt.rig.rig import parse_rig
+
+Random = np.random.Generator
+ROWS = (24, 600)
+LONG, LONGEST = 0.05, 2000  # share of runs that are longer, and how long they get
+STATIC = ("payload_kg", "temp_c", "feed_mm_s")  # columns that say nothing where nothing of the kind changes
+AWAY = 3000.0  # mm, where the tracker stands unless its noise says otherwise
+
+
+def draw_foreign(
+    seed: int,
+    protocol: Protocol = "volume",
+    *,
+    noise: str | None = None,
+    rows: int | None = None,
+    path: str | None = None,
+    repeats: str | None = None,
+    foreign: Foreign | None = None,
+) -> DrawnRig:
+    """Draw a sound rig.
+
+    Args:
+        seed: of everything.
+        protocol: what changes during the run besides the pose; 'path' is a curve, 'volume' any path.
+        noise: kind of noise, None lets the seed choose.
+        rows: about how many readings, None lets the seed choose from 24 to 2,000.
+        path: kind of path, None lets the seed choose.
+        repeats: form of the repeats, None lets the seed choose.
+        foreign: a drawing with its workspace to take instead of one drawn by the seed.
+
+    Returns:
+        The rig, without faults.
+    """
+    random = np.random.default_rng([seed, 74])
+    drawn_rows, kind = _draw_rows(random), str(random.choice(list(NOISES)))
+    kind, rows = noise or kind, rows or drawn_rows
+    foreign = foreign or draw_machine_file(seed)
+    spec = foreign.file.machine
+    assert isinstance(spec, ThreePttSpec)
+    cycles, conditions = CONDITIONS[protocol](random)
+    if path is None and protocol in ("path", "speed"):
+        path = str(random.choice(SMOOTH))
+    repeats = "none" if cycles > 1 else repeats  # what is run through under every load is repeated thereby
+    plan = draw_plan(seed, draw_machine(spec), foreign.room, max(rows // cycles, 8), path, repeats)
+    conditions["cycles"] = cycles if cycles > 1 else plan.cycles
+    per_run = foreign.file.tracker.frame == "fitted-per-run"
+    conditions["run_per_cycle"] = per_run
+    values = draw_noise(kind, seed)
+    tracker = {**_set_up(random, foreign.file), **values}
+    tracker["datum_every"] = int(random.integers(10, 30)) * int(random.random() < 0.3)
+    told = random.random() < 0.5
+    file = _tell(foreign.file, stated_sigma(values, AWAY) * random.uniform(0.8, 1.25) if told else None)
+    dwell = float(np.round(random.uniform(2.0, 12.0), 1))
+    content = {"seed": seed, "conditions": {"dwell_s": dwell, **conditions}, "tracker": tracker}
+    rig = parse_rig({"machine": {"kind": "three-ptt", **_dump(spec)}, **content})
+    absent = STATIC if protocol in ("path", "volume") and random.random() < 0.4 else ()
+    return DrawnRig(replace(rig, machine=file), plan.targets, {}, protocol, foreign.room, absent)
+
+
+def _draw_rows(random: Random) -> int:
+    low, high = (ROWS[1], LONGEST) if random.random() < LONG else ROWS
+    return round(float(np.exp(random.uniform(np.log(low), np.log(high)))))
+
+
+def _still(random: Random) -> tuple[int, dict[str, Any]]:
+    return 1, {"feed_mm_s": float(random.choice([20.0, 50.0, 100.0]))}
+
+
+def _loads(random: Random) -> tuple[int, dict[str, Any]]:
+    count = int(random.integers(2, 5))
+    loads = np.round(random.permutation(np.linspace(0.0, random.uniform(2.0, 8.0), count)), 2)
+    return count, {"payload_per_cycle_kg": loads.tolist(), "pause_s": 60.0}
+
+
+def _warming(random: Random) -> tuple[int, dict[str, Any]]:
+    rise = float(np.round(random.uniform(4.0, 10.0) * random.choice([-1.0, 1.0, 1.0]), 2))
+    room = {"start_c": 20.0, "rise_k": rise, "time_constant_s": float(random.uniform(2000.0, 6000.0))}
+    return int(random.integers(3, 6)), {"room": room, "pause_s": float(random.uniform(600.0, 2400.0))}
+
+
+def _speeds(random: Random) -> tuple[int, dict[str, Any]]:
+    feeds = random.permutation([8.0, 20.0, 50.0])
+    return 3, {"feed_per_cycle_mm_s": feeds.tolist(), "moving": True}
+
+
+CONDITIONS: dict[Protocol, Callable[[Random], tuple[int, dict[str, Any]]]] = {
+    "path": _still,
+    "volume": _still,
+    "payload": _loads,
+    "warmup": _warming,
+    "speed": _speeds,
+}
+
+
+def _set_up(random: Random, file: MachineFile) -> dict[str, Any]:
+    """Where the tracker stands, and how its frame lies: where the file trusts it, exactly as it says."""
+    angle = random.uniform(0.0, 2.0 * np.pi)
+    place: Array = np.array([AWAY * np.cos(angle), AWAY * np.sin(angle), random.uniform(0.0, 800.0)])
+    shift, turn = random.uniform(-2.0, 2.0, 3), random.uniform(-2.0, 2.0, 3)
+    values: dict[str, Any] = {"station_mm": np.round(place, 1).tolist()}
+    if file.tracker.frame != "trusted":
+        values |= {"translation_mm": np.round(shift, 4).tolist(), "rotation_mrad": np.round(turn, 4).tolist()}
+    if file.tracker.frame == "fitted-per-run":
+        values |= {"frame_scatter_mm": 0.3, "frame_scatter_mrad": 0.3}
+    return values
+
+
+def _tell(file: MachineFile, sigma: float | None) -> MachineFile:
+    """The machine file with what it says of the noise."""
+    rounded = None if sigma is None else float(f"{sigma:.2g}")
+    return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": rounded}), text="")
+
+
+def _dump(spec: ThreePttSpec) -> dict[str, Any]:
+    return {key: value for key, value in spec.model_dump(mode="json").items() if value is not None}

@@ -1,0 +1,120 @@
+"""Kinds of tracker noise, drawn by name."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+Random = np.random.Generator
+
+
+def draw_noise(kind: str, seed: int) -> dict[str, Any]:
+    """Draw a tracker's noise.
+
+    Args:
+        kind: of NOISES.
+        seed: of the sizes.
+
+    Returns:
+        Keys and values of [tracker], the station among them where the noise depends on how far it is.
+    """
+    random = np.random.default_rng([seed, 73])
+    values = NOISES[kind](random)
+    if random.random() < 0.2:
+        values["missing_share"] = float(random.uniform(0.01, 0.05))
+    if random.random() < 0.3:
+        values["report_std"] = True
+    return values
+
+
+def stated_sigma(values: dict[str, Any], distance: float) -> float:
+    """What a maker's leaflet would say of one coordinate of such a tracker, mm; nothing of drift or gross errors.
+
+    Args:
+        values: as drawn.
+        distance: mm, from the tracker to the machine.
+
+    Returns:
+        Root mean square over the three coordinates.
+    """
+    radial, sideways = values.get("radial_um", 1.0), values.get("sideways_um_per_m", 1.25) * distance * 1e-3
+    white = 1e3 * values["white_mm"] if "white_mm" in values else np.sqrt((radial**2 + 2.0 * sideways**2) / 3.0)
+    own = np.mean(np.square(values.get("axis_um", (0.0,) * 3))) + values.get("quantum_um", 0.0) ** 2 / 12.0
+    return float(1e-3 * np.sqrt(white**2 + own))
+
+
+def _log(random: Random, low: float, high: float) -> float:
+    return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def _white(random: Random) -> dict[str, Any]:
+    return {"white_mm": _log(random, 0.002, 0.012)}
+
+
+def _heavy(random: Random) -> dict[str, Any]:
+    return {"white_mm": _log(random, 0.003, 0.008), "heavy_dof": float(random.uniform(2.5, 6.0))}
+
+
+def _range(random: Random) -> dict[str, Any]:
+    """A tracker so near that its distance changes much over the workspace."""
+    angle, away = random.uniform(0.0, 2.0 * np.pi), random.uniform(700.0, 1500.0)
+    station = [away * np.cos(angle), away * np.sin(angle), random.uniform(0.0, 400.0)]
+    return {
+        "station_mm": np.round(station, 1).tolist(),
+        "radial_um": float(random.uniform(0.5, 2.0)),
+        "sideways_um_per_m": _log(random, 3.0, 9.0),
+    }
+
+
+def _anisotropic(random: Random) -> dict[str, Any]:
+    """Sharp along the beam, blunt across it."""
+    angle, away = random.uniform(0.0, 2.0 * np.pi), random.uniform(2500.0, 6000.0)
+    station = [away * np.cos(angle), away * np.sin(angle), random.uniform(0.0, 1500.0)]
+    return {
+        "station_mm": np.round(station, 1).tolist(),
+        "radial_um": float(random.uniform(0.4, 1.0)),
+        "sideways_um_per_m": _log(random, 1.0, 3.0),
+    }
+
+
+def _quantised(random: Random) -> dict[str, Any]:
+    """Readings kept to a few digits; below a third of a digit of noise, repeats would all be alike."""
+    quantum = float(random.choice([1.0, 5.0, 10.0, 20.0]))
+    return {"quantum_um": quantum, "white_mm": 1e-3 * max(quantum * float(random.uniform(0.35, 1.0)), 2.0)}
+
+
+def _wander(random: Random) -> dict[str, Any]:
+    """Air and stand: from a third of the white noise to three times it, over half a minute to an hour and a half."""
+    white = _log(random, 0.002, 0.007)
+    share, slow = _log(random, 0.3, 3.0), _log(random, 30.0, 5000.0)
+    return {"white_mm": white, "wander_um": 1e3 * white * share, "wander_s": slow}
+
+
+def _outliers(random: Random) -> dict[str, Any]:
+    share, size = float(random.uniform(0.01, 0.08)), _log(random, 0.05, 1.0)
+    return {**_white(random), "outlier_share": share, "outlier_mm": size}
+
+
+def _axes(random: Random) -> dict[str, Any]:
+    """One axis up to six times as noisy as another."""
+    return {"white_mm": 0.001, "axis_um": np.round(np.exp(random.uniform(np.log(2.0), np.log(12.0), 3)), 3).tolist()}
+
+
+def _mixed(random: Random) -> dict[str, Any]:
+    """Some of all."""
+    drawn = {**_anisotropic(random), "heavy_dof": float(random.uniform(3.0, 8.0)), "quantum_um": 1.0}
+    drawn |= {"wander_um": _log(random, 1.0, 6.0), "wander_s": _log(random, 60.0, 2000.0)}
+    return {**drawn, "outlier_share": float(random.uniform(0.0, 0.03))}
+
+
+NOISES: dict[str, Callable[[Random], dict[str, Any]]] = {
+    "white": _white,
+    "heavy": _heavy,
+    "range": _range,
+    "anisotropic": _anisotropic,
+    "quantised": _quantised,
+    "wander": _wander,
+    "outliers": _outliers,
+    "axes": _axes,
+    "mixed": _mixed,
+}
