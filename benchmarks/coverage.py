@@ -16,8 +16,8 @@ import torch
 
 from ptt.effects import library
 from ptt.effects.base import linear_size
+from ptt.fit.linear import usual_sizes
 from ptt.fit.observability import unobservable
-from ptt.fit.search import usual_sizes
 from ptt.fit.solve import FitResult, fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model import Model

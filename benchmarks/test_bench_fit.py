@@ -13,8 +13,9 @@ from ptt.effects import library
 from ptt.effects.base import flatten, linear_size
 from ptt.effects.bench import sample_machine
 from ptt.fit.layout import lay_out
+from ptt.fit.linear import usual_sizes
 from ptt.fit.observability import unobservable
-from ptt.fit.search import open_terms, usual_sizes
+from ptt.fit.search import open_terms
 from ptt.fit.solve import fit
 from ptt.model import Model
 from ptt.noise import Noise

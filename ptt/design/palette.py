@@ -11,7 +11,7 @@ from ptt.chain import linearise, signature, trace
 from ptt.design.contest import triangle
 from ptt.effects import Effect
 from ptt.effects.metrology import rigid_basis
-from ptt.fit.search import held_values, usual_sizes
+from ptt.fit.linear import held_values, usual_sizes
 from ptt.fit.solve import FitResult
 from ptt.fit.whitened import by_own
 from ptt.problem import SHIFT_USUAL, TURN_USUAL, Problem

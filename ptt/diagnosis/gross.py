@@ -1,10 +1,9 @@
 """Gross errors: readings that neither the present model nor any effect that might be missing can explain."""
 
 import numpy as np
-from scipy import linalg, stats
 
-CHANCE = 1e-3  # chance that a table of sound readings loses one
-ROUNDS = 8
+from ptt.fit.outliers import inside, linear_residual
+
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
 
 
@@ -45,16 +44,8 @@ def far_rows(columns: np.ndarray, values: np.ndarray, rows: np.ndarray, chosen: 
     Returns:
         (n,) bool.
     """
-    flat, value = columns[rows][..., chosen], values[rows]
-    weight, left = np.ones(len(value)), value
-    squared, spread = np.square(value).sum(axis=1), 1.0
-    for _ in range(ROUNDS if flat.shape[-1] else 0):
-        heavy = (flat * weight[:, None, None]).reshape(-1, flat.shape[-1])
-        normal = heavy.T @ flat.reshape(-1, flat.shape[-1]) + np.eye(flat.shape[-1])
-        left = value - flat @ linalg.solve(normal, heavy.T @ value.ravel(), assume_a="pos")
-        squared = np.square(left).sum(axis=1)
-        spread = max(float(np.median(squared)) / stats.chi2.median(3), 1e-12)
-        weight = 1.0 / (1.0 + squared / (6.0 * spread))
+    width = len(chosen)
+    left, _ = linear_residual(values[rows], columns[rows][..., chosen], np.zeros(width), np.eye(width))
     far = np.zeros(len(values), dtype=bool)
-    far[rows] = squared > stats.chi2.isf(CHANCE / max(len(value), 1), 3) * max(1.0, spread)
+    far[rows] = ~inside(left, np.ones(len(left), dtype=bool))
     return far

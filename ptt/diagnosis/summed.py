@@ -101,7 +101,7 @@ def sum_chunk(
     axes = tuple(
         accumulate(linear.columns[rows, axis], linear.values[rows, axis], block[number], BLOCKS) for axis in range(3)
     )
-    return Part(axes, rows, replace(linear, columns=linear.columns[:0], values=linear.values[:0], rows=rows[:0]))
+    return Part(axes, rows, linear.without_rows())
 
 
 def sum_up(

@@ -98,7 +98,7 @@ def build_system(
     reading, blocks, motion = at.prediction.reading, [machine.numpy()], layout.frame_parameters(unknowns)
     if layout.frames:
         reading, by_frame = apply_frames(reading, problem.frame, motion)
-        blocks = [_turned(machine, motion, problem.frame).numpy()]
+        blocks = [turned(machine, motion, problem.frame).numpy()]
         blocks += by_own(by_frame.numpy(), problem.frame, layout.frames)
     jacobian = whiten(blocks, whitener, layout.scale)
     residual = (problem.measured - reading.numpy()) @ whitener.T
@@ -138,8 +138,17 @@ def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarra
     return [np.where((owner == index)[:, None, None], columns, 0.0) for index in range(count)]
 
 
-def _turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
-    """Machine columns (n, 3, P) as the small rotations of the frames show them."""
+def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
+    """Machine columns (n, 3, P) as the small rotations of the frames show them.
+
+    Args:
+        machine: (n, 3, P) in the base frame.
+        motion: (f, 6) how the frames stand; f = 0 where they are trusted.
+        frame: (n,) int, frame of each row.
+
+    Returns:
+        (n, 3, P).
+    """
     if not bool(motion[:, 3:].any()) or not machine.shape[-1]:
         return machine
     turns = rotation(motion[:, 3:])[0]
