@@ -10,11 +10,13 @@ from pydantic import TypeAdapter
 from ptt.errors import InputError
 from ptt.rig import Rig
 from ptt.rig.draw import DrawnRig
-from ptt.rig.draw_faults import KNOWN, UNKNOWN
+from ptt.rig.draw_faults import KNOWN, Scene
+from ptt.rig.draw_more import MORE
+from ptt.rig.draw_odd import UNKNOWN
 from ptt.rig.nominal import draw_machine
 from ptt.rig.schema import Odd
 
-FAULTS = {fault.name: fault for fault in (*KNOWN, *UNKNOWN)}
+FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN)}
 _ODD: TypeAdapter[Any] = TypeAdapter(Odd)
 
 
@@ -34,10 +36,11 @@ def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int) -> DrawnRig:
     """
     random = np.random.default_rng([seed, 51])
     rig, truth = drawn.rig, dict(drawn.truth)
+    scene = Scene(draw_machine(rig.spec), rig.spec, drawn.room)
     for name in names:
-        if name not in FAULTS or name in truth:
+        if name not in FAULTS or FAULTS[name].called in {FAULTS[other].called for other in truth}:
             raise InputError(f"fault '{name}' is not known or hidden already", fix=f"use others of {', '.join(FAULTS)}")
-        values = FAULTS[name].draw(random, draw_machine(rig.spec), rig.spec)
+        values = FAULTS[name].draw(random, scene)
         truth[name] = values
         rig = _put(rig, FAULTS[name].section, _settle(values, len(drawn.targets) * rig.conditions.cycles))
     return replace(drawn, rig=rig, truth=truth)
@@ -74,8 +77,6 @@ def _put(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:
 
 
 def _settle(values: Mapping[str, Any], rows: int) -> dict[str, Any]:
-    """A knock is drawn at a share of the run and happens at a row."""
-    settled = dict(values)
-    if "knock_share" in settled:
-        settled["knock_row"] = int(settled.pop("knock_share") * rows)
-    return settled
+    """What happens once is drawn at a share of the run and happens at a row."""
+    shares = {"knock_share": "knock_row", "slip_share": "slip_row"}
+    return {shares.get(key, key): int(value * rows) if key in shares else value for key, value in values.items()}

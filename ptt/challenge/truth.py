@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from ptt.challenge.hide import clear_faults
+from ptt.challenge.hide import FAULTS, clear_faults
 from ptt.effects import Library
 from ptt.effects.metrology import rigid_basis
 from ptt.effects.registry import make_effect, parse_key
@@ -124,7 +124,7 @@ def find_truth(drawn: DrawnRig, known: Library) -> Truth:
     noise = reading_noise(drawn.rig, whole.truth)
     table = table_of(whole.frame)
     problem = build_problem(drawn.rig.machine, table).with_noise(noise)
-    faults = [_fault(name, drawn, problem, noise, library_has=name in known) for name in drawn.truth]
+    faults = [_fault(key, drawn, problem, noise, library_has=FAULTS[key].called in known) for key in drawn.truth]
     return Truth(drawn, known, noise, problem, tuple(sorted(faults, key=lambda fault: -fault.size)))
 
 
@@ -196,14 +196,14 @@ def rms_length(shift: np.ndarray) -> float:
     return float(np.sqrt(np.square(shift).sum(axis=1).mean()))
 
 
-def _fault(name: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> Fault:
-    without = simulate(clear_faults(drawn.rig, drawn.truth, [name]), drawn.targets, noise=False).frame
+def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> Fault:
+    without = simulate(clear_faults(drawn.rig, drawn.truth, [key]), drawn.targets, noise=False).frame
     poses = problem.used
     shift = (problem.table.measured - without[READINGS].to_numpy(float))[poses]
     signature = np.full_like(problem.table.measured, np.nan)
     signature[poses] = off_frame(shift, problem.table.target[poses])
     size = rms_length(signature[poses])
-    return Fault(name, drawn.truth[name], signature, size, size >= COUNTS * noise.total, library_has)
+    return Fault(FAULTS[key].called, drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has)
 
 
 def _numbers(frame: pd.DataFrame, columns: str | list[str]) -> np.ndarray:

@@ -33,7 +33,7 @@ def follow_warmth(rig: Rig, path: motion.Path, time: Array, rows: int, seed: int
 
 
 def drive_sliders(
-    rig: Rig, drawing: Drawing, path: motion.Path, speed: Array, schedule: Schedule, warmth: Warmth
+    rig: Rig, drawing: Drawing, path: motion.Path, time: Array, speed: Array, schedule: Schedule, warmth: Warmth
 ) -> Array:
     """Where the sliders go while nothing pulls at them.
 
@@ -41,6 +41,7 @@ def drive_sliders(
         rig: controller, drives, screws.
         drawing: the ideal machine.
         path: m points of commanded heights in travel order.
+        time: (n,) s.
         speed: (n, 3) mm/s, of the sliders when the rows are read.
         schedule: the rows.
         warmth: temperatures.
@@ -60,7 +61,7 @@ def drive_sliders(
     lead = spec.screw_lead_mm or np.inf
     span = faults.curve_span_mm or spec.slider_travel_mm
     error = drive.screw_error(faults, nut, screw, drawing.home, span, lead)
-    error = error + _homing(rig, schedule)
+    error = error + _homing(rig, schedule) + _slip(rig, time)
     late = late - np.asarray(faults.following_s) * speed
     warmer = warmth.screw - spec.reference_temp_c
     growth = 1e-6 * np.asarray(rig.thermal.growth_um_per_m_k) * warmer * (nut - np.asarray(rig.thermal.fixed_end_mm))
@@ -71,3 +72,15 @@ def _homing(rig: Rig, schedule: Schedule) -> Array:
     """Every run is homed anew."""
     random = np.random.default_rng([rig.seed, 7])
     return rig.drive.homing_scatter_mm * random.normal(size=(int(schedule.run.max()) + 1, 3))[schedule.run]
+
+
+def _slip(rig: Rig, time: Array) -> Array:
+    """(n, 3) mm, zero points lost for good: a clamp slipped, a slider was hit, an axis was homed again."""
+    drive = rig.drive
+    if drive.slip_row is not None:
+        after = np.arange(len(time)) >= drive.slip_row
+    elif drive.slip_time_s is not None:
+        after = time - time[0] >= drive.slip_time_s
+    else:
+        after = np.zeros(len(time), dtype=bool)
+    return np.outer(after, drive.slip_mm)

@@ -9,7 +9,8 @@ import pandas as pd
 
 from ptt.errors import InputError
 from ptt.machine import MachineFile
-from ptt.rig.draw_faults import KNOWN, UNKNOWN, Fault
+from ptt.rig.draw_faults import KNOWN, Fault, Scene
+from ptt.rig.draw_odd import UNKNOWN
 from ptt.rig.nominal import Array, Drawing, draw_machine
 from ptt.rig.rig import SECTIONS, Rig, parse_rig
 from ptt.rig.schema import Section
@@ -72,12 +73,13 @@ def draw_rig(
     base = parse_rig({"machine": {"kind": "three-ptt", **_bare(machine)}, "seed": seed})
     rig = replace(base, machine=machine)
     drawing = draw_machine(rig.spec)
+    scene = Scene(drawing, rig.spec, HALF_SIZE)
     targets, conditions = _measure(protocol, drawing, rows, seed)
     settings: dict[str, dict[str, Any]] = {"conditions": conditions, "tracker": _frame(random)}
     odd: list[dict[str, Any]] = []
     truth: dict[str, dict[str, Any]] = {}
     for item in chosen:
-        size = item.draw(random, drawing, rig.spec)
+        size = item.draw(random, scene)
         truth[item.name] = size
         if item.section == "odd":
             odd.append(size)

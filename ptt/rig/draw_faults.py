@@ -8,10 +8,37 @@ import numpy as np
 
 from ptt.machine import ThreePttSpec
 from ptt.rig.nominal import Array, Drawing
-from ptt.rig.targets import volume_span
+from ptt.rig.targets import HALF_SIZE, volume_span
 
 Random = np.random.Generator
-Draw = Callable[[Random, Drawing, ThreePttSpec], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The machine that faults are drawn for.
+
+    Attributes:
+        drawing: directions and lengths.
+        spec: the [machine] section.
+        room: (3,) mm, half size of the workspace.
+    """
+
+    drawing: Drawing
+    spec: ThreePttSpec
+    room: Array
+
+    @property
+    def span(self) -> list[float]:
+        """Slider heights that the workspace covers, mm."""
+        return list(volume_span(self.drawing, self.room))
+
+    @property
+    def scale(self) -> float:
+        """Size of the workspace against the bench's."""
+        return float((self.room / HALF_SIZE).min())
+
+
+Draw = Callable[[Random, Scene], dict[str, Any]]
 STATIC = ("volume",)
 MOST = ("path", "volume")
 
@@ -25,19 +52,27 @@ class Fault:
         section: of the rig file.
         protocols: those that show it.
         draw: keys and values of the section.
+        effect: the effect's name in the library where several faults are one effect.
     """
 
     name: str
     section: str
     protocols: tuple[Any, ...]
     draw: Draw
+    effect: str = ""
+
+    @property
+    def called(self) -> str:
+        """What a diagnosis should call it."""
+        return self.effect or self.name
 
 
-def _log(random: Random, low: float, high: float) -> float:
+def log_uniform(random: Random, low: float, high: float) -> float:
+    """A size drawn evenly over its orders of magnitude."""
     return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
 
-def _legs(random: Random, low: float, high: float, *, signed: bool = True, alone: bool = True) -> list[float]:
+def some_legs(random: Random, low: float, high: float, *, signed: bool = True, alone: bool = True) -> list[float]:
     """Log-uniform sizes on one leg or on all."""
     size = np.exp(random.uniform(np.log(low), np.log(high), 3))
     if signed:
@@ -53,173 +88,105 @@ def _both_ways(random: Random, key: str, unit: str, low: float, high: float) -> 
     keep = np.arange(3) == random.integers(3) if one else np.ones(3, dtype=bool)
     values = {}
     for way in ("radial", "tangential"):
-        size = np.array(_legs(random, low, high, alone=False))
+        size = np.array(some_legs(random, low, high, alone=False))
         values[f"{key}_{way}_{unit}"] = [float(value) for value in np.where(keep, size, 0.0)]
     return values
 
 
-def _curve(random: Random, drawing: Drawing) -> dict[str, Any]:
-    sizes = {"curve_parabola_um": _legs(random, 5, 20), "curve_cubic_um": _legs(random, 5, 20)}
-    return {**sizes, "curve_span_mm": list(volume_span(drawing))}
+def _curve(random: Random, scene: Scene) -> dict[str, Any]:
+    sizes = {"curve_parabola_um": some_legs(random, 5, 20), "curve_cubic_um": some_legs(random, 5, 20)}
+    return {**sizes, "curve_span_mm": scene.span}
 
 
 def _turn(random: Random) -> dict[str, Any]:
     phase = np.round(random.uniform(0.0, 2.0 * np.pi, 3), 6)
-    return {"turn_um": _legs(random, 3, 8, signed=False), "turn_phase_rad": phase.tolist()}
+    return {"turn_um": some_legs(random, 3, 8, signed=False), "turn_phase_rad": phase.tolist()}
 
 
 def _windup(random: Random) -> dict[str, Any]:
     return {
-        "windup_um": _legs(random, 2, 10, signed=False),
-        "windup_length_mm": [_log(random, 1, 4)] * 3,
+        "windup_um": some_legs(random, 2, 10, signed=False),
+        "windup_length_mm": [log_uniform(random, 1, 4)] * 3,
     }
 
 
-def _guide(random: Random, drawing: Drawing) -> dict[str, Any]:
+def _guide(random: Random, scene: Scene) -> dict[str, Any]:
     return {
-        "straightness_um": _legs(random, 5, 20, signed=False),
+        "straightness_um": some_legs(random, 5, 20, signed=False),
         "straightness_seed": int(random.integers(10**6)),
-        "straightness_span_mm": list(volume_span(drawing)),
+        "straightness_span_mm": scene.span,
     }
 
 
 def _twist(random: Random) -> dict[str, Any]:
     return {
-        "platform_axis_radial_mrad": _legs(random, 0.1, 0.7),
-        "platform_axis_vertical_mrad": _legs(random, 0.1, 0.7),
+        "platform_axis_radial_mrad": some_legs(random, 0.1, 0.7),
+        "platform_axis_vertical_mrad": some_legs(random, 0.1, 0.7),
     }
 
 
 def _bend(random: Random) -> dict[str, Any]:
-    angle, size = random.uniform(0.0, 2.0 * np.pi), _log(random, 1.0, 6.0)
+    angle, size = random.uniform(0.0, 2.0 * np.pi), log_uniform(random, 1.0, 6.0)
     return {"column_bend_um_per_kg": [size * float(np.cos(angle)), size * float(np.sin(angle))]}
 
 
 def _screw_growth(random: Random, spec: ThreePttSpec) -> dict[str, Any]:
     end = spec.slider_travel_mm[int(random.integers(2))]
-    return {"growth_um_per_m_k": [_log(random, 11.0, 12.0)] * 3, "fixed_end_mm": [end] * 3}
+    return {"growth_um_per_m_k": [log_uniform(random, 11.0, 12.0)] * 3, "fixed_end_mm": [end] * 3}
 
 
 def _frame_growth(random: Random) -> dict[str, Any]:
     return {
-        "frame_um_per_m_k": _log(random, 10.0, 24.0),
-        "link_um_per_m_k": _log(random, 1.0, 6.0),
+        "frame_um_per_m_k": log_uniform(random, 10.0, 24.0),
+        "link_um_per_m_k": log_uniform(random, 1.0, 6.0),
         "sensor": "frame",
     }
 
 
 def _drift(random: Random) -> dict[str, Any]:
     way = random.normal(size=3)
-    return {"drift_um_per_h": (_log(random, 15.0, 50.0) * way / np.linalg.norm(way)).tolist()}
+    return {"drift_um_per_h": (log_uniform(random, 15.0, 50.0) * way / np.linalg.norm(way)).tolist()}
 
 
 def _knock(random: Random) -> dict[str, Any]:
     way, turn = random.normal(size=(2, 3))
     return {
-        "knock_um": (_log(random, 20.0, 200.0) * way / np.linalg.norm(way)).tolist(),
-        "knock_mrad": (_log(random, 0.02, 0.2) * turn / np.linalg.norm(turn)).tolist(),
+        "knock_um": (log_uniform(random, 20.0, 200.0) * way / np.linalg.norm(way)).tolist(),
+        "knock_mrad": (log_uniform(random, 0.02, 0.2) * turn / np.linalg.norm(turn)).tolist(),
         "knock_share": float(random.uniform(0.25, 0.75)),
     }
 
 
 KNOWN: tuple[Fault, ...] = (
-    Fault("homing-offset", "drive", MOST, lambda r, d, s: {"homing_mm": _legs(r, 0.05, 1.0)}),
-    Fault("lead-scale", "drive", STATIC, lambda r, d, s: {"scale_um_per_m": _legs(r, 30.0, 150.0)}),
-    Fault("screw-error-map", "drive", STATIC, lambda r, d, s: _curve(r, d)),
-    Fault("once-per-rev", "drive", MOST, lambda r, d, s: _turn(r)),
-    Fault("backlash", "drive", MOST, lambda r, d, s: {"backlash_mm": _legs(r, 0.008, 0.2, signed=False)}),
-    Fault("windup", "drive", ("path",), lambda r, d, s: _windup(r)),
+    Fault("homing-offset", "drive", MOST, lambda r, s: {"homing_mm": some_legs(r, 0.05, 1.0)}),
+    Fault("lead-scale", "drive", STATIC, lambda r, s: {"scale_um_per_m": some_legs(r, 30.0, 150.0)}),
+    Fault("screw-error-map", "drive", STATIC, lambda r, s: _curve(r, s)),
+    Fault("once-per-rev", "drive", MOST, lambda r, s: _turn(r)),
+    Fault("backlash", "drive", MOST, lambda r, s: {"backlash_mm": some_legs(r, 0.008, 0.2, signed=False)}),
+    Fault("windup", "drive", ("path",), lambda r, s: _windup(r)),
     Fault(
-        "following-error", "drive", ("speed",), lambda r, d, s: {"following_s": _legs(r, 0.005, 0.033, signed=False)}
+        "following-error", "drive", ("speed",), lambda r, s: {"following_s": some_legs(r, 0.005, 0.033, signed=False)}
     ),
-    Fault("screw-growth", "thermal", ("warmup",), lambda r, d, s: _screw_growth(r, s)),
+    Fault("screw-growth", "thermal", ("warmup",), lambda r, s: _screw_growth(r, s.spec)),
     Fault(
         "axis-compliance",
         "drive",
         ("payload",),
-        lambda r, d, s: {"compliance_um_per_n": _legs(r, 0.03, 0.5, signed=False, alone=False)},
+        lambda r, s: {"compliance_um_per_n": some_legs(r, 0.03, 0.5, signed=False, alone=False)},
     ),
-    Fault("tower-position", "geometry", STATIC, lambda r, d, s: _both_ways(r, "tower", "mm", 0.1, 0.5)),
-    Fault("tower-tilt", "geometry", STATIC, lambda r, d, s: _both_ways(r, "lean", "mrad", 0.2, 2.0)),
-    Fault("link-length", "geometry", STATIC, lambda r, d, s: {"link_mm": _legs(r, 0.02, 0.2)}),
-    Fault("guide-straightness", "geometry", STATIC, lambda r, d, s: _guide(r, d)),
+    Fault("tower-position", "geometry", STATIC, lambda r, s: _both_ways(r, "tower", "mm", 0.1, 0.5)),
+    Fault("tower-tilt", "geometry", STATIC, lambda r, s: _both_ways(r, "lean", "mrad", 0.2, 2.0)),
+    Fault("link-length", "geometry", STATIC, lambda r, s: {"link_mm": some_legs(r, 0.02, 0.2)}),
+    Fault("guide-straightness", "geometry", STATIC, lambda r, s: _guide(r, s)),
     Fault(
         "joint-clearance",
         "geometry",
         ("payload",),
-        lambda r, d, s: {"clearance_um": _legs(r, 8, 50, signed=False, alone=False)},
+        lambda r, s: {"clearance_um": some_legs(r, 8, 50, signed=False, alone=False)},
     ),
-    Fault("platform-twist", "geometry", STATIC, lambda r, d, s: _twist(r)),
-    Fault("column-bend", "structure", ("payload",), lambda r, d, s: _bend(r)),
-    Fault("frame-growth", "thermal", ("warmup",), lambda r, d, s: _frame_growth(r)),
-    Fault("tracker-drift", "tracker", STATIC, lambda r, d, s: _drift(r)),
-    Fault("setup-jump", "tracker", MOST, lambda r, d, s: _knock(r)),
-)
-
-
-def _height(random: Random, drawing: Drawing, spread: float = 25.0) -> float:
-    """Somewhere in the middle of what a run covers."""
-    return float(np.round(drawing.home[0] + random.uniform(-spread, spread), 3))
-
-
-def _leg(random: Random) -> int:
-    return int(random.integers(1, 4))
-
-
-def _splice(random: Random, drawing: Drawing, spec: ThreePttSpec) -> dict[str, Any]:
-    step = _log(random, 15.0, 60.0) * random.choice([-1.0, 1.0])
-    return {"kind": "splice", "leg": _leg(random), "height_mm": _height(random, drawing), "step_um": float(step)}
-
-
-def _damage(random: Random, drawing: Drawing, spec: ThreePttSpec) -> dict[str, Any]:
-    return {
-        "kind": "guide-damage",
-        "leg": _leg(random),
-        "height_mm": _height(random, drawing, 15.0),
-        "size_um": _log(random, 30.0, 100.0),
-        "width_mm": 10.0,
-    }
-
-
-def _roller(random: Random, drawing: Drawing, spec: ThreePttSpec) -> dict[str, Any]:
-    """A period well away from the lead, its half and its double."""
-    lead = spec.screw_lead_mm or 5.0
-    period = lead * float(
-        random.choice([random.uniform(0.6, 0.85), random.uniform(1.25, 1.75), random.uniform(2.3, 3.4)])
-    )
-    phase = float(random.uniform(0.0, 2.0 * np.pi))
-    return {
-        "kind": "periodic",
-        "leg": _leg(random),
-        "size_um": _log(random, 6, 20),
-        "period_mm": period,
-        "phase_rad": phase,
-    }
-
-
-def _hose(random: Random, drawing: Drawing, spec: ThreePttSpec) -> dict[str, Any]:
-    """Slack over about half of the volume, taut on the far side."""
-    angle = random.uniform(0.0, 2.0 * np.pi)
-    anchor: Array = np.array([350.0 * np.cos(angle), 350.0 * np.sin(angle), random.uniform(100.0, 300.0)])
-    free = float(np.linalg.norm(anchor) - random.uniform(0.0, 15.0))
-    return {
-        "kind": "hose",
-        "anchor_mm": np.round(anchor, 2).tolist(),
-        "stiffness_n_per_mm": _log(random, 0.5, 2.0),
-        "free_length_mm": free,
-        "compliance_um_per_n": [0.2, 0.2, 0.2],
-    }
-
-
-def _warm(random: Random, drawing: Drawing, spec: ThreePttSpec) -> dict[str, Any]:
-    opens = float(random.uniform(21.0, 24.0))
-    return {"kind": "warm-backlash", "leg": _leg(random), "gap_um_per_k": _log(random, 5, 20), "opens_at_c": opens}
-
-
-UNKNOWN: tuple[Fault, ...] = (
-    Fault("scale-splice", "odd", MOST, _splice),
-    Fault("guide-damage", "odd", MOST, _damage),
-    Fault("roller-period", "odd", MOST, _roller),
-    Fault("hose", "odd", STATIC, _hose),
-    Fault("warm-backlash", "odd", ("warmup",), _warm),
+    Fault("platform-twist", "geometry", STATIC, lambda r, s: _twist(r)),
+    Fault("column-bend", "structure", ("payload",), lambda r, s: _bend(r)),
+    Fault("frame-growth", "thermal", ("warmup",), lambda r, s: _frame_growth(r)),
+    Fault("tracker-drift", "tracker", STATIC, lambda r, s: _drift(r)),
+    Fault("setup-jump", "tracker", MOST, lambda r, s: _knock(r)),
 )

@@ -44,9 +44,10 @@ def nominal_tool(drawing: Drawing, slider: Array) -> Array:
 def load_platform(
     rig: Rig, drawing: Drawing, schedule: Schedule, warmth: Warmth, slider: Array, tool: Array
 ) -> tuple[Pose, Array, Array]:
-    """Solve the platform, load it, let drives and joints give way, and solve it again.
+    """Solve the platform, load it, let drives, links and joints give way, and solve it again.
 
-    Source: static balance of the link forces; a slider yields by compliance times the force along its rail.
+    Source: static balance of the link forces; a slider yields by compliance times the force along its rail, a link
+    grows by compliance times its tension.
 
     Args:
         rig: faults of geometry and structure.
@@ -73,10 +74,11 @@ def load_platform(
             tug = link_tension(pose, odd.hose_force(hose, pose.position))
             give = give + np.asarray(hose.compliance_um_per_n) * tug * _cosine(drawing, pose)
             total = total + tug
-        if not (give.any() or any(rig.geometry.clearance_um)):
+        soft, loose = np.asarray(rig.geometry.link_compliance_um_per_n), np.asarray(rig.geometry.clearance_um)
+        if not (give.any() or soft.any() or loose.any()):
             return pose, slider, along
         given = slider + MICRO * give
-        stretch = 0.5 * MICRO * np.asarray(rig.geometry.clearance_um) * np.sign(np.round(total, 9))
+        stretch = MICRO * (soft * total + 0.5 * loose * np.sign(np.round(total, 9)))
         pose = _solve(rig, drawing, schedule, warmth, given, stretch, tool)
     return pose, given, along
 

@@ -172,10 +172,11 @@ def _check(rig: Rig) -> None:
                 where=f"{rig.source} key {key}",
                 fix="give one value per height and leg",
             )
-    if rig.tracker.knock_row is not None and rig.tracker.knock_time_s is not None:
-        raise InputError(
-            "knock_row and knock_time_s are both given", where=f"{rig.source} key tracker", fix="keep one of them"
-        )
+    for section, what in ((rig.tracker, "knock"), (rig.drive, "slip")):
+        if getattr(section, f"{what}_row") is not None and getattr(section, f"{what}_time_s") is not None:
+            words = f"{what}_row and {what}_time_s are both given"
+            place = f"{rig.source} key {type(section).__name__.lower()}"
+            raise InputError(words, where=place, fix="keep one of them")
     _ = rig.spec
 
 

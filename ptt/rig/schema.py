@@ -64,6 +64,9 @@ class Drive(Section):
 
     homing_mm: PerLeg = ZERO
     homing_scatter_mm: NonNegativeFloat = 0.0
+    slip_mm: PerLeg = ZERO
+    slip_row: NonNegativeInt | None = None
+    slip_time_s: NonNegativeFloat | None = None
     scale_um_per_m: PerLeg = ZERO
     curve_parabola_um: PerLeg = ZERO
     curve_cubic_um: PerLeg = ZERO
@@ -115,6 +118,7 @@ class Geometry(Section):
     lean_tangential_mrad: PerLeg = ZERO
     lean_turns_joint_axis: bool = False
     link_mm: PerLeg = ZERO
+    link_compliance_um_per_n: PerLeg = ZERO
     straightness_um: PerLeg = ZERO
     straightness_seed: NonNegativeInt = 0
     straightness_span_mm: tuple[float, float] | None = None

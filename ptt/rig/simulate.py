@@ -77,7 +77,7 @@ def simulate(
     warmth = follow_warmth(rig, path, time, schedule.rows, run_seed if noise else None)
     still = (schedule.role != "pose") | (not rig.conditions.moving)
     speed = motion.slider_speed(command, tool, time, still)
-    slider = drive_sliders(rig, drawing, path, speed, schedule, warmth)
+    slider = drive_sliders(rig, drawing, path, time, speed, schedule, warmth)
     pose, slider, force = load_platform(rig, drawing, schedule, warmth, slider, tool)
     truth = pose.position + carried(pose, np.asarray(rig.spec.reflector_mm))
     seen = _see_base(rig, schedule, truth, exact=not noise)
