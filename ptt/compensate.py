@@ -1,61 +1,30 @@
-"""Corrected commands: the joint values that put the real tool where it is wanted."""
+"""Corrected commands: the joint values that put the real tool where it is wanted, each row with a status of its own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.chain import Shifts, predict
-from ptt.effects.drive import Backlash
-from ptt.errors import TableError, WorkspaceError
+from ptt.chain import Shifts
+from ptt.correct.commands import Commands, sent_rows
+from ptt.correct.task import Task, first_order, nearest_commands, settle
+from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
-from ptt.mechanisms.protocol import Mechanism, require_reachable
-from ptt.mechanisms.workspace import reach
 from ptt.model import Model
 from ptt.table import Table
-from ptt.view import View, build_view, joint_limits
 
-ROUNDS = 12
-SETTLED = 1e-7  # mm: a tool this near its goal ends the iteration
-MISSED = 1e-4  # mm: a tool this far from its goal after all rounds cannot get there
-ROWS_SHOWN = 5
+__all__ = ["LIMIT_MM", "Commands", "Correction", "Reversal", "compensate", "missing_context"]
+
+LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; what goes beyond this is a mistake in drawing, frame or network
 
 Reversal = Literal["software", "none"]
 Correction = Callable[
     [np.ndarray], np.ndarray
 ]  # wanted positions (n, 3) mm -> positions to ask the model for (n, 3) mm
+Inside = Callable[[np.ndarray], np.ndarray]  # wanted positions (n, 3) mm -> (n,) bool
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class Commands:
-    """What to send.
-
-    Attributes:
-        q: joint commands, everything included, (n, k) mm or rad.
-        reversal: the part of them that is reversal compensation, (n, k).
-        status: 'ok', 'out of travel' or 'near singular', (n,).
-        in_domain: rows inside the training domain of the network, all True without one, (n,) bool.
-        shift: how far the commands ask the drawing to go from the target, (n,) mm.
-        first_order: the same commands by H_m(b - db) = f(p) - J_a dp, (n, k).
-        first_order_gap: how far apart the two put the tool, (n,) mm.
-        reversal_note: who compensates what at a reversal, in words.
-        missed: by how much the model's tool misses what it was asked for, (n,) mm; more than rounding only where
-            reversal effects leave a step that no command can take.
-    """
-
-    q: np.ndarray
-    reversal: np.ndarray
-    status: np.ndarray
-    in_domain: np.ndarray
-    shift: np.ndarray
-    first_order: np.ndarray
-    first_order_gap: np.ndarray
-    reversal_note: str
-    missed: np.ndarray
 
 
 def compensate(
@@ -63,8 +32,9 @@ def compensate(
     targets: Table,
     *,
     correction: Correction | None = None,
-    inside: Callable[[np.ndarray], np.ndarray] | None = None,
+    inside: Inside | None = None,
     reversal: Reversal | None = None,
+    limit: float = LIMIT_MM,
     progress: Progress | None = None,
 ) -> Commands:
     """Invert drive, geometry and structure of a model, never its metrology.
@@ -73,7 +43,8 @@ def compensate(
     was fitted along, the data cannot tell shifts of the last link; those stay at zero.
 
     The exact inverse is found by Newton steps through the whole chain. Reversal effects look at the order of the
-    corrected commands, because the correction may move the turning points.
+    corrected commands, because the correction may move the turning points. A row that cannot be sent gets a status and
+    no command; the machine stands where the row before left it, so the reversals of the rows behind stay right.
 
     Args:
         model: effects with their parameters.
@@ -82,48 +53,38 @@ def compensate(
         inside: which wanted positions lie in the network's training domain.
         reversal: 'software', the default, puts the reversal compensation into the commands, 'none' leaves it out.
             What the machine file says its controller compensates is never put in.
+        limit: largest correction that is sent, mm of tool: physics, network and reversal together.
         progress: told what is done, how much of how much.
 
     Returns:
         The commands.
 
     Raises:
-        WorkspaceError: a target out of reach, by line.
         TableError: a row without target.
     """
     tell = progress or (lambda what, done, of: None)
-    mechanism = build_mechanism(model.file.machine)
-    near = _posture(model, targets)
-    wanted = _wanted(targets) if near is None else mechanism.forward(near).numpy()
-    place = torch.as_tensor(wanted)
-    lines = [int(line) for line in targets.line]
-    require_reachable(mechanism, place, targets.source, lines=lines, near=near)
-    asked = wanted if correction is None else correction(wanted)
+    tell("invert", 0, 1)
     steady, turning, words = _split(model, reversal)
-    goal = torch.as_tensor(asked)
-    start = require_reachable(mechanism, goal, f"{targets.source}, corrected", lines=lines, near=near)
-    tell("invert", 0, 2)
-    height, step = _newton(steady, lambda q: _see(model, targets, q), start, goal)
-    _require(height, step, targets)
-    tell("reversal", 1, 2)
-    q = height
-    if turning:
-        opened = _opened(height, turning, _see(model, targets, height))
-        q, step = _newton([*steady, *turning], lambda q: _see(model, targets, q), opened, goal)
-        _require(q, torch.zeros_like(step), targets)
-    tell("done", 2, 2)
-    nominal = mechanism.forward(height)
-    simple = _first_order(mechanism, place, nominal, height)
+    task = _prepare(model, targets, correction, (steady, turning), limit)
+    solved, status, shift = settle(task)
+    sent = sent_rows(status)
+    blank = torch.as_tensor(np.where(sent[:, None], 0.0, np.nan))  # shape: (n, 1)
+    simple = first_order(task, solved.height) + blank
+    gap = (task.mechanism.forward(simple) - task.mechanism.forward(solved.height)).norm(dim=1)
+    nearest, distance = nearest_commands(task, sent)
+    tell("done", 1, 1)
     return Commands(
-        q.numpy(),
-        (q - height).numpy(),
-        _status(model, mechanism, q, place),
-        np.ones(len(wanted), dtype=bool) if inside is None else inside(wanted),
-        (nominal - place).norm(dim=1).numpy(),
-        (simple + (q - height)).numpy(),
-        (mechanism.forward(simple) - nominal).norm(dim=1).numpy(),
+        (solved.q + blank).numpy(),
+        (solved.q - solved.height + blank).numpy(),
+        status,
+        np.ones(len(sent), dtype=bool) if inside is None else inside(task.wanted.numpy()),
+        shift,
+        (simple + (solved.q - solved.height)).numpy(),
+        gap.numpy(),
         words,
-        step.norm(dim=1).numpy(),
+        np.where(sent, solved.missed.norm(dim=1).numpy(), np.nan),
+        nearest,
+        distance,
     )
 
 
@@ -194,70 +155,15 @@ def _keys(terms: Shifts) -> str:
     return ", ".join(effect.key for effect, _ in terms)
 
 
-def _see(model: Model, targets: Table, q: Tensor) -> View:
-    """The travel that commands q make, with the context of the targets."""
-    return build_view(model.file, replace(targets, command=q.numpy()))
-
-
-def _newton(terms: Shifts, see: Callable[[Tensor], View], q: Tensor, goal: Tensor) -> tuple[Tensor, Tensor]:
-    """Joint values at which the model puts the tool at its goal, and by how much it misses, (n, 3) mm.
-
-    The view is taken anew in every round, because reversal effects remember the travel that the commands make. Where
-    they leave a step that no command can take, rows go to and fro; each row keeps its best round.
-    """
-    best, least = q, torch.full_like(goal, torch.inf)
-    if not terms:
-        return q, torch.zeros_like(goal)
-    for _ in range(ROUNDS):
-        if not bool(torch.isfinite(q).all()):
-            return q, least
-        view = see(q)
-        step = goal - predict(terms, view).p
-        better = (step.norm(dim=1) < least.norm(dim=1))[:, None]
-        best, least = torch.where(better, q, best), torch.where(better, step, least)
-        if float(least.abs().max()) < SETTLED:
-            break
-        # Least squares serves arms whose Jacobian is not square; for three sliders it is the plain solution.
-        q = q + torch.linalg.lstsq(view.jacobian, step[..., None]).solution[..., 0]
-    return best, least
-
-
-def _require(q: Tensor, step: Tensor, targets: Table) -> None:
-    bad = torch.nonzero(~torch.isfinite(q).all(dim=1) | ~(step.abs().amax(dim=1) < MISSED)).flatten().tolist()
-    if bad:
-        named = ", ".join(str(targets.line[row]) for row in bad[:ROWS_SHOWN])
-        more = f" and {len(bad) - ROWS_SHOWN} more" if len(bad) > ROWS_SHOWN else ""
-        raise WorkspaceError(
-            f"the corrected target is out of reach: line{'s' if len(bad) > 1 else ''} {named}{more} "
-            f"({len(bad)} of {len(q)} rows)",
-            bad,
-            where=targets.source,
-            fix="keep targets inside the workspace, or check the model's parameters",
-        )
-
-
-def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:
-    """Commands half the gap ahead in the direction of travel: the exact inverse of the play operator."""
-    gaps = [0.5 * theta for effect, theta in turning if isinstance(effect, Backlash)]
-    return height + sum(gaps, torch.zeros(height.shape[1], dtype=height.dtype)) * view.direction
-
-
-def _first_order(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, near: Tensor) -> Tensor:
-    """H_m(b - db) = f(p) - J_a dp (eq. 13 of the source paper) with dp = p - N(p), N the corrected target.
-
-    J_a is taken half-way, at p - dp/2: there the first-order form is good to the third order in dp.
-    """
-    shift = wanted - nominal
-    at = mechanism.inverse(wanted - 0.5 * shift, None, near)
-    # J_a = db/dp is the inverse of dp/dq; least squares serves arms whose Jacobian is not square.
-    return (
-        mechanism.inverse(wanted, None, near)
-        - torch.linalg.lstsq(mechanism.jacobian(at), shift[..., None]).solution[..., 0]
-    )
-
-
-def _status(model: Model, mechanism: Mechanism, q: Tensor, wanted: Tensor) -> np.ndarray:
-    limits = joint_limits(model.file, q.shape[1])
-    status = np.where(reach(mechanism, wanted) == "near singular", "near singular", "ok").astype(object)
-    status[((q < limits[:, 0]) | (q > limits[:, 1])).any(dim=1).numpy()] = "out of travel"
-    return status
+def _prepare(
+    model: Model, targets: Table, correction: Correction | None, terms: tuple[Shifts, Shifts], limit: float
+) -> Task:
+    mechanism = build_mechanism(model.file.machine)
+    near = _posture(model, targets)
+    wanted = _wanted(targets) if near is None else mechanism.forward(near).numpy()
+    place = torch.as_tensor(wanted)
+    asked = place if correction is None else torch.as_tensor(correction(wanted))
+    nominal = mechanism.inverse(place, None, near)
+    start = nominal if correction is None else mechanism.inverse(asked, None, near)
+    start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
+    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit)

@@ -1,5 +1,6 @@
 """Corrected commands: the model's tool lands on its targets, and nobody compensates twice."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,11 +17,12 @@ from ptt.commands.main import app
 from ptt.compensate import compensate, missing_context
 from ptt.effects import library
 from ptt.effects.registry import make_effect
-from ptt.errors import TableError, WorkspaceError
+from ptt.errors import TableError
 from ptt.machine import ControllerSpec, EffectEntry, ParameterEntry, load_machine, save_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model import Model, Term, read_model
-from ptt.table import Table, make_table, read_table
+from ptt.rig import parse_rig, simulate
+from ptt.table import Table, make_table, read_table, write_table
 from ptt.view import build_view
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -46,12 +48,15 @@ def landing(model: Model, targets: Table, q: np.ndarray) -> np.ndarray:
     return predict([(term.effect, term.theta) for term in model.terms], view).p.numpy()
 
 
-STEADY = with_effects(
-    homing_offset={"offset_mm": [0.3, -0.2, 0.1]},
-    lead_scale={"scale": [6e-5, -4e-5, 3e-5]},
-    link_length={"length_mm": [0.05, -0.08, 0.02]},
+PARAMETERS = (
+    {
+        "homing_offset": {"offset_mm": [0.3, -0.2, 0.1]},
+        "lead_scale": {"scale": [6e-5, -4e-5, 3e-5]},
+        "link_length": {"length_mm": [0.05, -0.08, 0.02]},
+    },
+    {"homing_offset": {"offset_mm": [0.3, -0.2, 0.1]}, "backlash": {"gap_mm": GAP}},
 )
-PLAY = with_effects(homing_offset={"offset_mm": [0.3, -0.2, 0.1]}, backlash={"gap_mm": GAP})
+STEADY, PLAY = (with_effects(**parameters) for parameters in PARAMETERS)
 
 
 def test_the_bare_drawing_gets_its_own_inverse():
@@ -127,12 +132,77 @@ def test_the_first_order_form_differs_by_the_third_order_of_the_correction(size)
     np.testing.assert_allclose(commands.first_order, commands.q, atol=1e-4)
 
 
-def test_unreachable_targets_are_named_by_line():
-    far = TARGETS.target.copy()
-    far[[3, 8]] = [900.0, 0.0, 0.0]
-    with pytest.raises(WorkspaceError, match="lines 5, 10") as raised:
-        compensate(STEADY, replace(TARGETS, target=far))
-    assert raised.value.rows == (3, 8)
+def mixed() -> tuple[Table, np.ndarray]:
+    """The sample path with rows that no machine reaches, and which rows those are."""
+    far = TARGETS.target[:60].copy()
+    bad = [0, 7, 8, 30, 59]
+    far[bad] = [[900.0, 0.0, 0.0], [0.0, 0.0, 190.0], [300.0, 0.0, 0.0], [0.0, 0.0, -400.0], [0.0, 195.0, 0.0]]
+    rows = np.zeros(60, dtype=bool)
+    rows[bad] = True
+    return make_table(far), rows
+
+
+@pytest.mark.parametrize("model", [STEADY, PLAY], ids=["steady", "play"])
+def test_rows_that_cannot_be_sent_change_nothing_for_the_others(model):
+    """The machine stands while such a row is left out, so the others get what a list without them gives them."""
+    targets, bad = mixed()
+    commands = compensate(model, targets)
+    assert set(commands.status[bad]) <= {"out of reach", "out of travel", "near singular"}
+    assert (commands.status[~bad] == "ok").all() and np.isnan(commands.q[bad]).all()
+    alone = compensate(model, make_table(targets.target[~bad]))
+    np.testing.assert_allclose(commands.q[~bad], alone.q, atol=1e-9)
+    np.testing.assert_allclose(commands.reversal[~bad], alone.reversal, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", [STEADY, PLAY], ids=["steady", "play"])
+def test_beyond_the_edge_every_row_has_a_status_and_the_nearest_command_works(model):
+    """From the middle to far outside, across every kind of edge: nothing dies, nothing goes where it must not."""
+    random = np.random.default_rng(5)
+    angle, radius = random.uniform(0, 2 * np.pi, 160), np.linspace(40, 420, 160)
+    places = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), random.uniform(-160, 160, 160)])
+    commands = compensate(model, make_table(places))
+    counts = commands.counts
+    assert min(counts["ok"], counts["out of reach"], counts["out of travel"], counts["near singular"]) > 3
+    low, high = FILE.machine.slider_travel_mm
+    sent, beside = commands.sent, np.isfinite(commands.nearest).all(axis=1)
+    assert ((commands.q[sent] >= low) & (commands.q[sent] <= high)).all() and np.isnan(commands.q[~sent]).all()
+    np.testing.assert_array_equal(beside, ~sent)
+    assert ((commands.nearest[beside] >= low) & (commands.nearest[beside] <= high)).all()
+    steady = with_effects(**{k: v for k, v in PARAMETERS[model is PLAY].items() if k != "backlash"})
+    landed = landing(steady, make_table(places[beside]), commands.nearest[beside])
+    gap = np.linalg.norm(landed - places[beside], axis=1)
+    np.testing.assert_allclose(gap, commands.nearest_gap[beside], atol=1e-6)
+    begun = np.linalg.norm(places[beside][:, None] - places[sent][None], axis=-1).min(axis=1)
+    assert (gap <= begun + 1e-6).all()  # nearer than the nearest target that is sent
+
+
+def test_a_correction_beyond_the_limit_is_not_sent():
+    def mirrored(wanted):
+        return np.where(wanted[:, :1] > 30.0, wanted * [-1.0, 1.0, 1.0], wanted + np.array([0.0, 0.0, 0.4]))
+
+    commands = compensate(STEADY, TARGETS, correction=mirrored)
+    large = TARGETS.target[:, 0] > 30.0
+    np.testing.assert_array_equal(commands.status, np.where(large, "too large", "ok"))
+    assert np.isnan(commands.q[large]).all() and np.isfinite(commands.q[~large]).all()
+    np.testing.assert_allclose(commands.shift[large], 2.0 * TARGETS.target[large, 0], rtol=1e-9)
+    assert (commands.nearest_gap[large] < 1.0).all()  # by the physics alone
+
+
+def test_the_limit_counts_physics_and_network_together():
+    def lifted(wanted):
+        return wanted + np.array([0.0, 0.0, 0.3])
+
+    physics = with_effects(homing_offset={"offset_mm": [-0.3, -0.3, -0.3]})  # commands 0.3 mm up, the network 0.3 more
+    assert compensate(physics, TARGETS, limit=0.31).counts["ok"] == TARGETS.rows
+    both = compensate(physics, TARGETS, correction=lifted, limit=0.59)
+    assert both.counts["too large"] == TARGETS.rows and both.shift == pytest.approx(0.6)
+    assert compensate(physics, TARGETS, correction=lifted, limit=0.61).counts["ok"] == TARGETS.rows
+
+
+def test_a_list_that_cannot_be_sent_at_all_comes_back_with_its_status():
+    commands = compensate(PLAY, make_table(np.full((5, 3), 900.0) + np.arange(5)[:, None]))
+    assert commands.counts["out of reach"] == 5 and np.isnan(commands.q).all()
+    assert np.isfinite(commands.nearest).all()  # on the way from the home pose
 
 
 def test_a_row_without_target_is_named():
@@ -165,3 +235,40 @@ def test_predict_writes_the_documented_columns_without_loss(tmp_path):
     np.testing.assert_array_equal(frame[["reversal1", "reversal2", "reversal3"]].astype(float), commands.reversal)
     read = read_table(out, purpose="sliders")
     np.testing.assert_array_equal(read.command, commands.q)
+
+
+def test_predict_writes_the_file_and_ends_with_3_where_a_row_is_not_sent(tmp_path):
+    targets, bad = mixed()
+    write_table(targets, tmp_path / "t.csv")
+    save_machine(PLAY.file, tmp_path / "m.toml")
+    out = tmp_path / "s.csv"
+    args = ["predict", str(tmp_path / "t.csv"), "--model", str(tmp_path / "m.toml"), "--out", str(out)]
+    result = CliRunner().invoke(app, [*args, "--json"])
+    assert result.exit_code == 3
+    data = json.loads(result.stdout)
+    assert data["sent"] == 55 and sum(data["status"].values()) == 60
+    (said,) = [line for line in result.stderr.splitlines() if "not sent" in line]
+    assert "5 of 60 rows are not sent" in said and "out of reach (rows 2" in said
+    frame = pd.read_csv(out)
+    assert frame.loc[bad, ["b1", "b2", "b3"]].isna().all(axis=None)
+    assert frame.loc[~bad, ["b1", "b2", "b3"]].notna().all(axis=None)
+    assert frame.loc[bad, ["nearest1", "nearest2", "nearest3", "nearest_mm"]].notna().all(axis=None)
+    rig = DATA / "rigs" / "experiment1.toml"
+    again = ["simulate", str(rig), str(tmp_path / "t.csv"), "--sliders", str(out), "--out", str(tmp_path / "r.csv")]
+    refused = CliRunner().invoke(app, again)
+    assert refused.exit_code == 2 and "b1" in refused.stderr
+    small = CliRunner().invoke(app, [*args, "--limit-mm", "0.01"])
+    assert small.exit_code == 3 and "too large" in small.stderr
+
+
+def test_what_is_sent_beside_unreachable_rows_puts_the_rigs_tool_right(tmp_path):
+    """The rig's own slider zeros and play, not the effects that describe them, judge the commands."""
+    targets, bad = mixed()
+    drive = {"homing_mm": [0.3, -0.2, 0.1], "backlash_mm": GAP}
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "drive": drive})
+    commands = compensate(PLAY, targets)
+    path = pd.DataFrame(targets.target[~bad], columns=["x_cmd", "y_cmd", "z_cmd"])
+    sliders = pd.DataFrame(commands.q[~bad], columns=["b1", "b2", "b3"])
+    before, after = simulate(rig, path, noise=False), simulate(rig, path, sliders=sliders, noise=False)
+    error = [1e3 * np.linalg.norm(run.truth - targets.target[~bad], axis=1) for run in (before, after)]
+    assert error[0].mean() > 100.0 and error[1][1:].max() < 0.5  # um; the state before the first row is nobody's

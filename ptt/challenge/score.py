@@ -185,6 +185,8 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     wanted = table_of(before.frame[before.frame["role"] != "base"])
     try:
         commands = compensate(model, wanted, correction=correction)
+        if not commands.sent.all():
+            return ToolError(_error(before), None)
         sent = pd.DataFrame(commands.q, columns=["b1", "b2", "b3"])
         after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False))
     except WorkspaceError:

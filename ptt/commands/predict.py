@@ -30,6 +30,13 @@ if TYPE_CHECKING:
     from ptt.table import Table
 
 
+CANNOT_WORK = 3  # exit code: poses that cannot work
+SENT = ("ok", "uncertain")
+LINES_SHOWN = 5
+
+Limit = Annotated[float, typer.Option("--limit-mm", min=0.0, help="Largest correction that is sent, mm of tool.")]
+
+
 class Reversal(StrEnum):
     """Who compensates the play at a reversal: these commands, or nobody here."""
 
@@ -47,9 +54,13 @@ def predict(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
+    limit_mm: Limit = 5.0,
     json: Json = False,
-) -> None:
-    """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker."""
+) -> int:
+    """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker.
+
+    Rows that cannot be sent have a status, no command, and the nearest command that works; then the exit code is 3.
+    """
     from ptt.compensate import compensate, missing_context
     from ptt.files import write_text
     from ptt.training.train import correction_of
@@ -67,13 +78,15 @@ def predict(
             correction=None if network is None else correction_of(network, posture),
             inside=None if network is None else lambda wanted: network.inside(wanted if posture is None else posture),
             reversal=None if reversal is None else reversal.value,
+            limit=limit_mm,
             progress=tell,
         )
     write_text(out, _frame(table, commands).to_csv(index=False, lineterminator="\n"))
-    data = _summary(commands, out, network is not None)
+    data = _summary(commands, out, network is not None, limit_mm)
     for line in missing_context(compensator.model, table) + _warnings(table, commands):
         note(f"warning: {line}")
     show(data, _text(data), json)
+    return 0 if commands.sent.all() else CANNOT_WORK
 
 
 def _posture(table: "Table") -> "np.ndarray":
@@ -108,36 +121,55 @@ def _frame(table: "Table", commands: "Commands") -> "pd.DataFrame":
     frame["in_domain"] = commands.in_domain
     frame["status"] = commands.status
     frame["shift_um"] = 1e3 * commands.shift
+    if not commands.sent.all():
+        for joint in range(commands.q.shape[1]):
+            frame[f"nearest{joint + 1}"] = commands.nearest[:, joint]
+        frame["nearest_mm"] = commands.nearest_gap
     return frame
 
 
-def _summary(commands: "Commands", out: Path, network: bool) -> dict[str, Any]:
-    counts = {status: int((commands.status == status).sum()) for status in ("ok", "out of travel", "near singular")}
+def _summary(commands: "Commands", out: Path, network: bool, limit_mm: float) -> dict[str, Any]:
     return {
         "rows": len(commands.q),
         "out": str(out),
-        "status": counts,
+        "status": commands.counts,
+        "sent": int(commands.sent.sum()),
+        "limit_mm": limit_mm,
         "network": network,
         "in_domain": int(commands.in_domain.sum()),
         "form": "exact inversion",
-        "first_order_difference_um": 1e3 * float(commands.first_order_gap.max()),
-        "largest_shift_um": 1e3 * float(commands.shift.max()),
+        "first_order_difference_um": _largest_um(commands.first_order_gap, commands.sent),
+        "largest_shift_um": _largest_um(commands.shift, commands.sent),
         "reversal": commands.reversal_note,
-        "largest_reversal_um": 1e3 * float(abs(commands.reversal).max()),
+        "largest_reversal_um": _largest_um(abs(commands.reversal).max(axis=1), commands.sent),
     }
+
+
+def _largest_um(values: "np.ndarray", sent: "np.ndarray") -> float:
+    """Largest value of the rows that are sent, of values (n,) mm."""
+    return 1e3 * float(values[sent].max(initial=0.0))
 
 
 def _warnings(table: "Table", commands: "Commands") -> list[str]:
     lines = []
-    for status in ("out of travel", "near singular"):
-        rows = (commands.status == status).nonzero()[0]
-        if len(rows):
-            named = ", ".join(str(table.line[row]) for row in rows[:5])
-            lines.append(f"{table.source} rows {named}{' and more' if len(rows) > 5 else ''}: {status}")
+    if not commands.sent.all():
+        kinds = [_rows_with(table, commands, status) for status in commands.counts if status not in SENT]
+        count = f"{int((~commands.sent).sum())} of {len(commands.q)} rows are not sent"
+        lines.append(f"{table.source}: {count}: {'; '.join(kind for kind in kinds if kind)}")
     outside = int((~commands.in_domain).sum())
     if outside:
         lines.append(f"{outside} of {len(commands.q)} targets lie outside the network's training domain: physics only")
     return lines
+
+
+def _rows_with(table: "Table", commands: "Commands", status: str) -> str:
+    rows = (commands.status == status).nonzero()[0]
+    if not len(rows):
+        return ""
+    named = ", ".join(str(table.line[row]) for row in rows[:LINES_SHOWN])
+    return (
+        f"{len(rows)} {status} (row{'s' if len(rows) > 1 else ''} {named}{', ...' if len(rows) > LINES_SHOWN else ''})"
+    )
 
 
 def _text(data: dict[str, Any]) -> str:

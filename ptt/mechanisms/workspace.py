@@ -47,7 +47,7 @@ def reach(mechanism: Mechanism, p: Tensor) -> np.ndarray:
     """
     q = mechanism.inverse(p)
     status = np.full(len(p), OK, dtype=f"<U{len(OUT_OF_TRAVEL)}")
-    status[_near_singular(mechanism, p, q).numpy()] = NEAR_SINGULAR
+    status[near_singular(mechanism, p, q).numpy()] = NEAR_SINGULAR
     status[(travel_margin(mechanism, q) < 0.0).numpy()] = OUT_OF_TRAVEL
     status[~torch.isfinite(q).all(-1).numpy()] = OUT_OF_REACH
     return status
@@ -86,8 +86,17 @@ def workspace_map(mechanism: Mechanism, x: Tensor, y: Tensor, z: Tensor) -> Work
     return WorkspaceMap(x, y, z, condition, travel_margin(mechanism, q).reshape(shape))
 
 
-def _near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:
-    """Mask (n,) of the poses close to a singularity, False out of reach."""
+def near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:
+    """Say which poses are close to a singularity.
+
+    Args:
+        mechanism: the machine.
+        p: (n, 3) mm, tool positions.
+        q: (n, k) mm or rad, their joint values.
+
+    Returns:
+        (n,) bool, False out of reach.
+    """
     if isinstance(mechanism, ThreePtt):
         return singularities(mechanism, p).near
     return condition_number(mechanism.jacobian(q)) > NEAR_CONDITION

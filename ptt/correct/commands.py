@@ -1,0 +1,65 @@
+"""Commands for the machine as a result: what to send, what not and why."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+OK, UNCERTAIN = "ok", "uncertain"
+OUT_OF_REACH, OUT_OF_TRAVEL, NEAR_SINGULAR, TOO_LARGE = "out of reach", "out of travel", "near singular", "too large"
+STATUSES = (OK, UNCERTAIN, TOO_LARGE, NEAR_SINGULAR, OUT_OF_TRAVEL, OUT_OF_REACH)
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What to send, and what not.
+
+    Attributes:
+        q: joint commands, everything included, (n, k) mm or rad; NaN where nothing is to be sent.
+        reversal: the part of them that is reversal compensation, (n, k); NaN where nothing is to be sent.
+        status: one of `STATUSES`, (n,); only 'ok' and 'uncertain' are sent.
+        in_domain: rows inside the training domain of the network, all True without one, (n,) bool.
+        shift: how far the commands ask the drawing to go from the target, reversal left aside, (n,) mm; NaN where no
+            command was found.
+        first_order: the same commands by H_m(b - db) = f(p) - J_a dp, (n, k); NaN where nothing is to be sent.
+        first_order_gap: how far apart the two put the tool, (n,) mm; NaN where nothing is to be sent.
+        reversal_note: who compensates what at a reversal, in words.
+        missed: by how much the model's tool misses what it was asked for, (n,) mm; more than rounding only where
+            reversal effects leave a step that no command can take; NaN where nothing is to be sent.
+        nearest: for rows that are not sent, the corrected command of the last place that works on the straight way
+            from the nearest target that is sent, (n, k); NaN elsewhere, and where not even that works.
+        nearest_gap: how far that place is from the target, (n,) mm.
+    """
+
+    q: np.ndarray
+    reversal: np.ndarray
+    status: np.ndarray
+    in_domain: np.ndarray
+    shift: np.ndarray
+    first_order: np.ndarray
+    first_order_gap: np.ndarray
+    reversal_note: str
+    missed: np.ndarray
+    nearest: np.ndarray
+    nearest_gap: np.ndarray
+
+    @property
+    def sent(self) -> np.ndarray:
+        """Rows with a command to send, (n,) bool."""
+        return sent_rows(self.status)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many rows have each status."""
+        return {status: int((self.status == status).sum()) for status in STATUSES}
+
+
+def sent_rows(status: np.ndarray) -> np.ndarray:
+    """Say which rows their status lets be sent.
+
+    Args:
+        status: (n,), of `STATUSES`.
+
+    Returns:
+        (n,) bool.
+    """
+    return np.asarray((status == OK) | (status == UNCERTAIN))

@@ -1,0 +1,99 @@
+"""The exact inverse of the whole chain, row by row: a row that cannot get there never stops the others."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.chain import Shifts, predict
+from ptt.mechanisms.protocol import Mechanism
+from ptt.view import View
+
+ROUNDS = 12
+SETTLED = 1e-7  # mm: a tool this near its goal ends the iteration
+MISSED = 1e-4  # mm: a tool this far from its goal after all rounds cannot get there
+HALVINGS = 6  # of a step that would take the links apart
+
+
+def holding(sent: np.ndarray) -> np.ndarray:
+    """Which row's command holds at each row: its own where it is sent, else the one before; at first, the next one.
+
+    Args:
+        sent: (n,) bool, at least one.
+
+    Returns:
+        (n,) int.
+    """
+    rows = np.arange(len(sent))
+    last = np.maximum.accumulate(np.where(sent, rows, -1))
+    return np.asarray(np.where(last >= 0, last, int(np.argmax(sent))))
+
+
+def invert(
+    terms: Shifts, mechanism: Mechanism, see: Callable[[Tensor], View], start: Tensor, goal: Tensor, sent: np.ndarray
+) -> tuple[Tensor, Tensor]:
+    """Joint values at which the model puts the tool at its goal, by Newton steps.
+
+    The view is taken anew in every round, because reversal effects remember the travel that the commands make. Where
+    they leave a step that no command can take, rows go to and fro; each row keeps its best round. While a row is not
+    sent the machine stands where the row before left it.
+
+    Args:
+        terms: effects with their parameters.
+        mechanism: the nominal one.
+        see: commands (n, k) -> the view of the travel that they make.
+        start: (n, k), finite where sent.
+        goal: (n, 3) mm.
+        sent: (n,) bool, at least one.
+
+    Returns:
+        Commands (n, k), and by how much they miss, (n, 3) mm; infinite in rows that are not sent.
+    """
+    hold, rows = torch.as_tensor(holding(sent)), torch.as_tensor(sent)
+    q = start[hold]
+    best, least = q, torch.full_like(goal, torch.inf)
+    if not terms:
+        return best, torch.where(rows[:, None], torch.zeros_like(goal), least)
+    for _ in range(ROUNDS):
+        view = see(q)
+        step = goal - predict(terms, view).p
+        better = (_size(step) < _size(least))[:, None] & rows[:, None]
+        best, least = torch.where(better, q, best), torch.where(better, step, least)
+        if float(least[rows].abs().max()) < SETTLED:
+            break
+        q = _assembled(mechanism, best, q + least_move(view.jacobian, step), q)[hold]
+    return best[hold], least
+
+
+def least_move(jacobian: Tensor, step: Tensor) -> Tensor:
+    """Smallest joint move that takes the tool by a step; NaN where the Jacobian is singular or not a number.
+
+    Args:
+        jacobian: dp/dq, (n, 3, k).
+        step: (n, 3) mm.
+
+    Returns:
+        (n, k).
+    """
+    if jacobian.shape[-1] == step.shape[-1]:
+        return torch.linalg.solve_ex(jacobian, step[..., None])[0][..., 0]
+    across = jacobian.mT
+    if jacobian.shape[-1] > step.shape[-1]:
+        return (across @ torch.linalg.solve_ex(jacobian @ across, step[..., None])[0])[..., 0]
+    return torch.linalg.solve_ex(across @ jacobian, across @ step[..., None])[0][..., 0]
+
+
+def _size(step: Tensor) -> Tensor:
+    return torch.nan_to_num(step.norm(dim=1), nan=torch.inf)
+
+
+def _assembled(mechanism: Mechanism, best: Tensor, wanted: Tensor, here: Tensor) -> Tensor:
+    """A move as far as the links stay together: halved where they would not, given up where that does not help."""
+    q = torch.where(torch.isfinite(wanted).all(dim=1)[:, None], wanted, 0.5 * (best + here))
+    for _ in range(HALVINGS):
+        apart = ~torch.isfinite(mechanism.forward(q)).all(dim=1)
+        if not bool(apart.any()):
+            return q
+        q = torch.where(apart[:, None], 0.5 * (best + q), q)
+    return torch.where(torch.isfinite(mechanism.forward(q)).all(dim=1)[:, None], q, best)

@@ -1,0 +1,181 @@
+"""Targets on their way to commands: what is asked of drawing and model, and what becomes of each row."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.chain import Shifts
+from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
+from ptt.correct.nearest import nearest_places
+from ptt.correct.newton import MISSED, holding, invert, least_move
+from ptt.effects.drive import Backlash
+from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.workspace import near_singular
+from ptt.model import Model
+from ptt.table import Table, take_rows
+from ptt.view import View, build_view, joint_limits
+
+SPARES = (1e-3, 1e-2, 0.1, 0.4, 1.0)  # shares of the way to a row that is not sent, left unused one after the other
+PASSES = 4  # rows that are not sent change the travel of those behind them
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that an inversion begins with, n rows.
+
+    Attributes:
+        model: effects with their parameters.
+        targets: the table.
+        mechanism: the nominal one.
+        steady: effects that depend on pose and context.
+        turning: effects that depend on the way there and are compensated here.
+        wanted: targets in the base frame, (n, 3) mm.
+        asked: what the model is asked for, (n, 3) mm.
+        nominal: joint values of the targets by the drawing, (n, k); NaN out of reach.
+        start: where Newton steps begin, (n, k).
+        limit: largest correction that is sent, mm.
+    """
+
+    model: Model
+    targets: Table
+    mechanism: Mechanism
+    steady: Shifts
+    turning: Shifts
+    wanted: Tensor
+    asked: Tensor
+    nominal: Tensor
+    start: Tensor
+    limit: float
+
+    def see(self, q: Tensor) -> View:
+        """The travel that commands q (n, k) make, with the context of the targets."""
+        return build_view(self.model.file, replace(self.targets, command=q.numpy()))
+
+    def shift(self, q: Tensor) -> Tensor:
+        """How far commands q (n, k) ask the drawing to go from the target, (n,) mm."""
+        return (self.mechanism.forward(q) - self.wanted).norm(dim=1)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What an inversion ends with, n rows.
+
+    Attributes:
+        height: commands without reversal compensation, (n, k); rows that are not sent hold the row before.
+        q: commands with it, (n, k).
+        missed: by how much these miss, (n, 3) mm; infinite where nothing was found.
+        reached: rows that the effects without reversal let get there, (n,) bool.
+    """
+
+    height: Tensor
+    q: Tensor
+    missed: Tensor
+    reached: np.ndarray
+
+
+def settle(task: Task) -> tuple[Solved, np.ndarray, np.ndarray]:
+    """Invert what can be inverted, and say of every row what becomes of it.
+
+    Args:
+        task: the targets.
+
+    Returns:
+        Commands, status (n,), and static correction (n,) mm, NaN where no command was found.
+    """
+    status = _before(task)
+    shift = np.where(status == TOO_LARGE, (task.asked - task.wanted).norm(dim=1).numpy(), np.nan)
+    nothing = torch.full_like(task.asked, torch.inf)
+    solved = Solved(task.start, task.start, nothing, np.zeros(len(status), dtype=bool))
+    for _ in range(PASSES):
+        sent = sent_rows(status)
+        if not sent.any():
+            break
+        solved = _solve(task, solved.q, sent)
+        status = np.where(sent, _after(task, solved), status)
+        shift = np.where(solved.reached, task.shift(solved.height).numpy(), shift)
+        if (sent_rows(status) == sent).all():
+            break
+    return solved, status, shift
+
+
+def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Commands that work beside targets that are not sent.
+
+    Args:
+        task: the targets.
+        sent: rows with a command of their own, (n,) bool.
+
+    Returns:
+        Commands (n, k) of the last places that work on the way, without reversal, and the distance (n,) mm from there
+        to the target; NaN where there are none.
+    """
+    q, distance = np.full(task.nominal.shape, np.nan), np.full(len(sent), np.nan)
+    rows = np.flatnonzero(~sent)
+    for spare in SPARES if len(rows) else ():
+        place, start = nearest_places(task.mechanism, task.wanted, task.nominal, sent, spare)
+        table = take_rows(task.targets, rows)
+        part = replace(task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=())
+        solved, status, _ = settle(part)
+        better = (status == OK) & solved.reached & np.isnan(distance[rows])
+        q[rows[better]] = solved.q.numpy()[better]
+        distance[rows[better]] = (place - task.wanted[rows]).norm(dim=1).numpy()[better]
+        if np.isfinite(distance[rows]).all():
+            break
+    return q, distance
+
+
+def first_order(task: Task, height: Tensor) -> Tensor:
+    """H_m(b - db) = f(p) - J_a dp (eq. 13 of the source paper) with dp = p - N(p), N the corrected target.
+
+    J_a is taken half-way, at p - dp/2: there the first-order form is good to the third order in dp.
+
+    Args:
+        task: the targets.
+        height: exact commands without reversal compensation, (n, k).
+
+    Returns:
+        (n, k); NaN where the drawing cannot reach the target.
+    """
+    shift = task.wanted - task.mechanism.forward(height)
+    at = task.mechanism.inverse(task.wanted - 0.5 * shift, None, height)
+    return task.mechanism.inverse(task.wanted, None, height) - least_move(task.mechanism.jacobian(at), shift)
+
+
+def _before(task: Task) -> np.ndarray:
+    """What the drawing and the network say of each row, before the model is asked; the gravest last."""
+    status = np.full(len(task.wanted), OK, dtype=object)
+    status[near_singular(task.mechanism, task.wanted, task.nominal).numpy()] = NEAR_SINGULAR
+    status[~((task.asked - task.wanted).norm(dim=1) <= task.limit).numpy()] = TOO_LARGE
+    status[~torch.isfinite(task.start).all(dim=1).numpy()] = OUT_OF_REACH
+    return status
+
+
+def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
+    """Commands that start from those near by: first for the steady effects, then for those that remember the way."""
+    height, step = invert(task.steady, task.mechanism, task.see, near, task.asked, sent)
+    reached = sent & (step.abs().amax(dim=1) < MISSED).numpy()
+    if not task.turning or not reached.any():
+        return Solved(height, height, step, reached)
+    height = height[torch.as_tensor(holding(reached))]
+    opened = _opened(height, task.turning, task.see(height))
+    q, left = invert([*task.steady, *task.turning], task.mechanism, task.see, opened, task.asked, reached)
+    return Solved(height, q, left, reached & torch.isfinite(left).all(dim=1).numpy())
+
+
+def _after(task: Task, solved: Solved) -> np.ndarray:
+    """What becomes of each row once the model has been asked; the gravest last."""
+    limits = joint_limits(task.model.file, solved.q.shape[1])
+    status = np.full(len(solved.q), OK, dtype=object)
+    status[((solved.q < limits[:, 0]) | (solved.q > limits[:, 1])).any(dim=1).numpy()] = OUT_OF_TRAVEL
+    shift = torch.maximum(task.shift(solved.height), task.shift(solved.q))
+    status[~(shift <= task.limit).numpy()] = TOO_LARGE
+    status[~solved.reached] = OUT_OF_REACH
+    return status
+
+
+def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:
+    """Commands half the gap ahead in the direction of travel: the exact inverse of the play operator."""
+    gaps = [0.5 * theta for effect, theta in turning if isinstance(effect, Backlash)]
+    return height + sum(gaps, torch.zeros(height.shape[1], dtype=height.dtype)) * view.direction
