@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ptt.compare.lack_of_fit import LackOfFit, lack_of_fit_of
-from ptt.compare.lone import lone_readings
 from ptt.dependence.contexts import residual_views
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.dependence.where import WhereItFails, WorstRow, rows_by_size, where_it_fails
 from ptt.fit.solve import residual_of
+from ptt.fit.stretches import Stretch, name_stretches
 from ptt.model import Model
 from ptt.noise import Noise
 from ptt.problem import Problem
@@ -38,7 +38,8 @@ class Comparison:
             reflectors and all other readings.
         joint: 'slider 1'.. (n,) mm or 'joint 1'.. (n,) rad, the joint errors that would cause the residual.
         kept: rows that count, (n,) bool.
-        outliers: gross errors, left out of every figure, worst first.
+        outliers: single gross errors, left out of every figure, worst first.
+        stretches: rows in a row that are off together, left out as well.
         frame: the frame policy.
         noise: the noise floor, None where nothing tells it.
         lack_of_fit: test against pure error.
@@ -57,6 +58,7 @@ class Comparison:
     joint: Mapping[str, np.ndarray]
     kept: np.ndarray
     outliers: tuple[WorstRow, ...]
+    stretches: tuple[Stretch, ...]
     frame: str
     noise: Noise | None
     lack_of_fit: LackOfFit
@@ -119,6 +121,7 @@ class Comparison:
             "lack_of_fit": self.lack_of_fit.to_dict(),
             "where": self.where.to_dict(),
             "outliers": [row.to_dict() for row in self.outliers],
+            "stretches": [stretch.to_dict() for stretch in self.stretches],
             "depends_on": [item.to_dict() for item in self.depends_on],
             "without_values": list(self.without_values),
         }
@@ -149,8 +152,8 @@ def compare_run(
     noise = noise or problem.noise
     tell("residual", 0, 3)
     fitted = residual_of(model, problem, noise)
-    gross = lone_readings(fitted, problem)
-    kept = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
+    stretches, gross = name_stretches(fitted.outliers, fitted.residual, problem)
+    kept = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     residual = np.where(kept[:, None], fitted.residual, np.nan)
     tell("where it fails", 1, 3)
     where = where_it_fails(problem, residual)
@@ -168,6 +171,7 @@ def compare_run(
         joint=joint,
         kept=kept,
         outliers=rows_by_size(problem, fitted.residual, gross),
+        stretches=stretches,
         frame=problem.file.tracker.frame,
         noise=noise,
         lack_of_fit=lack,

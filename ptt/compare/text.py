@@ -25,7 +25,16 @@ def format_comparison(result: Comparison) -> str:
     Returns:
         Lines and tables.
     """
-    parts: list[str | Table] = [_heading(result), "", "error in um", _errors(result), "", *_meaning(result), ""]
+    parts: list[str | Table] = [
+        _heading(result),
+        *(stretch.words for stretch in result.stretches),
+        "",
+        "error in um",
+        _errors(result),
+        "",
+        *_meaning(result),
+        "",
+    ]
     parts += [_joint_title(result), _joints(result), "", *_places(result), "", "worst readings", _worst(result), ""]
     if result.outliers:
         parts += [_outliers(result), ""]

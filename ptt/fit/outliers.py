@@ -3,24 +3,58 @@
 import numpy as np
 from scipy import linalg, stats
 
+from ptt.fit.stretches import confirmed_by_pose, in_a_row, shifted_stretches
+from ptt.problem import Problem
+
 CHANCE = 1e-3  # chance that a sound table of readings loses one row to the rule
+EXCEPTIONS = 1.0 / 12.0  # share of rows beyond which far rows are no exceptions: trackers lose far fewer readings
 ROUNDS = 8
 KNEE = 6.0  # squared distance, in units of the bulk, at which a row counts half (Cauchy)
 
 
-def inside(whitened: np.ndarray, used: np.ndarray) -> np.ndarray:
+def inside(whitened: np.ndarray, used: np.ndarray, problem: Problem | None = None) -> np.ndarray:
     """Rows that noise can explain.
+
+    A gross error is an exception: what one row in twelve has is the machine or the model, and so is what rows in a
+    row or two visits of a pose have. Left out beside is a stretch that is sound but for one common shift (another
+    reflector, a knock).
 
     Args:
         whitened: residual in units of noise, (n, 3), NaN where not observed.
         used: rows that may count, (n,) bool.
+        problem: the readings, whose order tells what stands alone; None where it is not known.
 
     Returns:
-        (n,) bool, a part of `used`. Where the bulk lies wider than noise, so does the limit.
+        (n,) bool, a part of `used`. Where all but one row in twelve lie wider than noise, so does the limit.
     """
-    squared, width = _distances(whitened, used)
-    limit = stats.chi2.isf(CHANCE / max(used.sum(), 1), 3) * width
-    return used & (np.nan_to_num(squared, nan=np.inf) <= limit)
+    squared, _ = _distances(whitened, used)
+    squared = np.where(used, np.nan_to_num(squared, nan=np.inf), 0.0)
+    far = squared > _limit(squared[used])
+    if not far.any():
+        return used.copy()
+    apart = np.zeros_like(used)
+    if problem is not None:
+        for part in shifted_stretches(whitened, far, problem, _limit(squared[used])):
+            apart[part] = True
+    rest = used & ~apart
+    gross = rest & (squared > _limit(squared[rest], EXCEPTIONS))
+    if problem is not None and gross.any():
+        machine = confirmed_by_pose(gross, whitened, problem)
+        for part in in_a_row(far & ~apart, problem):
+            machine[part] = True
+        gross &= ~machine | np.isinf(squared)
+    return rest & ~gross
+
+
+def _limit(squared: np.ndarray, exceptions: float = 0.5) -> float:
+    """Squared distance beyond which a row is far; it widens with half of the rows, and with all but the exceptions."""
+    count = len(squared)
+    bulk = count - max(1, int(np.ceil(exceptions * count)))
+    if bulk < 1:
+        return np.inf
+    wide = np.sort(squared)[bulk - 1] / stats.chi2.ppf((bulk - 0.5) / count, 3)
+    width = max(1.0, float(wide), float(np.median(squared)) / MEDIAN)
+    return float(stats.chi2.isf(CHANCE / count, 3)) * width
 
 
 def linear_residual(

@@ -9,6 +9,7 @@ from ptt.fit.indices import Indices, observability_indices, project_off
 from ptt.fit.observability import Combination, Correlation, correlations, unobservable
 from ptt.fit.orientation import orientation_of
 from ptt.fit.solve import FitResult, residual_of, rms
+from ptt.fit.stretches import Stretch, name_stretches
 from ptt.frames import best_fit
 from ptt.model import Model, parameter_names
 from ptt.problem import Problem
@@ -50,7 +51,8 @@ class FitReport:
         iterations: evaluations of the derivative.
         values: effect parameters.
         frames: motions of the tracker frame, name -> (value, standard error) in mm and rad.
-        outliers: gross errors: line in the file and distance in mm.
+        outliers: gross errors, one by one: line in the file and distance in mm.
+        stretches: rows in a row that are off together, left out as well.
         rms_um: 'as read' (before frame alignment), 'aligned' (after it), 'given' (the model as it was) and 'fitted'.
         noise_um: per axis, in total, and its source.
         correlations: above 0.9, between measured parameters.
@@ -69,6 +71,7 @@ class FitReport:
     values: tuple[Value, ...]
     frames: dict[str, tuple[float, float]]
     outliers: tuple[tuple[int, float], ...]
+    stretches: tuple[Stretch, ...]
     rms_um: dict[str, dict[str, float]]
     noise_um: dict[str, Any]
     correlations: tuple[Correlation, ...]
@@ -95,6 +98,7 @@ class FitReport:
             "parameters": [dict(vars(value)) for value in self.values],
             "frame": {name: {"value": value, "std": std} for name, (value, std) in self.frames.items()},
             "outliers": [{"line": line, "distance_mm": distance} for line, distance in self.outliers],
+            "stretches": [stretch.to_dict() for stretch in self.stretches],
             "rms_um": self.rms_um,
             "noise_um": self.noise_um,
             "correlations": [dict(vars(pair)) for pair in self.correlations],
@@ -120,11 +124,11 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
     bare = residual_of(Model(fitted.model.file), problem, fitted.noise) if given is None else given
     errors |= {"given": rms(bare.residual, rows), "fitted": rms(fitted.residual, rows)}
     turned = orientation_of(fitted, problem)
-    lines = problem.table.line[fitted.outliers].tolist()
-    far = np.linalg.norm(fitted.residual[fitted.outliers], axis=1).tolist()
+    stretches, alone = name_stretches(fitted.outliers, fitted.residual, problem)
+    lines, far = problem.table.line[alone].tolist(), np.linalg.norm(fitted.residual[alone], axis=1).tolist()
     return FitReport(
         fitted.status, int(rows.sum()), fitted.chi2, fitted.freedom, fitted.rank, len(fitted.unknowns),
-        fitted.iterations, _values(fitted), _frames(fitted), tuple(zip(lines, far, strict=True)), errors,
+        fitted.iterations, _values(fitted), _frames(fitted), tuple(zip(lines, far, strict=True)), stretches, errors,
         fitted.noise.to_dict(), correlations(fitted), unobservable(fitted),
         observability_indices(
             project_off(fitted.information, np.flatnonzero(fitted.layout.owner >= 0)), int(rows.sum())

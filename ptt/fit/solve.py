@@ -107,7 +107,7 @@ def fit(
     evaluate = Evaluator(layout, problem, noise, coarse=coarse)
     unknowns = np.clip(layout.start(), layout.lower, layout.upper)
     system = evaluate(unknowns)
-    kept = _without_outliers(system, problem.used, layout) if robust else problem.used.copy()
+    kept = _without_outliers(system, problem, layout) if robust else problem.used.copy()
     status, unseen = "nothing to fit", np.zeros((len(unknowns), 0))
     for attempt in range(1 if lean or coarse else ROUNDS):
         unseen = unseen_directions(_informed(system, kept, layout))
@@ -117,7 +117,7 @@ def fit(
             ended = descend(_equations(evaluate, kept, prior), unknowns, layout.lower, layout.upper, done)
             unknowns, status = ended.unknowns, ended.status
         system = evaluate(unknowns)
-        again = inside(system.residual, problem.used) if robust else kept
+        again = inside(system.residual, problem.used, problem) if robust else kept
         if (again == kept).all() and unseen_directions(_informed(system, kept, layout)).shape == unseen.shape:
             break
         kept = again if attempt < ROUNDS - 1 else kept
@@ -176,7 +176,7 @@ def _equations(evaluate: Evaluator, kept: np.ndarray, prior: np.ndarray) -> Equa
     return equations
 
 
-def _without_outliers(system: System, used: np.ndarray, layout: Layout) -> np.ndarray:
+def _without_outliers(system: System, problem: Problem, layout: Layout) -> np.ndarray:
     """Rows that remain after a robust fit of the linearised problem, (n,) bool."""
     width = system.jacobian.shape[-1]
     base = np.concatenate(
@@ -186,9 +186,9 @@ def _without_outliers(system: System, used: np.ndarray, layout: Layout) -> np.nd
         ]
     )
     trusted = np.concatenate([system.base_residual.ravel(), np.zeros(int(layout.held.sum()))])
-    whole = np.full_like(system.residual, np.nan)
+    whole, used = np.full_like(system.residual, np.nan), problem.used
     whole[used], _ = linear_residual(system.residual[used], system.jacobian[used], trusted, base)
-    return inside(whole, used)
+    return inside(whole, used, problem)
 
 
 def _result(

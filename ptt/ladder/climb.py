@@ -88,6 +88,7 @@ class Ladder:
             "parameters": fitted["parameters"],
             "unobservable": fitted["unobservable"],
             "protocol": self.protocol,
+            "stretches": fitted["stretches"],
             "notes": list(self.notes),
             "fit": fitted,
         }

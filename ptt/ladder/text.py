@@ -25,7 +25,9 @@ def format_ladder(ladder: Ladder) -> str:
     noise = [ladder.noise_um[axis] for axis in _AXES]
     source = f"noise ({ladder.noise_um['source']})"
     lines.append(f"{source:<28}" + "".join(f"{value:9.2f}" for value in noise * 2))
-    lines += [f"held out: {ladder.protocol}", *verdicts(ladder), *ladder.notes]
+    lines += [f"held out: {ladder.protocol}", *verdicts(ladder)]
+    lines += [stretch.words for stretch in ladder.report.stretches]
+    lines += ladder.notes
     return "\n".join(lines)
 
 

@@ -107,14 +107,13 @@ def look_at(model: "Model", problem: "Problem", compared: "Comparison | None" = 
     Returns:
         The look.
     """
-    from ptt.compare.lone import lone_readings
     from ptt.dependence.contexts import context_views, residual_views
     from ptt.fit.solve import residual_of
 
     if compared is None:
         fitted = residual_of(model, problem)
         residual = fitted.residual
-        kept = problem.used & ~lone_readings(fitted, problem) & np.isfinite(residual).all(axis=1)
+        kept = problem.used & ~fitted.outliers & np.isfinite(residual).all(axis=1)
     else:
         residual, kept = compared.residual, compared.kept
     noise = problem.noise if compared is None else compared.noise
