@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from ptt.effects import Effect, Library, library
+from ptt.effects import Effect, Library, Parameter, library
 from ptt.effects.base import STAGES, flatten, sizes, total_size
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import ModelError
@@ -199,16 +199,32 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
     if not entry.parameters:
         return Term(effect, torch.zeros(0, dtype=torch.float64))
     values, stds, measured = [], [], []
+    renewed = _renewed(entry, effect, specs, joints)
     for name, parameter in specs.items():
         size = parameter.size(joints)
         given = entry.parameters.get(name)
         if given is None and parameter.role != "linear":
             raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
-        values.append(_spread(given.value if given else 0.0, size, name))
+        if parameter.stem in renewed:
+            values.append(_spread(renewed[parameter.stem], size, name))
+            given = None  # standard errors were of the older form
+        else:
+            values.append(_spread(given.value if given else 0.0, size, name))
         stds.append(_spread(torch.nan if given is None or given.std is None else given.std, size, name))
         measured.append(_spread(True if given is None or given.measured is None else given.measured, size, name).bool())
     fixed = frozenset(p.stem for name, p in specs.items() if name in entry.parameters and entry.parameters[name].fixed)
     return Term(effect, torch.cat(values), torch.cat(stds), torch.cat(measured), fixed)
+
+
+def _renewed(entry: EffectEntry, effect: Effect, specs: Mapping[str, Parameter], joints: int) -> dict[str, Tensor]:
+    """Values, by stem, that the file has in an older form."""
+    found = {
+        parameter.stem: torch.as_tensor(entry.parameters[name].value, dtype=torch.float64).reshape(-1)
+        for name, parameter in specs.items()
+        if name in entry.parameters
+    }
+    new = effect.renew(found, joints)
+    return {stem: value for stem, value in new.items() if value is not found.get(stem)}
 
 
 def _spread(value: object, size: int, name: str) -> Tensor:

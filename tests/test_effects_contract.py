@@ -265,7 +265,7 @@ def test_command_lists_and_shows():
     listed = json.loads(run("--json").stdout)["effects"]
     assert [one["name"] for one in listed] == list(library())
     card = json.loads(run("backlash", "--json").stdout)
-    assert {"name": "gap_mm", "unit": "mm", "lower": 0.0, "upper": None}.items() <= card["parameters"][0].items()
+    assert {"name": "gap_mm", "unit": "mm", "lower": None, "upper": None}.items() <= card["parameters"][0].items()
     text = run("once-per-rev[harmonic 2]").stdout
     assert text.startswith("once-per-rev[harmonic 2] (drive; three-ptt, serial)")
     assert "ISO 3408-3" in text

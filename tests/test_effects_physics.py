@@ -5,6 +5,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 from scipy.optimize import root
 from torch.testing import assert_close
 
@@ -15,6 +16,7 @@ from ptt.effects.bench import sample_view, take
 from ptt.effects.case import make_case, usual_theta
 from ptt.effects.geometry import pull
 from ptt.effects.memory import gradual_reversal, play
+from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.errors import ModelError
 from ptt.machine import parse_machine
 from ptt.mechanisms.statics import GRAVITY
@@ -133,6 +135,66 @@ slider_travel_mm = [150, 420]
 """
 
 
+def test_a_gap_below_zero_throws_the_slider_ahead_at_once(bench):
+    view = build_view(bench, make_table(None, heights(280.0, 281.0, 280.96, 280.88, 281.0, 281.0)))
+    shift = library()["backlash"]().shift(tensor([-0.1, 0.1, 0.0]), view)
+    assert_close(shift[:, 0], tensor([0.05, 0.05, -0.05, -0.05, 0.05, 0.05]), atol=1e-12, rtol=0.0)
+    assert_close(shift[:3, 1], tensor([-0.05, -0.05, -0.01]), atol=1e-12, rtol=0.0)
+    assert shift[:, 2].abs().max() == 0.0
+    _, slope = differentiate(library()["backlash"](), tensor([0.0, 0.0, 0.0]), view)
+    assert_close(slope[:, 0, 0], -0.5 * view.direction[:, 0])  # the same from both sides
+
+
+def test_slip_begins_after_its_moment(bench):
+    view = build_view(bench, make_table(POSES, time_s=[0.0, 100.0, 200.0, 400.0]))
+    shift = library()["homing-slip"]().shift(tensor([0.1, 0.0, -0.05, 100.0]), view)
+    assert_close(shift, tensor(np.array([0, 0, 1, 1])[:, None] * np.array([0.1, 0.0, -0.05])))
+    blind = build_view(bench, make_table(POSES))
+    shift = library()["homing-slip"]().shift(tensor([0.1, 0.0, -0.05, 2.0]), blind)
+    assert_close(shift[:, 0], tensor([0.0, 0.0, 0.0, 0.1]))
+
+
+def test_slip_and_knock_try_the_same_moments():
+    view = sample_view("three-ptt")
+    slip, knock = library()["homing-slip"](), library()["setup-jump"]()
+    moments = [float(trial["after"]) for trial in slip.search(view)]
+    assert moments == [float(trial["after"]) for trial in knock.search(view)]
+    inner = [float(trial["after"]) for trial in slip.refine(view, slip.search(view)[20])]
+    assert inner == sorted(set(view.time[(view.time >= moments[18]) & (view.time <= moments[22])].tolist()))
+
+
+@pytest.mark.parametrize(("name", "stem"), [("windup", "length"), ("tracker-drift", "settling")])
+def test_constants_are_refined_between_their_neighbours(name, stem):
+    view, effect = sample_view("three-ptt"), library()[name]()
+    trials = effect.search(view)
+    low, own, high = sorted(float(trial[stem]) for trial in trials[2:5])
+    found = sorted(float(trial[stem]) for trial in effect.refine(view, trials[3]))
+    assert found[0] > low and found[-1] < high and own in found
+    steps = np.diff(np.log([low, *found, high]))
+    assert steps.min() > 0.8 * steps.max()
+    again = effect.refine(view, {**trials[3], stem: torch.tensor([found[0]], dtype=torch.float64)})
+    assert len(again) > 5
+
+
+def test_a_straight_drift_stays_straight():
+    view, effect = sample_view("three-ptt"), library()["tracker-drift"]()
+    straight = effect.search(view)[0]
+    assert [float(trial["settling"]) for trial in effect.refine(view, straight)] == [float(straight["settling"])]
+
+
+def test_links_stretch_under_their_pull(bench):
+    table = make_table([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-70.0, 0.0, 0.0]], payload_kg=[0.0, 4.0, 4.0])
+    view = build_view(bench, table)
+    shift = shift_of("link-compliance", [1e-4] * 3, view)
+    pulls = GRAVITY * np.array([1.0, 5.0]) / 3.0 * LINK / HOME  # of 1 kg platform and payload, by symmetry
+    assert_close(shift[:2, 2], tensor(-1e-4 * pulls * LINK / HOME), rtol=1e-5, atol=0.0)
+    slots = library()["link-compliance"]().shift(tensor([1e-4, 0.0, 0.0]), view)
+    assert slots[2, 3] < 0.0  # beyond the triangle's edge leg 1 is pushed, and gets shorter
+    assert library()["link-compliance"]().needs(view) is None
+    empty = build_view(type(bench)(bench.machine.model_copy(update={"platform_mass_kg": 0.0})), make_table(POSES))
+    assert "payload" in library()["link-compliance"]().needs(empty)
+
+
 def test_windup_turns_over_with_travel(bench):
     view = build_view(bench, make_table(None, heights(240, 320, 317, 316, 319)))
     at_317 = -1.0 + 2.0 * np.exp(-3.0 / 2.0)
@@ -182,7 +244,7 @@ def test_frame_growth_is_a_bigger_machine(bench):
     update = {"base_radius_mm": RADIUS * (1 + 10 * share[0]), "link_length_mm": LINK * (1 + 10 * share[1])}
     warm = ThreePtt.from_spec(spec.model_copy(update=update)).forward(view.q) - view.p
     shift = shift_of("frame-growth", share, view)
-    assert_close(shift[1:], warm[1:], rtol=0.0, atol=1e-4)  # 0.04 mm to first order
+    assert_close(shift[1:], warm[1:], rtol=0.0, atol=1e-10)
     assert shift[0].abs().max() == 0.0
 
 
@@ -265,14 +327,67 @@ def test_common_tangential_shift_is_a_turn_of_the_tracker(bench):
 
 @pytest.mark.parametrize("name", ["screw-error-map", "guide-straightness"])
 def test_curves_hold_no_level_and_no_slope(bench, name):
-    knots = np.linspace(260.0, 300.0, 9)
+    knots = np.linspace(260.0, 300.0, 17)
     view = build_view(bench, make_table(None, heights(*knots)))
     effect = library()[name]()
     basis = effect.basis(view, effect.search(view)[0])
     curves = basis.sum(dim=1)[:, : effect.parameters[0].count]  # of leg 1: one shape each
-    straight = torch.stack([torch.ones(9, dtype=torch.float64), tensor(knots - 280.0) / 20.0])
+    straight = torch.stack([torch.ones(17, dtype=torch.float64), tensor(knots - 280.0) / 20.0])
     assert curves.abs().max() > 0.9
     assert_close(straight @ curves, torch.zeros(2, curves.shape[1], dtype=torch.float64), atol=1e-10, rtol=0.0)
+
+
+def test_a_usual_curve_costs_its_bending_energy(bench):
+    """Least squares with a prior of equal sizes on the shapes is a smoothing spline, which scipy has too."""
+    from scipy.interpolate import make_smoothing_spline
+
+    random = np.random.default_rng(5)
+    knots = np.linspace(0.0, 1.0, 17)
+    wanted = np.sin(7.0 * knots) + 0.1 * random.normal(size=17)
+    shapes = np.column_stack([smooth_shapes(tensor(knots)).numpy(), straight_shapes(tensor(knots)).numpy()])
+    fine = np.linspace(0.0, 1.0, 20001)
+    first = smooth_shapes(tensor(fine)).numpy()[:, 0]
+    energy = np.trapezoid(np.gradient(np.gradient(first, fine), fine)[2:-2] ** 2, fine[2:-2])
+    toll = 1e-4
+    prior = np.diag([toll * energy] * 15 + [0.0, 0.0])
+    values = np.linalg.solve(shapes.T @ shapes + prior, shapes.T @ wanted)
+    assert_close(
+        tensor(shapes @ values), tensor(make_smoothing_spline(knots, wanted, lam=toll)(knots)), atol=1e-4, rtol=0.0
+    )
+
+
+OLD_HEIGHTS = (0.31, 0.05, -0.12, 0.02, 0.01, -0.03)
+OLD_CURVE = f"""
+[[effect]]
+name = "screw-error-map"
+[effect.parameters]
+curve_mm = {{ value = {list(OLD_HEIGHTS) * 3}, std = {[0.001] * 18} }}
+straight_mm = {{ value = [0.001, 0.002, 0.001, 0.002, 0.001, 0.002] }}
+from_mm = {{ value = 250.0 }}
+to_mm = {{ value = 310.0 }}
+"""
+
+
+def test_a_curve_of_an_older_file_is_the_same_curve():
+    model = read_model(parse_machine(f"{MACHINE}\n{OLD_CURVE}", "old.toml"))
+    view = build_view(model.file, make_table(None, heights(*np.linspace(245.0, 315.0, 41))))
+    knots = np.linspace(-1.0, 1.0, 9)
+    shapes = []
+    for degree in range(2, 8):  # orthogonal to all lower degrees on the knots, one high, as those files state
+        lower = np.polynomial.legendre.legvander(knots, degree)
+        last = lower[:, degree] - lower[:, :degree] @ np.linalg.lstsq(lower[:, :degree], lower[:, degree])[0]
+        shapes.append(last / np.abs(last).max())
+    place = np.clip((view.q[:, 0].numpy() - 280.0) / 30.0, -1.0, 1.0)
+    bow = CubicSpline(knots, np.array(OLD_HEIGHTS) @ np.array(shapes), bc_type="natural")(place)
+    found = model.terms[0].effect.shift(model.terms[0].theta, view)
+    assert_close(found[:, 0], tensor(bow + 0.001 * place + 0.002), atol=1e-12, rtol=0.0)
+    assert_close(found[:, 2], found[:, 0])
+
+
+def test_a_curve_of_no_known_form_is_refused():
+    text = OLD_CURVE.replace(str(list(OLD_HEIGHTS) * 3), str(list(OLD_HEIGHTS))).replace(str([0.001] * 18), "0.001")
+    with pytest.raises(ModelError, match=r"'curve_mm' has 6 values; give one, or 45"):
+        read_model(parse_machine(f"{MACHINE}\n{text}", "old.toml"))
 
 
 def model_of(bench, *names):

@@ -19,7 +19,7 @@ from ptt.diagnosis.verdict import STEPS, Diagnosis, describe_candidates, diagnos
 from ptt.diagnosis.walker import Progress, State
 from ptt.diagnosis.words import explain_verdict
 from ptt.effects import Effect, Library, library
-from ptt.effects.metrology import SetupJump
+from ptt.effects.sudden import Sudden
 from ptt.fit.solve import FitResult, fit, rms
 from ptt.holdout import blocks
 from ptt.model import Model
@@ -154,7 +154,7 @@ class _Run:
     def _place_knocks(self, fitted: FitResult) -> FitResult:
         """Knocks to the row: the sample knows them only to a gap between its stretches."""
         for index, term in enumerate(fitted.layout.terms):
-            if isinstance(term.effect, SetupJump):
+            if isinstance(term.effect, Sudden):
                 after = self._moment(fitted, index, term.effect)
                 terms = list(fitted.layout.terms)
                 theta = term.theta.clone()
@@ -163,7 +163,7 @@ class _Run:
                 fitted = replace(fitted, layout=replace(fitted.layout, terms=tuple(terms)))
         return fitted
 
-    def _moment(self, fitted: FitResult, index: int, effect: SetupJump) -> float:
+    def _moment(self, fitted: FitResult, index: int, effect: Sudden) -> float:
         """The moment up to which the readings are better without a knock, and from which on with it."""
 
         def squares(after: float) -> np.ndarray:

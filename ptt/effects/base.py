@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -11,6 +12,7 @@ from ptt.view import View
 
 Stage = Literal["drive", "geometry", "structure", "metrology"]
 STAGES: tuple[Stage, ...] = ("drive", "geometry", "structure", "metrology")
+FINER = 8  # values that are tried between the neighbours of a time or travel constant
 
 
 @dataclass(frozen=True)
@@ -142,6 +144,18 @@ class Effect:
         """
         return (shape,)
 
+    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
+        """Bring values of an older machine file into the present form.
+
+        Args:
+            values: stem -> values as the file has them.
+            joints: k.
+
+        Returns:
+            The same object where nothing has changed.
+        """
+        return values
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Shift per unit of each linear parameter.
 
@@ -225,6 +239,26 @@ def flatten(effect: Effect, shape: Mapping[str, Tensor], joints: int) -> Tensor:
         for parameter in effect.parameters
     ]
     return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+
+
+def finer(trials: Sequence[Mapping[str, Tensor]], shape: Mapping[str, Tensor], stem: str) -> list[Mapping[str, Tensor]]:
+    """Values of a time or travel constant between the trials on either side of one, in proportion.
+
+    Args:
+        trials: what the search offers.
+        shape: the trial, or a value between trials.
+        stem: the constant; other values of the shape stay.
+
+    Returns:
+        The shape itself first, then `FINER` values up to its neighbours.
+    """
+    own = float(shape[stem])
+    tried = sorted({float(trial[stem]) for trial in trials})
+    low = max((value for value in tried if value < own), default=own)
+    high = min((value for value in tried if value > own), default=own)
+    inner = [*np.geomspace(low, own, FINER // 2 + 2)[1:-1], *np.geomspace(own, high, FINER // 2 + 2)[1:-1]]
+    values = (value for value in inner if value != own)
+    return [shape, *({**shape, stem: torch.tensor([value], dtype=torch.float64)} for value in values)]
 
 
 def per_joint(*columns: Tensor) -> Tensor:

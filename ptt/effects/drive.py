@@ -7,12 +7,15 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage, per_joint
+from ptt.effects.base import Effect, Parameter, Stage, finer, per_joint
 from ptt.effects.memory import gradual_reversal, play
-from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.effects.shapes import COARSE_SHAPES, SHAPES, from_coarse, smooth_shapes, straight_shapes
+from ptt.effects.sudden import AFTER, Sudden
 from ptt.mechanisms.serial import Serial
+from ptt.turns import LINEAR
 from ptt.view import View
 
+WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
 PHASES = 5  # a turn seen at fewer phases than this cannot part a period from an offset
 
 
@@ -29,6 +32,22 @@ class HomingOffset(Effect):
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Unit shift of each axis."""
         return per_joint(torch.ones_like(view.q))
+
+
+@dataclass(frozen=True)
+class HomingSlip(Sudden):
+    """An axis was homed anew, was hit or slipped: from some time on its zero is off by c_i."""
+
+    name: ClassVar[str] = "homing-slip"
+    stage: ClassVar[Stage] = "drive"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("slip", "mm", 0.05, "how far the zero of the axis has moved", True, axis=True, usual_rad=5e-4),
+        AFTER,
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Unit shift of each axis, from the moment on."""
+        return per_joint(self.since(view, shape)[:, None].expand_as(view.q))
 
 
 @dataclass(frozen=True)
@@ -59,7 +78,14 @@ class ScrewErrorMap(Effect):
     mechanisms: ClassVar[tuple[str, ...]] = ("three-ptt",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            "curve", "mm", 0.02, "height of parabola, cubic, ... along the range", True, 6, axis=True, usual_rad=2e-4
+            "curve",
+            "mm",
+            0.02,
+            "heights of bow, double bow, ... along the range, each in its usual share",
+            True,
+            SHAPES,
+            axis=True,
+            usual_rad=2e-4,
         ),
         Parameter(
             "straight",
@@ -80,10 +106,14 @@ class ScrewErrorMap(Effect):
         """The range that the data cover."""
         return (covered_range(view),)
 
+    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
+        """Six shapes on nine knots, as files had them, in the present shapes."""
+        return renew_curves(values, ("curve",), joints)
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Spline shapes of each axis."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
-        return per_joint(smooth_shapes(place, self.parameters[0].count), straight_shapes(place))
+        return per_joint(smooth_shapes(place), straight_shapes(place))
 
 
 @dataclass(frozen=True)
@@ -131,12 +161,23 @@ class OncePerRev(Effect):
 
 @dataclass(frozen=True)
 class Backlash(Effect):
-    """Play between nut and screw: the slider stays half the gap behind, on the side it comes from."""
+    """Play between nut and screw: the slider stays half the gap behind, on the side it comes from.
+
+    A gap below zero is a controller that compensates more than there is: it throws the slider ahead, at once.
+    """
 
     name: ClassVar[str] = "backlash"
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gap", "mm", 0.05, "lost motion on reversal", True, lower=0.0, axis=True, usual_rad=5e-4),
+        Parameter(
+            "gap",
+            "mm",
+            0.05,
+            "lost motion on reversal; below zero: compensated too much",
+            True,
+            axis=True,
+            usual_rad=5e-4,
+        ),
     )
     requires: ClassVar[tuple[str, ...]] = ("direction",)
     reverses: ClassVar[bool] = True
@@ -146,8 +187,8 @@ class Backlash(Effect):
         return per_joint(-0.5 * view.direction)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
-        """The play operator itself, which knows when the gap is not taken up yet."""
-        return play(view, theta)
+        """The play operator itself, which knows when the gap is not taken up yet; below zero the sign alone."""
+        return torch.where(theta > 0.0, play(view, theta.clamp(min=0.0)), -0.5 * theta * view.direction)
 
 
 @dataclass(frozen=True)
@@ -176,16 +217,20 @@ class Windup(Effect):
 
     def _lengths(self, view: View) -> list[float]:
         """Travel constants that the data can see: some readings change over, some are done."""
-        scale = 1.0 if float(view.travel_limits.abs().max()) > 10.0 else 0.01
+        scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
         return [
             length * scale
-            for length in (1.0, 2.0, 4.0, 8.0, 16.0)
+            for length in WINDUP_LENGTHS
             if float((gradual_reversal(view, torch.tensor(length * scale)) - view.direction).abs().mean()) > 0.02
         ]
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """A geometric ladder of travel constants."""
         return tuple({"length": torch.tensor([length], dtype=torch.float64)} for length in self._lengths(view))
+
+    def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
+        """Constants between the trials on either side; the fit itself goes on from there."""
+        return finer(self.search(view), shape, "length")
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Normalised friction of each axis, against the travel."""
@@ -259,3 +304,26 @@ def covered_range(view: View) -> dict[str, Tensor]:
     low, high = view.q.amin(dim=0), view.q.amax(dim=0)
     still = high - low < 1e-6
     return {"from": low, "to": torch.where(still, low + 1.0, high)}
+
+
+def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int) -> Mapping[str, Tensor]:
+    """Curves of older machine files in the present shapes.
+
+    Args:
+        values: stem -> values as the file has them.
+        stems: the curves among them; their straight parts lie side by side in 'straight'.
+        joints: k.
+
+    Returns:
+        The same where they are in the present shapes already.
+    """
+    if not all(stem in values and len(values[stem]) == COARSE_SHAPES * joints for stem in stems):
+        return values
+    smooth, line = (torch.as_tensor(part) for part in from_coarse())
+    curves = {stem: values[stem].reshape(joints, COARSE_SHAPES) for stem in stems}
+    straight = torch.cat([curve @ line.T for curve in curves.values()], dim=1).flatten()
+    return {
+        **values,
+        **{stem: (curve @ smooth.T).flatten() for stem, curve in curves.items()},
+        "straight": straight + values.get("straight", torch.zeros_like(straight)),
+    }

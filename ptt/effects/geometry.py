@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
-from ptt.effects.drive import covered_range
-from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.effects.drive import covered_range, renew_curves
+from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
 from ptt.mechanisms.statics import link_forces
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.view import View
@@ -128,8 +128,10 @@ class GuideStraightness(ThreePttEffect):
 
     name: ClassVar[str] = "guide-straightness"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("radial", "mm", 0.02, "height of parabola, cubic, ... outward", True, 6),
-        Parameter("tangential", "mm", 0.02, "height of parabola, cubic, ... along increasing azimuth", True, 6),
+        Parameter(
+            "radial", "mm", 0.02, "heights of bow, double bow, ... outward, each in its usual share", True, SHAPES
+        ),
+        Parameter("tangential", "mm", 0.02, "the same along increasing azimuth", True, SHAPES),
         Parameter("straight", "mm", 0.004, "slope and level, radial and tangential, of the curve", True, 4, held=True),
         Parameter("from", "mm", 1.0, "lower end of the range", True, role="given"),
         Parameter("to", "mm", 1.0, "upper end of the range", True, role="given"),
@@ -139,11 +141,15 @@ class GuideStraightness(ThreePttEffect):
         """The range that the data cover."""
         return (covered_range(view),)
 
+    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
+        """Six shapes on nine knots, as files had them, in the present shapes."""
+        return renew_curves(values, ("radial", "tangential"), joints)
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Spline shapes of each rail, outward and along the azimuth."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
         axes = horizontal_axes(view)
-        curves = smooth_shapes(place, self.parameters[0].count)  # shape: (n, leg, c)
+        curves = smooth_shapes(place)  # shape: (n, leg, c)
         lines = torch.cat([torch.einsum("nlc,lx->nlxc", straight_shapes(place), axis) for axis in axes], dim=-1)
         return centre_basis(*(torch.einsum("nlc,lx->nlxc", curves, axis) for axis in axes), lines)
 
@@ -185,6 +191,26 @@ class JointClearance(ThreePttEffect):
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Half the play, longer when pulled and shorter when pushed."""
         return length_basis(0.5 * torch.sign(pull(view)))
+
+
+@dataclass(frozen=True)
+class LinkCompliance(ThreePttEffect):
+    """Link i with its joints gives way along itself under its force: dL_i = c_i N_i, N_i the pull."""
+
+    name: ClassVar[str] = "link-compliance"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("compliance", "mm/N", 5e-5, "stretch of link and joints per unit of pull", True),
+    )
+
+    def needs(self, view: View) -> str | None:
+        """A link force that is not the same everywhere."""
+        force = pull(view)
+        varied = bool((force.amax(dim=0) - force.amin(dim=0) > 1e-6).any())
+        return None if varied else "platform_mass_kg in the machine file, or a payload (column payload_kg)"
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Pull in each link."""
+        return length_basis(pull(view))
 
 
 @dataclass(frozen=True)

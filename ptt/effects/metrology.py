@@ -7,10 +7,11 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage
+from ptt.effects.base import Effect, Parameter, Stage, finer
+from ptt.effects.sudden import AFTER, Sudden
 from ptt.view import View
 
-KNOCK_TRIALS = 48
+SETTLING = (1e3, *(2.0 * 0.6**step for step in range(9)))  # of the run; neighbours differ by a thirtieth of the drift
 
 
 @dataclass(frozen=True)
@@ -63,11 +64,14 @@ class TrackerDrift(MetrologyEffect):
     follows_clock: ClassVar[bool] = True
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """A straight line and three speeds of settling."""
+        """A straight line, and settling from slow to fast."""
         whole = view.time.max()
-        return tuple(
-            {"settling": (part * whole).reshape(1), "duration": whole.reshape(1)} for part in (1e3, 0.5, 0.2, 0.07)
-        )
+        return tuple({"settling": (part * whole).reshape(1), "duration": whole.reshape(1)} for part in SETTLING)
+
+    def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
+        """Constants between the trials on either side; a straight line is no end of that scale."""
+        straight, *trials = self.search(view)
+        return (shape,) if float(shape["settling"]) >= float(straight["settling"]) else finer(trials, shape, "settling")
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Share of the drift that is reached, in each coordinate."""
@@ -76,45 +80,19 @@ class TrackerDrift(MetrologyEffect):
 
 
 @dataclass(frozen=True)
-class SetupJump(MetrologyEffect):
+class SetupJump(Sudden, MetrologyEffect):
     """The tripod was knocked: from some time on the readings are shifted and turned."""
 
     name: ClassVar[str] = "setup-jump"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("shift", "mm", 0.05, "translation of the readings after the knock, x, y, z", count=3),
         Parameter("turn", "rad", 5e-5, "rotation of the readings after the knock, about x, y, z", count=3),
-        Parameter(
-            "after", "1", 1.0, "last moment before the knock: seconds, or rows where there is no clock", role="given"
-        ),
+        AFTER,
     )
-
-    def needs(self, view: View) -> str | None:
-        """Enough rows on both sides of any knock."""
-        return None if view.rows >= 20 else "at least 20 rows"
-
-    def clock(self, view: View) -> Tensor:
-        """Seconds where there is a clock, else the number of the row, (n,)."""
-        if "time" in view.varies:
-            return view.time
-        return torch.arange(view.rows, dtype=torch.float64) if view.number is None else view.number
-
-    def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """Moments spread over the run, with at least a few rows on either side."""
-        moments = self.clock(view).sort().values[4:-5]
-        chosen = moments[torch.linspace(0, len(moments) - 1, min(KNOCK_TRIALS, len(moments))).round().long()]
-        return tuple({"after": moment.reshape(1)} for moment in chosen.unique())
-
-    def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
-        """Every row between the trials two before and two after: rows that look gross can blur the first choice."""
-        tried = torch.cat([trial["after"] for trial in self.search(view)])
-        place = int(torch.argmin((tried - shape["after"]).abs()))
-        low, high = tried[max(place - 2, 0)], tried[min(place + 2, len(tried) - 1)]
-        moments = self.clock(view).unique()
-        return tuple({"after": moment.reshape(1)} for moment in moments[(moments >= low) & (moments <= high)])
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Rigid motion after the knock."""
-        return (self.clock(view) > shape["after"])[:, None, None] * rigid_basis(view.p)
+        return self.since(view, shape)[:, None, None] * rigid_basis(view.p)
 
 
 def rigid_basis(p: Tensor) -> Tensor:

@@ -15,6 +15,7 @@ Library = Mapping[str, type[Effect]]
 
 _CLASSES: tuple[type[Effect], ...] = (
     drive.HomingOffset,
+    drive.HomingSlip,
     drive.LeadScale,
     drive.ScrewErrorMap,
     drive.OncePerRev,
@@ -29,6 +30,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     geometry.GuideStraightness,
     geometry.JointOffset,
     geometry.JointClearance,
+    geometry.LinkCompliance,
     geometry.PlatformTwist,
     serial.JointErrorMap,
     serial.DhOffsets,

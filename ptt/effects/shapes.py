@@ -1,4 +1,4 @@
-"""Smooth shapes along an axis, with the constant and the linear part taken out."""
+"""Smooth shapes along an axis, with the constant and the linear part taken out: bending modes of a natural spline."""
 
 from functools import lru_cache
 
@@ -7,18 +7,26 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-KNOTS = 9
+KNOTS = 17  # sixteen pieces: what bends within a twentieth of the range is damage of a spot, not a screw or a rail
+SHAPES = KNOTS - 2
+COARSE = 9  # knots of older machine files, every second one of these, so that their curves are curves of these
+COARSE_SHAPES = 6
 
 
-@lru_cache(maxsize=8)
-def _spline(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Natural cubic splines through discrete orthogonal polynomials of degree 2, 3, ... at the knots."""
+@lru_cache(maxsize=1)
+def _modes() -> CubicSpline:
+    """Natural splines that share no bending energy, the softest first, each as high as it is usual.
+
+    Sum of squares of their coefficients is the bending energy, as in a smoothing spline, whose curves have a slope that
+    wanders at random along the axis (Wahba, Spline Models for Observational Data, 1990). The first is one high; the
+    k-th then is about 1/k^2 high.
+    """
     knots = np.linspace(0.0, 1.0, KNOTS)
-    powers = np.vander(2.0 * knots - 1.0, count + 2, increasing=True)
-    orthogonal, triangle = np.linalg.qr(powers)
-    shapes = (orthogonal * np.sign(np.diag(triangle)))[:, 2:]
-    shapes = shapes / np.abs(shapes).max(axis=0)  # a unit parameter is then a shape of unit height
-    return knots, CubicSpline(knots, shapes, bc_type="natural").c
+    bend = CubicSpline(knots, np.eye(KNOTS), bc_type="natural")(knots, 2)
+    hats = (4.0 * np.eye(KNOTS) + np.eye(KNOTS, k=1) + np.eye(KNOTS, k=-1)) / 6.0  # integral of products, times 1/h
+    energy, modes = np.linalg.eigh(bend.T @ hats @ bend)  # the two without energy are the constant and the line
+    modes = modes[:, 2:] * np.sign(modes[-1, 2:]) / np.sqrt(energy[2:])
+    return CubicSpline(knots, modes / np.abs(modes[:, 0]).max(), bc_type="natural")
 
 
 def straight_shapes(position: Tensor) -> Tensor:
@@ -33,20 +41,35 @@ def straight_shapes(position: Tensor) -> Tensor:
     return torch.stack([2.0 * position.clamp(0.0, 1.0) - 1.0, torch.ones_like(position)], dim=-1)
 
 
-def smooth_shapes(position: Tensor, count: int) -> Tensor:
+def smooth_shapes(position: Tensor) -> Tensor:
     """Evaluate the smooth shapes.
 
     Args:
         position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...); held beyond it.
-        count: number of shapes: parabola, cubic, and so on.
 
     Returns:
-        (..., count), each of height one at the knots, orthogonal there to each other, to a constant and to a line.
+        (..., SHAPES), the first of height one and the others ever smaller, orthogonal at the knots to each other, to a
+        constant and to a line.
     """
-    knots, coefficients = _spline(count)
-    table = torch.as_tensor(coefficients, dtype=position.dtype)  # shape: (4, pieces, count)
+    table = torch.as_tensor(_modes().c, dtype=position.dtype)  # shape: (4, pieces, shapes)
     inside = position.clamp(0.0, 1.0)
     piece = (inside.detach() * (KNOTS - 1)).floor().long().clamp(0, KNOTS - 2)
-    offset = (inside - torch.as_tensor(knots, dtype=position.dtype)[piece]).unsqueeze(-1)
+    offset = (inside - piece / (KNOTS - 1)).unsqueeze(-1)
     cubic, square, linear, constant = (row[piece] for row in table)
     return ((cubic * offset + square) * offset + linear) * offset + constant
+
+
+@lru_cache(maxsize=1)
+def from_coarse() -> tuple[np.ndarray, np.ndarray]:
+    """What the shapes of older machine files are in the present ones.
+
+    Returns:
+        Smooth (SHAPES, COARSE_SHAPES) and straight (2, COARSE_SHAPES) coefficients of each older shape, exact.
+    """
+    coarse, knots = np.linspace(-1.0, 1.0, COARSE), np.linspace(-1.0, 1.0, KNOTS)
+    orthogonal, triangle = np.linalg.qr(np.vander(coarse, COARSE_SHAPES + 2, increasing=True))
+    shapes = (orthogonal * np.sign(np.diag(triangle)))[:, 2:]
+    old = CubicSpline(coarse, shapes / np.abs(shapes).max(axis=0), bc_type="natural")(knots)
+    new = np.column_stack([_modes()(0.5 * (knots + 1.0)), knots, np.ones(KNOTS)])
+    found = np.linalg.solve(new, old)
+    return found[:SHAPES], found[SHAPES:]

@@ -47,6 +47,13 @@ class FrameGrowth(Effect):
     follows_clock: ClassVar[bool] = True
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Tool shift per unit strain of radius and links, times warmth; first order, which leaves out nanometres."""
+        """Tool shift per unit strain of radius and links, times warmth: the limit of a small strain."""
         _, _, by_slot = sensitivity(view.mechanism, view.q, view.mounted(torch.zeros_like(view.growth[:1])))
         return view.warmth[:, None, None] * (by_slot @ view.growth.T)
+
+    def shift(self, theta: Tensor, view: View) -> Tensor:
+        """The grown machine's position less the drawn one's: near the edge strains of 1e-4 are no longer small."""
+        strain = view.warmth[:, None] * theta  # shape: (n, 2)
+        still = torch.zeros_like(view.growth[:1])
+        grown = view.mechanism.forward(view.q, view.mounted(strain @ view.growth))
+        return grown - view.mechanism.forward(view.q, view.mounted(still))

@@ -8,7 +8,6 @@ import torch
 
 from ptt.effects import Effect
 from ptt.effects.base import flatten, linear_size
-from ptt.effects.metrology import SetupJump
 from ptt.fit.layout import lay_out
 from ptt.fit.linear import Linear, Shape, assemble, usual_sizes
 from ptt.fit.outliers import linear_residual
@@ -18,7 +17,6 @@ from ptt.problem import Problem
 
 SEEN = 1.0  # information, in usual sizes, below which a direction is left out
 WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
-FINER = 8  # shapes tried between neighbours of the best
 OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes
 
 
@@ -134,31 +132,12 @@ def _profile(stage: _Stage, effect: Effect, trials: Sequence[Shape], others: Seq
     best = int(np.argmax(found))
     if found[best] < found[0] + WORTH:
         best = 0
-    finer = _between(effect, trials, best, stage)
-    if not finer:
+    assert stage.linear.at is not None
+    finer = effect.refine(stage.linear.at.chain.at_tool, trials[best])
+    if len(finer) < 2:
         return trials[best]
     refined = gains(finer)
     return finer[int(np.argmax(refined))] if refined.max() > found[best] else trials[best]
-
-
-def _between(effect: Effect, trials: Sequence[Shape], best: int, stage: _Stage) -> list[Shape]:
-    """Shapes between the neighbours of the best trial: rows for a knock, times in proportion for a time constant."""
-    around = [trials[index] for index in (best - 1, best + 1) if 0 <= index < len(trials)]
-    own = trials[best]
-    varied = [stem for stem in own if any(not torch.equal(own[stem], other[stem]) for other in around)]
-    if len(varied) != 1 or own[varied[0]].numel() != 1:
-        return []
-    stem = varied[0]
-    ends = sorted(float(item[stem]) for item in (own, *around))
-    if isinstance(effect, SetupJump):
-        assert stage.linear.at is not None
-        moments = effect.clock(stage.linear.at.chain.at_tool).unique()
-        inner = moments[(moments >= ends[0]) & (moments <= ends[-1])]
-    elif best == 0 and len(around) == 1:
-        return []  # the first trial is the simplest law, not one end of a scale
-    else:
-        inner = torch.as_tensor(np.geomspace(ends[0], ends[-1], FINER + 2)[1:-1])
-    return [{**own, stem: value.reshape(1)} for value in inner]
 
 
 def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:

@@ -18,6 +18,21 @@ CARDS: dict[str, Card] = {
         ),
         remedy="Enter the offset in the controller's homing table, or shift the switch or the index mark.",
     ),
+    "homing-slip": Card(
+        cause="An axis was homed anew, hit a stop, or its coupling or belt slipped: its zero moved during the run.",
+        equation="dq_i = c_i after a moment, zero until then (seconds, or rows where there is no clock)",
+        source="first-order geometry: J dp = dq",
+        size="0.01 to 0.5 mm",
+        fingerprint="From one row on J e of a slider has another level; the other sliders and base reflectors stay.",
+        confused_with=(
+            ("setup-jump", "moves every reflector like a rigid body: read base reflectors, revisit a datum"),
+            ("homing-offset", "is there from the first row: keep the rows in the order of measuring"),
+            ("screw-growth", "comes slowly, with warmth: a datum every 20 points, a temp_c column"),
+        ),
+        remedy="Tighten coupling and clamps, home again, measure again; the model serves from the slip on.",
+        needs="time_s or rows in order of measuring, at least 20",
+        telling="time",
+    ),
     "lead-scale": Card(
         cause="The lead of the screw, or the controller's counts per mm, is off by a constant share.",
         equation="dq_i = k_i (q_i - q0_i), q0 the joint value at p = 0",
@@ -34,11 +49,15 @@ CARDS: dict[str, Card] = {
     "screw-error-map": Card(
         cause="The lead varies along the screw: rolled or worn thread, bent shaft, end bearings out of line.",
         equation=(
-            "dq_i = sum_j a_ij N_j(x) + b_i (2 x - 1) + c_i, x = (q_i - from_i)/(to_i - from_i) held to 0..1; N_j "
-            "natural cubic splines through discrete orthogonal polynomials of degree 2 to 7 on nine knots, height one; "
-            "b and c, what a curve leaves of slope and level over the visited heights, are held near zero"
+            "dq_i = sum_j a_ij N_j(x) + b_i (2 x - 1) + c_i, x = (q_i - from_i)/(to_i - from_i) held to 0..1; N_j the "
+            "15 bending modes of a natural cubic spline on 17 knots, the first one high, the j-th about 1/j^2 (the "
+            "prior of a smoothing spline); b and c, what a curve leaves of slope and level over the visited heights, "
+            "are held near zero"
         ),
-        source=f"{SCREW_STANDARD}: travel variation; the form of a controller's leadscrew compensation table",
+        source=(
+            f"{SCREW_STANDARD}: travel variation; the form of a controller's leadscrew compensation table; shapes: "
+            "Wahba, Spline Models for Observational Data, 1990"
+        ),
         size="0.005 to 0.02 mm",
         fingerprint="J e of one slider is a smooth curve in its own height, the same at every x and y.",
         confused_with=(
@@ -65,7 +84,8 @@ CARDS: dict[str, Card] = {
         cause="Play between nut and screw, or a loose thrust bearing: after a reversal the slider waits for the gap.",
         equation=(
             "y = min(max(y_before, q - e_i/2), q + e_i/2), dq_i = y - q: -e_i/2 in the direction of travel once the "
-            "gap is taken up, between the branches before; a run's first row is taken to arrive as its second moves"
+            "gap is taken up, between the branches before; a run's first row is taken to arrive as its second moves; "
+            "below zero (a controller that compensates more than there is): -e_i/2 in the direction of travel, at once"
         ),
         source="play operator: Visintin, Differential Models of Hysteresis, 1994; Chen Mingfang et al. 2023, eq. 19",
         size="rolled screw 0.05 to 0.2 mm; preloaded C5 0.008 to 0.015 mm",
@@ -75,7 +95,10 @@ CARDS: dict[str, Card] = {
             ("joint-clearance", "follows the link force, not the direction: a linear scale and the tracker at once"),
             ("following-error", "gone at standstill: dwell before reading"),
         ),
-        remedy="Preload or replace the nut, tighten the thrust bearing; else reversal compensation in the controller.",
+        remedy=(
+            "Preload or replace the nut, tighten the thrust bearing; else reversal compensation in the controller. "
+            "Below zero: lower the controller's reversal compensation by as much."
+        ),
         needs="poses reached from both directions",
         shade="direction",
     ),
@@ -133,6 +156,7 @@ CARDS: dict[str, Card] = {
         confused_with=(
             ("joint-clearance", "a step, not a slope: load and unload through several payloads"),
             ("column-bend", "the same everywhere in x and y: one payload at poses spread wide"),
+            ("link-compliance", "like it times (L/w)^2: payloads at poses spread wide, a linear scale on the axis"),
         ),
         remedy="Preload the nut, stiffen bearing seats and screw; keep payloads alike and correct by payload.",
         needs="payload_kg (or measured loads tau1, tau2, ...) that varies",

@@ -98,6 +98,22 @@ CARDS: dict[str, Card] = {
         needs="platform_mass_kg or payload_kg, and poses on both sides of where a link force changes sign",
         telling="link force",
     ),
+    "link-compliance": Card(
+        cause="A link and the bearings of its joints stretch under the pull of platform and payload.",
+        equation="dL_i = c_i F_i, F_i the pull in the link: sum_i F_i s_i/L_i = (0, 0, -m g), m platform and payload",
+        source="statics of the platform; axial stiffness E A/L in series with the joints' bearings",
+        size="10 to 100 N/um: 0.5 to 5 um at 50 N",
+        fingerprint="The platform hangs lower with payload, and J e of a leg follows the pull in its link.",
+        confused_with=(
+            ("axis-compliance", "like it times (L/w)^2: payloads at poses spread wide, a linear scale on the axis"),
+            ("joint-clearance", "a step, not a slope: load and unload through several payloads"),
+            ("link-length", "does not follow payload: repeat under another payload"),
+        ),
+        remedy="Stiffer links and joint bearings; keep payloads alike, or correct by payload.",
+        needs="platform_mass_kg or payload_kg, so that the pull in a link varies over pose or payload",
+        telling="link force",
+        shade="payload",
+    ),
     "platform-twist": Card(
         cause="The joint axes on slider and platform are not parallel, so the platform turns a little as it moves.",
         equation=(

@@ -24,7 +24,10 @@ CARDS: dict[str, Card] = {
     ),
     "frame-growth": Card(
         cause="Frame and links grow as they warm; each with its own material.",
-        equation="dp = dT (a_R dp/d(ln R) + a_L dp/d(ln L)), R the base radius, L the links (serial: every a, every d)",
+        equation=(
+            "dp = f(q; R (1 + a_R dT), L (1 + a_L dT)) - f(q; R, L), R the base radius, L the links (serial: every a, "
+            "every d), f the forward kinematics"
+        ),
         source="linear thermal expansion (steel 11 to 12, aluminium 23 um/m/K); method of ISO 230-3",
         size="0.005 to 0.007 mm at 2 K",
         fingerprint="A drift, mostly in z, shaped like a link or radius error, in step with temperature.",
@@ -87,13 +90,16 @@ CARDS: dict[str, Card] = {
     ),
     "setup-jump": Card(
         cause="The tripod was knocked, or the tracker was set up anew without registration.",
-        equation="dp = t + w x p after a moment, zero until then (seconds, or rows where there is no clock)",
+        equation=(
+            "dp = t + w x p after a moment, zero until then (seconds, or rows where there is no clock): six free "
+            "numbers and a moment that is searched, so it can imitate much that begins part-way"
+        ),
         source=RIGID,
         size="0.01 to 0.5 mm",
         fingerprint="From one row on the whole field is shifted and turned; repeats before and after disagree.",
         confused_with=(
             ("tracker-drift", "slow, not at once: a datum every 20 points"),
-            ("homing-offset", "a machine homed anew shifts J e, not the base reflectors: read base reflectors"),
+            ("homing-slip", "one slider's zero moves, base reflectors stay: read base reflectors, revisit a datum"),
             ("poor repeatability", "scatter without order in time: keep the rows in the order of measuring"),
         ),
         remedy="Nothing on the machine: register again, or give the rows after the knock their own run.",

@@ -1,0 +1,46 @@
+"""What happens at once in the middle of a run: the clock it is told by, and the moments that are worth trying."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Effect, Parameter
+from ptt.view import View
+
+MOMENTS = 48
+AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows where there is no clock", role="given")
+
+
+@dataclass(frozen=True)
+class Sudden(Effect):
+    """Base of effects that are zero up to a moment and there from then on."""
+
+    def needs(self, view: View) -> str | None:
+        """Enough rows on both sides of any moment."""
+        return None if view.rows >= 20 else "at least 20 rows"
+
+    def clock(self, view: View) -> Tensor:
+        """Seconds where there is a clock, else the number of the row, (n,)."""
+        if "time" in view.varies:
+            return view.time
+        return torch.arange(view.rows, dtype=torch.float64) if view.number is None else view.number
+
+    def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
+        """Moments spread over the run, with at least a few rows on either side."""
+        moments = self.clock(view).sort().values[4:-5]
+        chosen = moments[torch.linspace(0, len(moments) - 1, min(MOMENTS, len(moments))).round().long()]
+        return tuple({"after": moment.reshape(1)} for moment in chosen.unique())
+
+    def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
+        """Every row between the trials two before and two after: rows that look gross can blur the first choice."""
+        tried = torch.cat([trial["after"] for trial in self.search(view)])
+        place = int(torch.argmin((tried - shape["after"]).abs()))
+        low, high = tried[max(place - 2, 0)], tried[min(place + 2, len(tried) - 1)]
+        moments = self.clock(view).unique()
+        return tuple({"after": moment.reshape(1)} for moment in moments[(moments >= low) & (moments <= high)])
+
+    def since(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Which rows come after the moment, (n,) as numbers 0 and 1."""
+        return (self.clock(view) > shape["after"]).to(view.q.dtype)
