@@ -69,7 +69,7 @@ def test_a_play_that_opens_when_warm_is_described_by_the_file_as_written(tmp_pat
     own = library(file)
     partly = [make_effect(own, *parse_key(step[0])) for step in result.suggested]
     ladder = climb(Model(MACHINE), problem, [*partly, make_effect(own, "warm-play")])
-    assert ladder.steps[-1].heldout_rms_um["total"] < 1.2 * ladder.noise_um["total"]
+    assert ladder.steps[-1].heldout_rms_um["total"] < 1.25 * ladder.noise_um["total"]
 
 
 def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from ptt.effects.base import Effect, Parameter, Stage, finer
 from ptt.effects.sudden import AFTER, Sudden
 from ptt.view import View
 
-SETTLING = (1e3, *(2.0 * 0.6**step for step in range(9)))  # of the run; neighbours differ by a thirtieth of the drift
+SETTLING = (1e3, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class TrackerDrift(MetrologyEffect):
     follows_clock: ClassVar[bool] = True
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """A straight line, and settling from slow to fast."""
+        """A straight line and three speeds of settling."""
         whole = view.time.max()
         return tuple({"settling": (part * whole).reshape(1), "duration": whole.reshape(1)} for part in SETTLING)
 
