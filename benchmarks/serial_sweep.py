@@ -41,6 +41,7 @@ def judge(file: MachineFile, fault: ArmFault, seed: int) -> dict[str, Any]:
     """Hide one fault and diagnose the run."""
     run = draw_arm(file.machine, fault, seed, sigma_mm=SIGMA)
     context = {"measured": run.readings, "payload_kg": run.payload_kg, "temp_c": run.temp_c, "time_s": run.time_s}
+    file = replace(file, machine=run.rig.spec)
     started = time.perf_counter()
     found = diagnose(Model(file), build_problem(file, make_table(None, run.q, **context)))
     named = [step[0] for step in found.suggested]

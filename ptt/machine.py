@@ -71,6 +71,13 @@ class SerialSpec(_Frozen):
     moves: Literal["sliders", "straight"] = "sliders"
     reference_temp_c: float = 20.0
     gear_period_rad: PositiveFloat | None = None
+    gravity: Triple = (0.0, 0.0, -1.0)
+
+    @pydantic.model_validator(mode="after")
+    def _check_gravity(self) -> "SerialSpec":
+        if not any(self.gravity):
+            raise ValueError("gravity: the direction in which weights pull, such as [0, 0, -1], cannot be all zero")
+        return self
 
 
 MachineSpec = Annotated[ThreePttSpec | SerialSpec, Discriminator("kind")]

@@ -137,6 +137,8 @@ def parameter_names(effect: Effect, kind: str, joints: int) -> list[str]:
         name, size = parameter.on(kind).name, parameter.size(joints)
         if size == 1:
             names.append(name)
+        elif parameter.onward:
+            names += [f"{name} {j + 1}.{link + 1}" for j in range(joints) for link in range(j, joints)]
         elif parameter.per_joint and parameter.count > 1:
             names += [f"{name} {i // parameter.count + 1}.{i % parameter.count + 1}" for i in range(size)]
         else:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
-from ptt.mechanisms.statics import link_torques, weight
+from ptt.mechanisms.statics import gravity_of, link_torques, weight
 from ptt.travel import Travel, read_travel, run_starts
 from ptt.turns import Entry
 
@@ -46,6 +46,7 @@ class View:
         travel_limits: joint limits, (k, 2) mm or rad.
         mount: where the reflector sits beside the drawing's tool point, in the tool's own frame, (n, 3) mm; None
             where it sits on it.
+        gravity: direction in which weights pull, (3,) unit vector in the base frame.
         link_load: torque of the arm's own links, (n, k) N mm; None where the drawing states no masses.
         varies: which contexts vary in the data: 'payload', 'temperature', 'time', 'speed', 'direction'.
         number: place of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
@@ -73,6 +74,7 @@ class View:
     growth: Tensor
     travel_limits: Tensor
     mount: Tensor | None = None
+    gravity: Tensor = field(default_factory=lambda: torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
     link_load: Tensor | None = None
     varies: frozenset[str] = field(default_factory=frozenset)
     number: Tensor | None = None
@@ -119,7 +121,7 @@ class View:
         Returns:
             (n, 3) N.
         """
-        return weight(self.payload, self.platform_mass)
+        return weight(self.payload, self.platform_mass, self.gravity)
 
     def axis_force(self) -> Tensor:
         """Force or torque that each axis carries because of platform, links and payload; measured where a sensor is.
@@ -130,7 +132,9 @@ class View:
         """
         if self.torque is not None:
             return self.torque
-        force = torch.einsum("nck,nc->nk", self.jacobian, self.load())
+        # The load hangs on the tool, not on a reflector that sits beside it.
+        at_tool = self.jacobian if self.mount is None else self.mechanism.jacobian(self.q)
+        force = torch.einsum("nck,nc->nk", at_tool, self.load())
         return force if self.link_load is None else force + self.link_load
 
 
@@ -215,6 +219,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
         growth=_growth(file, mechanism),
         travel_limits=joint_limits(file, mechanism.joints),
+        gravity=gravity_of(spec),
         link_load=link_torques(mechanism, file.machine, commands),
         varies=_what_varies(table, travel),
     )

@@ -38,6 +38,7 @@ def test_faults_of_fresh_arms_are_named_first_and_alone(name: str, fault: ArmFau
         file = arm(name)
         run = draw_arm(file.machine, fault, seed, sigma_mm=SIGMA)
         context = {"measured": run.readings, "payload_kg": run.payload_kg, "temp_c": run.temp_c, "time_s": run.time_s}
+        file = replace(file, machine=run.rig.spec)
         found = diagnose(Model(file), build_problem(file, make_table(None, run.q, **context)))
         assert [step[0] for step in found.suggested] == ([] if fault == "none" else [NAMES[fault]]), found.words
         assert found.verdict == ("nothing-missing" if fault == "none" else "missing"), found.words

@@ -208,7 +208,9 @@ def _parameter_line(parameter: Any) -> str:
         said.append(f"at least {parameter.lower:g}")
     if parameter.role != "linear":
         said.append(parameter.role)
-    if parameter.per_joint:
+    if parameter.onward:
+        said.append("per joint and link that it carries")
+    elif parameter.per_joint:
         said.append(f"{parameter.count} per leg or joint" if parameter.count > 1 else "per leg or joint")
     elif parameter.count > 1:
         said.append(f"{parameter.count} values")

@@ -62,6 +62,13 @@ SENTENCES: dict[str, tuple[str, str, float, str, int]] = {
         "urad",
         0,
     ),
+    "self-weight": (
+        "the joints sag by up to {what} under the weight of the links behind them: self-weight",
+        "along+across",
+        1e3,
+        "mrad",
+        2,
+    ),
     "dh-offsets": ("{who} differ{s} from the drawing, in length by {what}: link geometry", "da", 1e3, "um", 0),
     "column-bend": ("the column bends sideways by {what} of payload: column bend", "sway", 1e3, "um/kg", 1),
     "frame-growth": ("frame and links grow with warmth by {what}: frame growth", "radius+link", 1e6, "um/m/K", 1),

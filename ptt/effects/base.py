@@ -26,6 +26,7 @@ class Parameter:
         meaning: one line.
         per_joint: one value (or `count` values) for each joint or leg.
         count: values, for each joint where `per_joint`.
+        onward: one value for each pair of a joint and a link that it carries, its own first; joint by joint.
         lower: physical lower bound.
         upper: physical upper bound.
         role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
@@ -48,9 +49,12 @@ class Parameter:
     axis: bool = False
     usual_rad: float | None = None
     held: bool = False
+    onward: bool = False
 
     def size(self, joints: int) -> int:
         """Number of values on a mechanism with k joints."""
+        if self.onward:
+            return joints * (joints + 1) // 2
         return self.count * joints if self.per_joint else self.count
 
     def on(self, kind: str) -> "Parameter":

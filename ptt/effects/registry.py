@@ -34,6 +34,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     geometry.PlatformTwist,
     serial.JointErrorMap,
     serial.DhOffsets,
+    serial.SelfWeight,
     structure.ColumnBend,
     structure.FrameGrowth,
     metrology.TrackerFrame,

@@ -1,4 +1,4 @@
-"""Effects of serial arms: links and joint axes are not where the drawing has them, joints turn unevenly."""
+"""Effects of serial arms: links and joint axes are not where the drawing has them, joints turn unevenly or sag."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from ptt.view import View
 
 BETA = 4  # place of the Hayati angle among a link's slots
 ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least
+STILL = 0.01  # of a joint's largest lever that has to vary before its sag can be told from an offset
 SLOW, FAST = 32, 32  # harmonics of a turn: those of usual size, and smaller ones above them
 
 
@@ -75,3 +76,48 @@ class JointErrorMap(Effect):
         phase = view.q[..., None] * order  # shape: (n, k, m)
         cosine, sine = torch.cos(phase), torch.sin(phase)
         return per_joint(cosine[..., :SLOW], sine[..., :SLOW], cosine[..., SLOW:], sine[..., SLOW:])
+
+
+@dataclass(frozen=True)
+class SelfWeight(Effect):
+    """Each joint gives way under the weight of the links behind it: dq_j = c_j g_j(q).
+
+    The torque of gravity about joint j is linear in the mass and the first moments of every link l that it carries:
+    g_j = gamma . (z_j x sum over l of m_l r_l). What a link holds along its own joint axis stands still in the link
+    before, so it counts there; two moments a link are left, along its common normal x_l and across it, y_l. Their
+    shapes, gamma . (z_j x x_l) and gamma . (z_j x y_l), are cosines and sines of the angles alone, free of lengths:
+    mass that sits on a later link's far side only changes the moments. Each amplitude is compliance times moment times
+    g, an angle; no mass needs to be known, and the amplitudes of a joint with a vertical axis stay where they are.
+    """
+
+    name: ClassVar[str] = "self-weight"
+    stage: ClassVar[Stage] = "drive"
+    mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("along", "rad", 1e-3, "sag of the joint by moments along each link's common normal", onward=True),
+        Parameter("across", "rad", 1e-3, "sag of the joint by moments across it", onward=True),
+    )
+
+    def needs(self, view: View) -> str | None:
+        """A joint whose load by its own links changes from pose to pose."""
+        along, across = _levers(view)
+        varied = max(float((lever.amax(dim=0) - lever.amin(dim=0)).max()) for lever in (along, across))
+        return None if varied > STILL else "poses that turn the arm against gravity"
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Lever of gravity on each joint by the moments of each link that it carries."""
+        joint, link = torch.triu_indices(view.joints, view.joints)
+        mine = torch.nn.functional.one_hot(joint, view.joints).T.to(view.q.dtype)  # shape: (k, pairs)
+        return torch.cat([lever[:, None, joint, link] * mine for lever in _levers(view)], dim=-1)
+
+
+def _levers(view: View) -> tuple[Tensor, Tensor]:
+    """Torque about joint j by a unit moment of link l along and across its common normal, (n, k, k) each."""
+    arm = cast(Serial, view.mechanism)
+    chain = arm.walk(view.q)
+    axis = torch.stack([link.before_z.z.expand(view.rows, 3) for link in chain], dim=1)  # shape: (n, k, 3)
+    along = torch.stack([link.end.x.expand(view.rows, 3) for link in chain], dim=1)
+    pull = torch.linalg.cross(view.gravity.expand_as(axis), axis)  # gamma . (z x v) = (gamma x z) . v
+    behind = torch.ones(view.joints, view.joints, dtype=view.q.dtype).triu()
+    across = torch.linalg.cross(axis, along)
+    return (pull @ along.mT) * behind, (pull @ across.mT) * behind

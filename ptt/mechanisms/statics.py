@@ -12,18 +12,28 @@ GRAVITY = 9.80665
 """Standard gravity in N/kg."""
 
 
-def weight(payload_kg: Tensor | float, platform_mass_kg: Tensor | float = 0.0) -> Tensor:
+def gravity_of(spec: ThreePttSpec | SerialSpec) -> Tensor:
+    """Direction in which weights pull, (3,) unit vector in the base frame: downward on a 3-PTT."""
+    direction = spec.gravity if isinstance(spec, SerialSpec) else (0.0, 0.0, -1.0)
+    return torch.nn.functional.normalize(torch.tensor(direction, dtype=torch.float64), dim=0)
+
+
+def weight(
+    payload_kg: Tensor | float, platform_mass_kg: Tensor | float = 0.0, direction: Tensor | None = None
+) -> Tensor:
     """Weight of payload and platform, acting at the tool.
 
     Args:
         payload_kg: (n,) or one number, kg.
         platform_mass_kg: (n,) or one number, kg.
+        direction: (3,) unit vector in the base frame; None for downward, (0, 0, -1).
 
     Returns:
-        F = (0, 0, -m g): (n, 3) or (3,) N.
+        F = m g direction: (n, 3) or (3,) N.
     """
     mass = torch.as_tensor(payload_kg, dtype=torch.float64) + platform_mass_kg
-    return mass.unsqueeze(-1) * torch.tensor([0.0, 0.0, -GRAVITY], dtype=torch.float64)
+    down = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64) if direction is None else direction
+    return mass.unsqueeze(-1) * GRAVITY * down
 
 
 def link_forces(
@@ -72,10 +82,10 @@ def axis_forces(
 def link_torques(mechanism: Mechanism, spec: ThreePttSpec | SerialSpec, q: Tensor) -> Tensor | None:
     """Torques with which the weight of an arm's own links pushes its joints toward growing joint values.
 
-    Source: virtual work, tau = sum over links of (dc_i/dq)^T (0, 0, -m_i g), c_i the link's centre of mass.
+    Source: virtual work, tau = sum over links of (dc_i/dq)^T m_i g, c_i the link's centre of mass.
 
     Args:
-        mechanism: the machine, base z upward.
+        mechanism: the machine.
         spec: its drawing; masses in kg, centres of mass in mm in the frame that the link carries.
         q: (n, k) rad, joint values.
 
@@ -87,11 +97,11 @@ def link_torques(mechanism: Mechanism, spec: ThreePttSpec | SerialSpec, q: Tenso
     links = [(index, joint) for index, joint in enumerate(spec.joint) if joint.mass_kg]
     if not links:
         return None
-    frames = mechanism.walk(q)
+    frames, down = mechanism.walk(q), gravity_of(spec)
     torque = torch.zeros_like(q)
     for index, joint in links:
         centre = frames[index].end.point(torch.tensor(joint.com_mm or (0.0, 0.0, 0.0), dtype=q.dtype))
-        force = weight(float(joint.mass_kg or 0.0)).to(q)
+        force = weight(float(joint.mass_kg or 0.0), direction=down).to(q)
         for moved in range(index + 1):
             by_joint = frames[moved].before_z.turning("z", centre)[..., :3]
             torque[:, moved] += (by_joint * force).sum(dim=-1)

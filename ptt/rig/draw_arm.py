@@ -9,13 +9,14 @@ from ptt.machine import SerialSpec
 from ptt.rig.nominal import Array
 from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
 
-ArmFault = Literal["compliance", "backlash", "link", "growth", "none"]
+ArmFault = Literal["compliance", "backlash", "link", "growth", "weight", "none"]
 ARM_FAULTS: tuple[ArmFault, ...] = get_args(ArmFault)
 NAMES: dict[str, str] = {
     "compliance": "axis-compliance",
     "backlash": "backlash",
     "link": "dh-offsets",
     "growth": "frame-growth",
+    "weight": "self-weight",
 }
 WIDE_RAD = 2.0  # joints keep within this, and within four fifths of their limits
 SECONDS_A_ROW = 30.0
@@ -28,7 +29,7 @@ class ArmRun:
 
     Attributes:
         rig: the arm.
-        fault: what is hidden in it.
+        fault: what is hidden in it; 'weight' hides the masses too: `rig.spec` is a drawing that states none.
         q: (n, k) rad, commands in travel order.
         payload_kg: (n,).
         temp_c: (n,) deg C.
@@ -75,21 +76,25 @@ def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigm
     """
     random = np.random.default_rng([seed, ARM_FAULTS.index(fault), len(spec.joint)])
     faults = draw_faults(fault, len(spec.joint), random)
+    if fault == "weight":
+        spec, faults = unweighed(spec), replace(faults, mass=draw_masses(spec, random))
     low, high = np.array([_range(joint.limits_deg) for joint in spec.joint]).T
     q = random.uniform(low, high, (rows, len(spec.joint)))
     place = np.arange(rows)
     frame = rigid(random.uniform(-0.5, 0.5, 3), random.uniform(-800.0, 800.0, 3))
     rig = ArmRig(spec, faults, random.uniform(-30.0, 30.0, 3), frame, sigma_mm)
     warm = spec.reference_temp_c + random.uniform(4.0, 9.0) * (1.0 - np.exp(-place / random.uniform(0.15, 0.5) / rows))
-    load = np.where(place // max(rows // 4, 1) % 2 == 0, 0.0, random.uniform(3.0, 8.0))
+    carried = 0.0 if fault == "weight" else random.uniform(3.0, 8.0)  # a payload would load the same springs
+    load = np.where(place // max(rows // 4, 1) % 2 == 0, 0.0, carried)
     return ArmRun(rig, fault, q, load, warm, SECONDS_A_ROW * place, int(random.integers(1 << 30)))
 
 
 def draw_faults(fault: ArmFault, joints: int, random: np.random.Generator) -> ArmFaults:
     """Draw the fault itself.
 
-    Strain-wave gears yield by 2 to 15 nrad per N mm; play is 0.2 to 1 mrad in one or two joints; one link is off by 0.2
-    to 1 mm or 0.3 to 2 mrad in its length, twist or offset; lengths grow like steel to like aluminium.
+    Strain-wave gears yield by 2 to 15 nrad per N mm, under a payload or the links themselves; play is 0.2 to 1 mrad in
+    one or two joints; one link is off by 0.2 to 1 mm or 0.3 to 2 mrad in its length, twist or offset; lengths grow like
+    steel to like aluminium.
 
     Args:
         fault: which kind.
@@ -100,7 +105,7 @@ def draw_faults(fault: ArmFault, joints: int, random: np.random.Generator) -> Ar
         The faults of the arm.
     """
     faults = ArmFaults.none(joints)
-    if fault == "compliance":
+    if fault in ("compliance", "weight"):
         return replace(faults, compliance=_log(random, 2e-9, 1.5e-8, joints))
     if fault == "backlash":
         # The last joint hardly moves a reflector near its axis.
@@ -114,6 +119,31 @@ def draw_faults(fault: ArmFault, joints: int, random: np.random.Generator) -> Ar
         link[random.integers(1, joints - 2), :3] = np.where(some, size, 0.0)
         return replace(faults, link=link)
     return replace(faults, growth=float(random.uniform(STEEL, ALUMINIUM))) if fault == "growth" else faults
+
+
+def draw_masses(spec: SerialSpec, random: np.random.Generator) -> Array:
+    """Draw what the links of an arm weigh: 8 to 30 kg a metre and a drive of 0.5 to 4 kg each, centres off the bone.
+
+    Args:
+        spec: the drawing.
+        random: source of numbers.
+
+    Returns:
+        (k, 4) kg and mm, centres in the frame that each link carries.
+    """
+    masses = np.empty((len(spec.joint), 4))
+    for index, link in enumerate(spec.joint):
+        bone = np.array([link.a_mm, 0.0, link.d_mm])
+        masses[index, 0] = random.uniform(8.0, 30.0) * np.linalg.norm(bone) * 1e-3 + random.uniform(0.5, 4.0)
+        # A link's frame sits at its far end in the standard convention: the bone lies behind it.
+        masses[index, 1:] = -random.uniform(0.2, 0.8) * bone + random.normal(0.0, 20.0, 3)
+    return masses
+
+
+def unweighed(spec: SerialSpec) -> SerialSpec:
+    """The drawing without masses."""
+    links = tuple(link.model_copy(update={"mass_kg": None, "com_mm": None}) for link in spec.joint)
+    return spec.model_copy(update={"joint": links})
 
 
 def _log(random: np.random.Generator, low: float, high: float, count: int) -> Array:

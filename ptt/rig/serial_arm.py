@@ -23,6 +23,8 @@ class ArmFaults:
         compliance: (k,) yield of each joint, rad per N mm.
         growth: expansion of every length, 1/K.
         wobble: (k, m, 2) cosine and sine of the m-th harmonic of each joint's turn, rad.
+        mass: (k, 4) what each link really weighs, kg, and its centre of mass in the frame that it carries, mm; None
+            for the drawing's.
     """
 
     link: Array
@@ -30,6 +32,7 @@ class ArmFaults:
     compliance: Array
     growth: float
     wobble: Array
+    mass: Array | None = None
 
     @classmethod
     def none(cls, joints: int) -> "ArmFaults":
@@ -133,11 +136,17 @@ class ArmRig:
     def _energy(self, joint: Array, payload: float, growth: float) -> float:
         """Potential energy of links and payload, N mm."""
         frames = self._frames(joint, growth)
-        energy = payload * GRAVITY * (frames[-1] @ np.append(self.spec.tool_mm, 1.0))[2]
-        for frame, link in zip(frames, self.spec.joint, strict=True):
-            if link.mass_kg:
-                energy += link.mass_kg * GRAVITY * (frame @ np.append(link.com_mm or (0.0, 0.0, 0.0), 1.0))[2]
+        down = np.asarray(self.spec.gravity) / np.linalg.norm(self.spec.gravity)
+        energy = -payload * GRAVITY * down @ (frames[-1] @ np.append(self.spec.tool_mm, 1.0))[:3]
+        for frame, (mass, *centre) in zip(frames, self._masses(), strict=True):
+            energy -= mass * GRAVITY * down @ (frame @ np.array([*centre, 1.0]))[:3]
         return float(energy)
+
+    def _masses(self) -> Array:
+        """Mass and centre of each link, (k, 4) kg and mm."""
+        if self.faults.mass is not None:
+            return self.faults.mass
+        return np.array([[link.mass_kg or 0.0, *(link.com_mm or (0.0, 0.0, 0.0))] for link in self.spec.joint])
 
     def _frames(self, joint: Array, growth: float) -> list[Array]:
         """Frame that each link carries, (4, 4) each."""

@@ -43,4 +43,30 @@ CARDS: dict[str, Card] = {
         telling="b",
         shade="z",
     ),
+    "self-weight": Card(
+        cause="Gears and bearings of the joints yield under the weight of the arm's own links.",
+        equation=(
+            "dq_j = c_j g_j(q), g_j = gamma . (z_j x sum over the links l behind of (X_l x_l + Y_l y_l)): gamma the "
+            "direction of gravity, z_j the joint's axis, x_l the link's common normal, y_l across it, X_l and Y_l the "
+            "link's base moments times g"
+        ),
+        source=(
+            "joint compliance under gravity: Tenhumberg and Baeuml, IEEE-RAS Humanoids 2021; base parameters of "
+            "gravity: Khalil and Dombre, Modeling, Identification and Control of Robots, 2002, ch. 9"
+        ),
+        size="0.1 to 1 mrad on industrial arms, 10 mrad on light ones",
+        fingerprint="J e of a joint follows the lever of what hangs on it: large with the arm stretched out level.",
+        confused_with=(
+            (
+                "dh-offsets",
+                "an offset moves with the joint alone, sag with the pose against gravity: poses that vary both",
+            ),
+            ("axis-compliance", "is the same where the drawing states all masses; a payload moves only that one"),
+            ("joint-error-map", "follows one joint's angle, whatever the others do: poses that vary all joints"),
+        ),
+        remedy="Command corrected joints, or stiffen and counterbalance the joint.",
+        needs="poses that turn the arm against gravity",
+        telling="b",
+        shade="z",
+    ),
 }
