@@ -12,11 +12,12 @@ from ptt.rig import Rig
 from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_faults import KNOWN, Scene
 from ptt.rig.draw_more import MORE
-from ptt.rig.draw_odd import UNKNOWN
+from ptt.rig.draw_odd import SHOWN, UNKNOWN
+from ptt.rig.draw_unseen import UNSEEN
 from ptt.rig.nominal import draw_machine
-from ptt.rig.schema import Odd
+from ptt.rig.odd_schema import Odd
 
-FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN)}
+FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN, *SHOWN, *UNSEEN)}
 _ODD: TypeAdapter[Any] = TypeAdapter(Odd)
 
 
@@ -36,7 +37,7 @@ def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int) -> DrawnRig:
     """
     random = np.random.default_rng([seed, 51])
     rig, truth = drawn.rig, dict(drawn.truth)
-    scene = Scene(draw_machine(rig.spec), rig.spec, drawn.room)
+    scene = Scene(draw_machine(rig.spec), rig.spec, drawn.room, drawn.protocol)
     for name in names:
         if name not in FAULTS or FAULTS[name].called in {FAULTS[other].called for other in truth}:
             raise InputError(f"fault '{name}' is not known or hidden already", fix=f"use others of {', '.join(FAULTS)}")
@@ -60,7 +61,8 @@ def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterab
     for name in names:
         section = FAULTS[name].section
         if section == "odd":
-            rig = replace(rig, odd=tuple(item for item in rig.odd if item.kind != truth[name]["kind"]))
+            fault = _ODD.validate_python(dict(truth[name]))
+            rig = replace(rig, odd=tuple(item for item in rig.odd if item != fault))
             continue
         present = getattr(rig, section)
         update = {key: type(present).model_fields[key].default for key in _settle(truth[name], 0)}

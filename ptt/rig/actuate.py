@@ -51,7 +51,7 @@ def drive_sliders(
     """
     faults, spec = rig.drive, rig.spec
     sent = path.slider + 0.5 * np.asarray(rig.controller.backlash_mm) * motion.travel_direction(path.slider)
-    gap = np.asarray(faults.backlash_mm) + odd.warm_gap(rig.odd, warmth.screw)[path.row]
+    gap = np.asarray(faults.backlash_mm) + odd.extra_gap(rig.odd, warmth.screw, schedule.payload)[path.row]
     nut = drive.play(sent, gap)
     late = drive.windup(path.slider, MICRO * np.asarray(faults.windup_um), np.asarray(faults.windup_length_mm))
     late = late + drive.friction(

@@ -73,7 +73,7 @@ def draw_rig(
     base = parse_rig({"machine": {"kind": "three-ptt", **_bare(machine)}, "seed": seed})
     rig = replace(base, machine=machine)
     drawing = draw_machine(rig.spec)
-    scene = Scene(drawing, rig.spec, HALF_SIZE)
+    scene = Scene(drawing, rig.spec, HALF_SIZE, protocol)
     targets, conditions = _measure(protocol, drawing, rows, seed)
     settings: dict[str, dict[str, Any]] = {"conditions": conditions, "tracker": _frame(random)}
     odd: list[dict[str, Any]] = []

@@ -21,11 +21,13 @@ class Scene:
         drawing: directions and lengths.
         spec: the [machine] section.
         room: (3,) mm, half size of the workspace.
+        protocol: how the run is measured.
     """
 
     drawing: Drawing
     spec: ThreePttSpec
     room: Array
+    protocol: str = "volume"
 
     @property
     def span(self) -> list[float]:
@@ -53,6 +55,8 @@ class Fault:
         protocols: those that show it.
         draw: keys and values of the section.
         effect: the effect's name in the library where several faults are one effect.
+        kin: effects of which a fault outside the library holds a share, so that to name them is not wrong.
+        unseen: kept from those who build the diagnosis, to judge it by in the end.
     """
 
     name: str
@@ -60,6 +64,8 @@ class Fault:
     protocols: tuple[Any, ...]
     draw: Draw
     effect: str = ""
+    kin: tuple[str, ...] = ()
+    unseen: bool = False
 
     @property
     def called(self) -> str:

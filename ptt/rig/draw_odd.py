@@ -8,25 +8,26 @@ from ptt.rig.draw_faults import MOST, STATIC, Fault, Random, Scene, log_uniform
 from ptt.rig.nominal import Array
 
 
-def _height(random: Random, scene: Scene, spread: float = 25.0) -> float:
+def some_height(random: Random, scene: Scene, spread: float = 25.0) -> float:
     """Somewhere in the middle of what a run covers."""
     return float(np.round(scene.drawing.home[0] + scene.scale * random.uniform(-spread, spread), 3))
 
 
-def _leg(random: Random) -> int:
+def some_leg(random: Random) -> int:
+    """Number of a leg."""
     return int(random.integers(1, 4))
 
 
 def _splice(random: Random, scene: Scene) -> dict[str, Any]:
     step = log_uniform(random, 15.0, 60.0) * random.choice([-1.0, 1.0])
-    return {"kind": "splice", "leg": _leg(random), "height_mm": _height(random, scene), "step_um": float(step)}
+    return {"kind": "splice", "leg": some_leg(random), "height_mm": some_height(random, scene), "step_um": float(step)}
 
 
 def _damage(random: Random, scene: Scene) -> dict[str, Any]:
     return {
         "kind": "guide-damage",
-        "leg": _leg(random),
-        "height_mm": _height(random, scene, 15.0),
+        "leg": some_leg(random),
+        "height_mm": some_height(random, scene, 15.0),
         "size_um": log_uniform(random, 30.0, 100.0),
         "width_mm": 10.0 * scene.scale,
     }
@@ -41,7 +42,7 @@ def _roller(random: Random, scene: Scene) -> dict[str, Any]:
     phase = float(random.uniform(0.0, 2.0 * np.pi))
     return {
         "kind": "periodic",
-        "leg": _leg(random),
+        "leg": some_leg(random),
         "size_um": log_uniform(random, 6, 20),
         "period_mm": period,
         "phase_rad": phase,
@@ -67,7 +68,7 @@ def _warm(random: Random, scene: Scene) -> dict[str, Any]:
     opens = float(random.uniform(21.0, 24.0))
     return {
         "kind": "warm-backlash",
-        "leg": _leg(random),
+        "leg": some_leg(random),
         "gap_um_per_k": log_uniform(random, 5, 20),
         "opens_at_c": opens,
     }
@@ -78,5 +79,68 @@ UNKNOWN: tuple[Fault, ...] = (
     Fault("guide-damage", "odd", MOST, _damage),
     Fault("roller-period", "odd", MOST, _roller),
     Fault("hose", "odd", STATIC, _hose),
-    Fault("warm-backlash", "odd", ("warmup",), _warm),
+    Fault("warm-backlash", "odd", ("warmup",), _warm, kin=("backlash",)),
+)
+
+
+def log_signed(random: Random, low: float, high: float) -> float:
+    """A size drawn evenly over its orders of magnitude, of either sign."""
+    return log_uniform(random, low, high) * float(random.choice([-1.0, 1.0]))
+
+
+def _worn(random: Random, scene: Scene) -> dict[str, Any]:
+    """The stretch of a screw on which it mostly works."""
+    return {
+        "kind": "bump",
+        "leg": some_leg(random),
+        "height_mm": some_height(random, scene, 20.0),
+        "size_um": -log_uniform(random, 15.0, 60.0),
+        "width_mm": scene.scale * float(random.uniform(4.0, 9.0)),
+    }
+
+
+def _coupled(random: Random, scene: Scene) -> dict[str, Any]:
+    leg, other = (int(number) + 1 for number in random.permutation(3)[:2])
+    low, high = scene.span
+    return {
+        "kind": "cross-coupling",
+        "leg": leg,
+        "other": other,
+        "height_mm": float(np.round(random.uniform(low, high), 3)),
+        "span_mm": float(np.round(0.5 * (high - low), 3)),
+        "size_um": log_signed(random, 20.0, 80.0),
+    }
+
+
+def _cable(random: Random, scene: Scene) -> dict[str, Any]:
+    """Twice the wanted share, since half of it is plain backlash."""
+    ends = scene.span if random.random() < 0.5 else scene.span[::-1]
+    size = log_uniform(random, 15.0, 60.0)
+    return {"kind": "cable-drag", "leg": some_leg(random), "low_mm": ends[0], "high_mm": ends[1], "size_um": size}
+
+
+def _loaded_nut(random: Random, scene: Scene) -> dict[str, Any]:
+    opens = float(random.uniform(0.0, 1.5))
+    size = log_uniform(random, 8.0, 40.0)
+    return {"kind": "load-backlash", "leg": some_leg(random), "gap_um_per_kg": size, "opens_at_kg": opens}
+
+
+def _rattle(random: Random, scene: Scene) -> dict[str, Any]:
+    return {"kind": "loose-joint", "leg": some_leg(random), "size_um": log_signed(random, 15.0, 80.0)}
+
+
+def _table(random: Random, scene: Scene) -> dict[str, Any]:
+    """Drawn by what it does at the edge of the workspace, 20 to 150 um."""
+    pivot = float(np.round(scene.drawing.link * random.uniform(1.0, 2.5), 1))
+    tilt = 1e3 * log_uniform(random, 20.0, 150.0) / (10.0 * float(scene.room[0]) * pivot)
+    return {"kind": "settling-table", "urad_per_kg_mm": tilt, "moving_kg": 10.0, "pivot_mm": pivot}
+
+
+SHOWN: tuple[Fault, ...] = (
+    Fault("worn-spot", "odd", MOST, _worn),
+    Fault("cross-coupling", "odd", STATIC, _coupled),
+    Fault("cable-drag", "odd", MOST, _cable, kin=("backlash", "windup")),
+    Fault("load-backlash", "odd", ("payload",), _loaded_nut, kin=("backlash",)),
+    Fault("loose-joint", "odd", STATIC, _rattle),
+    Fault("settling-table", "odd", ("volume", "payload"), _table),
 )

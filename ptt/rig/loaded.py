@@ -1,14 +1,18 @@
 """The platform of a real machine under its load: drives give way, joint play takes sides, the column bends."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ptt.rig import odd
 from ptt.rig.legs import build_legs, guide_wander
 from ptt.rig.nominal import Array, Drawing
+from ptt.rig.odd_schema import Hose
+from ptt.rig.odd_state import State
 from ptt.rig.platform import Pose, link_tension, solve_platform
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import Schedule
-from ptt.rig.schema import Geometry, Hose
+from ptt.rig.schema import Geometry
 from ptt.rig.thermal import Warmth
 
 GRAVITY = 9.80665  # m/s^2
@@ -42,7 +46,7 @@ def nominal_tool(drawing: Drawing, slider: Array) -> Array:
 
 
 def load_platform(
-    rig: Rig, drawing: Drawing, schedule: Schedule, warmth: Warmth, slider: Array, tool: Array
+    rig: Rig, drawing: Drawing, schedule: Schedule, warmth: Warmth, slider: Array, tool: Array, state: State
 ) -> tuple[Pose, Array, Array]:
     """Solve the platform, load it, let drives, links and joints give way, and solve it again.
 
@@ -56,6 +60,7 @@ def load_platform(
         warmth: temperatures.
         slider: (n, 3) mm, heights without load.
         tool: (n, 3) mm, commanded tool positions to start from.
+        state: what faults outside the library depend on.
 
     Returns:
         The pose, the loaded slider heights (n, 3) mm, the forces along the rails (n, 3) N.
@@ -63,7 +68,7 @@ def load_platform(
     weight = GRAVITY * (schedule.payload + rig.spec.platform_mass_kg)
     down = np.column_stack([np.zeros((schedule.rows, 2)), -weight])
     stretch = np.zeros_like(slider)
-    pose = _solve(rig, drawing, schedule, warmth, slider, stretch, tool)
+    pose = _solve(rig, drawing, schedule, warmth, slider, stretch, tool, state)
     given = slider
     for _ in range(2):  # the give is micrometres: a second look at the forces changes nothing that can be measured
         pull = link_tension(pose, down)
@@ -79,25 +84,32 @@ def load_platform(
             return pose, slider, along
         given = slider + MICRO * give
         stretch = MICRO * (soft * total + 0.5 * loose * np.sign(np.round(total, 9)))
-        pose = _solve(rig, drawing, schedule, warmth, given, stretch, tool)
+        pose = _solve(rig, drawing, schedule, warmth, given, stretch, tool, state)
     return pose, given, along
 
 
 def _solve(
-    rig: Rig, drawing: Drawing, schedule: Schedule, warmth: Warmth, slider: Array, stretch: Array, start: Array
+    rig: Rig,
+    drawing: Drawing,
+    schedule: Schedule,
+    warmth: Warmth,
+    slider: Array,
+    stretch: Array,
+    start: Array,
+    state: State,
 ) -> Pose:
     spec, thermal = rig.spec, rig.thermal
-    strange = odd.odd_shift(rig.odd, slider)
-    height = slider + strange[..., 0]
+    strange = odd.shift_all(rig.odd, replace(state, slider=slider))
+    height = slider + strange.slider[..., 0]
     warm = 1e-6 * (warmth.frame - spec.reference_temp_c)
     legs = build_legs(
         drawing,
         rig.geometry,
         height,
-        wander=guide_wander(spec, rig.geometry, height) + strange[..., 1:],
+        wander=guide_wander(spec, rig.geometry, height) + strange.slider[..., 1:],
         bend=_bend(rig, drawing, schedule.payload, height),
         growth=(thermal.frame_um_per_m_k * warm, thermal.platform_um_per_m_k * warm, thermal.link_um_per_m_k * warm),
-        stretch=stretch,
+        stretch=stretch + strange.link,
     )
     return solve_platform(legs, start, rig.source)
 

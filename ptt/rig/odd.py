@@ -1,54 +1,85 @@
-"""Faults that no effect of the library describes: splices, damaged guides, rollers, hoses, nuts that open when warm."""
+"""Faults that no effect of the library describes: what each does to sliders, links, tool and line of sight."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.rig import odd_schema as kinds
 from ptt.rig.nominal import Array
-from ptt.rig.schema import Bump, GuideDamage, Hose, Odd, Periodic, Splice, WarmBacklash
+from ptt.rig.odd_law import random_law
+from ptt.rig.odd_state import State
+from ptt.rig.thermal import lag
 
-MICRO = 1e-3  # mm per um
+MICRO, MILLI = 1e-3, 1e-3  # mm per um, rad per mrad
+WAYS = ("along", "radial", "tangential")
+ELSEWHERE = (kinds.Hose, kinds.WarmBacklash, kinds.LoadBacklash)  # forces and gaps, not shifts
 
 
-def odd_shift(odd: Sequence[Odd], slider: Array) -> Array:
-    """What the odd faults do to each slider.
+@dataclass(frozen=True)
+class Strange:
+    """Shifts by odd faults.
+
+    Attributes:
+        slider: (n, 3, 3) mm, each slider along its rail, radially, tangentially.
+        link: (n, 3) mm, what is added to each link.
+        tool: (n, 3) mm, the whole machine under the tool.
+        sight: (n, 3) mm, the tracker's view of it alone.
+    """
+
+    slider: Array
+    link: Array
+    tool: Array
+    sight: Array
+
+
+def shift_all(odd: Sequence[kinds.Odd], state: State) -> Strange:
+    """What the odd faults shift.
 
     Args:
         odd: the faults.
-        slider: (n, 3) mm, heights.
+        state: the run, its heights those of the sliders as they are.
 
     Returns:
-        (n, 3, 3) mm: along the rail, radial, tangential.
+        The shifts.
     """
-    shift = np.zeros((*slider.shape, 3))
+    rows = len(state.time)
+    total = Strange(np.zeros((rows, 3, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)))
     for fault in odd:
-        if isinstance(fault, Hose | WarmBacklash):
+        if isinstance(fault, ELSEWHERE):
             continue
-        height = slider[:, fault.leg - 1]
-        way = ("along", "radial", "tangential").index(getattr(fault, "direction", "along"))
-        shift[:, fault.leg - 1, way] += MICRO * _profile(fault, height)
-    return shift
+        if isinstance(fault, kinds.SettlingTable):
+            total.tool[:] += _settle(fault, state)
+        elif isinstance(fault, kinds.RandomLaw):
+            _add(total, fault.place, fault.leg, random_law(fault, state))
+        else:
+            place = "link" if isinstance(fault, kinds.LooseJoint) else getattr(fault, "direction", "along")
+            _add(total, place, fault.leg, _profile(fault, state))
+    return total
 
 
-def warm_gap(odd: Sequence[Odd], screw: Array) -> Array:
-    """What warmth adds to the gaps of the nuts.
+def extra_gap(odd: Sequence[kinds.Odd], screw: Array, payload: Array) -> Array:
+    """What warmth and load add to the gaps of the nuts.
 
     Args:
         odd: the faults.
         screw: (n, 3) degrees Celsius.
+        payload: (n,) kg.
 
     Returns:
         (n, 3) mm.
     """
     gap = np.zeros_like(screw)
     for fault in odd:
-        if isinstance(fault, WarmBacklash):
+        if isinstance(fault, kinds.WarmBacklash):
             above = np.maximum(screw[:, fault.leg - 1] - fault.opens_at_c, 0.0)
             gap[:, fault.leg - 1] += MICRO * fault.gap_um_per_k * above
+        elif isinstance(fault, kinds.LoadBacklash):
+            gap[:, fault.leg - 1] += MICRO * fault.gap_um_per_kg * np.maximum(payload - fault.opens_at_kg, 0.0)
     return gap
 
 
-def hose_force(hose: Hose, position: Array) -> Array:
+def hose_force(hose: kinds.Hose, position: Array) -> Array:
     """Force of a hose on the platform.
 
     Args:
@@ -64,15 +95,70 @@ def hose_force(hose: Hose, position: Array) -> Array:
     return tension * way / np.maximum(length, 1e-9)
 
 
-def _profile(fault: Splice | GuideDamage | Periodic | Bump, height: Array) -> Array:
-    """Size of a fault over the height of its slider, in um."""
+def _add(total: Strange, place: str, leg: int | None, size: Array) -> None:
+    """Add (n,) um at a place."""
+    if leg is None:
+        where, axis = place.split("-")
+        getattr(total, where)[:, "xyz".index(axis)] += MICRO * size
+    elif place == "link":
+        total.link[:, leg - 1] += MICRO * size
+    else:
+        total.slider[:, leg - 1, WAYS.index(place)] += MICRO * size
+
+
+def _profile(fault: kinds.OnLeg, state: State) -> Array:
+    """Size of a fault of one leg, (n,) um."""
+    leg = fault.leg - 1
+    height = state.slider[:, leg]
     match fault:
-        case Splice():
+        case kinds.Splice():
             return np.where(height > fault.height_mm, fault.step_um, 0.0)
-        case Periodic():
+        case kinds.Periodic():
             return fault.size_um * np.cos(2.0 * np.pi * height / fault.period_mm - fault.phase_rad)
-        case Bump():
+        case kinds.Bump():
             return fault.size_um * np.exp(-0.5 * ((height - fault.height_mm) / fault.width_mm) ** 2)
-        case GuideDamage():
+        case kinds.GuideDamage():
             part = np.clip((height - fault.height_mm) / fault.width_mm, -0.5, 0.5)
             return fault.size_um * 0.5 * (1.0 + np.cos(2.0 * np.pi * part))
+        case kinds.CrossCoupling():
+            return -fault.size_um * ((state.slider[:, fault.other - 1] - fault.height_mm) / fault.span_mm) ** 2
+        case kinds.CableDrag():
+            part = np.clip((height - fault.low_mm) / (fault.high_mm - fault.low_mm), 0.0, 1.0)
+            return -fault.size_um * part * state.direction[:, leg]
+        case kinds.LooseJoint():
+            return 0.5 * fault.size_um * np.sign(state.tool @ state.drawing.sideways[leg])
+        case kinds.LooseClamp():
+            return fault.um_per_mm * np.maximum(height - fault.height_mm, 0.0)
+        case kinds.ScalePitch():
+            return fault.size_um * (2.0 * ((height / fault.pitch_mm + fault.phase) % 1.0) - 1.0)
+        case _:
+            return _remember(fault, state)
+
+
+def _remember(fault: kinds.OnLeg, state: State) -> Array:
+    """Size of a fault of one leg that knows where it comes from, (n,) um."""
+    leg = fault.leg - 1
+    match fault:
+        case kinds.MotorHeat():
+            spent = np.diff(state.time, prepend=0.0)
+            work = state.step[:, leg] / np.maximum(spent, 1e-3)
+            work[0] = 0.0
+            return fault.um_s_per_mm * lag(work[:, None], spent, fault.constant_s, 0.0)[:, 0]
+        case kinds.StickSlip():
+            return -fault.size_um * state.direction[:, leg] * np.exp(-state.step[:, leg] / fault.step_mm)
+        case kinds.SlippingCoupling():
+            return -fault.um_per_reversal * state.reversals[:, leg]
+        case kinds.CarriageTip():
+            return 0.5 * fault.size_um * state.direction[:, leg]
+        case _:
+            raise AssertionError(f"nobody says what {type(fault).__name__} does")
+
+
+def _settle(fault: kinds.SettlingTable, state: State) -> Array:
+    """(n, 3) mm, a small rotation about the pivot: towards the side on which the load is."""
+    mass = state.payload + state.platform + fault.moving_kg
+    x, y, z = state.tool.T
+    tilt = 1e-6 * fault.urad_per_kg_mm * mass
+    lever = z + fault.pivot_mm
+    # A tilt of t x towards +x moves the tool by t x lever sideways and by -t x^2 down.
+    return np.column_stack([tilt * x * lever, tilt * y * lever, -tilt * (x**2 + y**2)])

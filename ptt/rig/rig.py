@@ -12,7 +12,8 @@ import tomlkit
 from ptt.errors import InputError
 from ptt.files import read_text
 from ptt.machine import MachineFile, ThreePttSpec, format_machine, load_machine, parse_machine
-from ptt.rig import schema
+from ptt.rig import odd_schema, schema
+from ptt.rig.odd_schema import Odd
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Rig:
     thermal: schema.Thermal
     geometry: schema.Geometry
     structure: schema.Structure
-    odd: tuple[schema.Odd, ...]
+    odd: tuple[Odd, ...]
     tracker: schema.Tracker
     source: str = field(compare=False)
 
@@ -66,7 +67,7 @@ class _Document(schema.Section):
     thermal: schema.Thermal = schema.Thermal()
     geometry: schema.Geometry = schema.Geometry()
     structure: schema.Structure = schema.Structure()
-    odd: tuple[schema.Odd, ...] = ()
+    odd: tuple[Odd, ...] = ()
     tracker: schema.Tracker = schema.Tracker()
 
 
@@ -130,7 +131,7 @@ def format_rig(rig: Rig) -> str:
     for name in SECTIONS:
         section = getattr(rig, name)
         values = (
-            [item.model_dump(mode="json") for item in section]
+            [item.model_dump(mode="json", exclude_none=True) for item in section]
             if isinstance(section, tuple)
             else section.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
         )
@@ -185,7 +186,11 @@ def _explain(error: pydantic.ValidationError, where: str) -> InputError:
     first = error.errors()[0]
     path = [str(part) for part in first["loc"]]
     if first["type"] == "extra_forbidden":
-        known = [name for name in vars(schema).values() if isinstance(name, type) and issubclass(name, schema.Section)]
+        known = [
+            name
+            for name in (*vars(schema).values(), *vars(odd_schema).values())
+            if isinstance(name, type) and issubclass(name, schema.Section)
+        ]
         keys = [key for section in known for key in section.model_fields] + list(_Document.model_fields)
         guess = difflib.get_close_matches(path[-1], keys, n=1)
         fix = f"did you mean '{guess[0]}'?" if guess else "remove it"

@@ -144,69 +144,6 @@ class Structure(Section):
     column_per_slider: bool = False
 
 
-class Splice(Section):
-    """Two pieces of linear scale that do not join: a step at a height."""
-
-    kind: Literal["splice"]
-    leg: Leg
-    height_mm: float
-    step_um: float
-
-
-class GuideDamage(Section):
-    """A damaged spot on a guide: a bump of raised-cosine shape, `width_mm` from foot to foot."""
-
-    kind: Literal["guide-damage"]
-    leg: Leg
-    height_mm: float
-    size_um: float
-    width_mm: PositiveFloat = 10.0
-    direction: Literal["along", "radial", "tangential"] = "along"
-
-
-class Periodic(Section):
-    """A periodic error whose period is no screw's, such as a roller's."""
-
-    kind: Literal["periodic"]
-    leg: Leg
-    size_um: float
-    period_mm: PositiveFloat
-    phase_rad: float = 0.0
-
-
-class Hose(Section):
-    """A hose from an anchor to the platform: tension = pull + stiffness (length - free length), never pushing."""
-
-    kind: Literal["hose"]
-    anchor_mm: Triple
-    pull_n: NonNegativeFloat = 0.0
-    stiffness_n_per_mm: NonNegativeFloat = 0.0
-    free_length_mm: NonNegativeFloat = 0.0
-    compliance_um_per_n: PerLeg = (0.2, 0.2, 0.2)
-
-
-class WarmBacklash(Section):
-    """A nut that loses its preload when warm: the gap opens in proportion above a temperature."""
-
-    kind: Literal["warm-backlash"]
-    leg: Leg
-    gap_um_per_k: float
-    opens_at_c: float
-
-
-class Bump(Section):
-    """Any Gaussian error of one slider over its height."""
-
-    kind: Literal["bump"]
-    leg: Leg
-    height_mm: float
-    size_um: float
-    width_mm: PositiveFloat
-
-
-Odd = Annotated[Splice | GuideDamage | Periodic | Hose | WarmBacklash | Bump, Field(discriminator="kind")]
-
-
 class Tracker(Section):
     """The laser tracker: where it stands, how its frame lies, and how it errs."""
 

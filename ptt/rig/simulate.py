@@ -1,6 +1,6 @@
 """From slider commands sent in order to true positions and tracker readings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +8,11 @@ import pandas as pd
 
 from ptt.errors import WorkspaceError
 from ptt.files import write_text
-from ptt.rig import motion, tracker
+from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, follow_warmth
 from ptt.rig.loaded import load_platform, nominal_tool
 from ptt.rig.nominal import Array, Drawing, draw_machine, nominal_sliders
+from ptt.rig.odd_state import look_at_run
 from ptt.rig.platform import carried, small_rotation
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import COMMAND, TARGET, Schedule, plan_rows, tell_time
@@ -78,11 +79,16 @@ def simulate(
     still = (schedule.role != "pose") | (not rig.conditions.moving)
     speed = motion.slider_speed(command, tool, time, still)
     slider = drive_sliders(rig, drawing, path, time, speed, schedule, warmth)
-    pose, slider, force = load_platform(rig, drawing, schedule, warmth, slider, tool)
-    truth = pose.position + carried(pose, np.asarray(rig.spec.reflector_mm))
+    mass = rig.spec.platform_mass_kg
+    state = look_at_run(
+        drawing, path, schedule, warmth, slider=slider, tool=tool, speed=speed, time=time, platform=mass
+    )
+    pose, slider, force = load_platform(rig, drawing, schedule, warmth, slider, tool, state)
+    strange = odd.shift_all(rig.odd, replace(state, slider=slider))
+    truth = pose.position + carried(pose, np.asarray(rig.spec.reflector_mm)) + strange.tool
     seen = _see_base(rig, schedule, truth, exact=not noise)
     reading = tracker.read_points(
-        rig.tracker, seen, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
+        rig.tracker, seen + strange.sight, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
     )
     groups = [(TARGET, schedule.target), (COMMAND, command)]
     if rig.conditions.report_direction:

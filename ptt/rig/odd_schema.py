@@ -1,0 +1,266 @@
+"""What a RIG.toml may say of faults that no effect of the library describes."""
+
+from typing import Annotated, Literal
+
+import pydantic
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
+
+from ptt.rig.schema import Leg, PerLeg, Section, Triple
+
+Span = tuple[float, float]
+Place = Literal["along", "radial", "tangential", "link", "tool-x", "tool-y", "tool-z", "sight-x", "sight-y", "sight-z"]
+Variable = Literal[
+    "b1", "b2", "b3", "x", "y", "z", "direction1", "direction2", "direction3", "speed1", "speed2", "speed3",
+    "payload", "temperature", "memory", "time",
+]  # fmt: skip
+
+
+class OnLeg(Section):
+    """A fault of one slider, rail or link that follows its own height.
+
+    `leads` says what a rest of the readings follows, in the words of a diagnosis.
+    """
+
+    leg: Leg
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Variables that a diagnosis may put first."""
+        return (f"b{self.leg}",)
+
+
+class Reversing(OnLeg):
+    """A fault of one leg that changes its side with the direction of travel."""
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """The direction, or what it is multiplied by."""
+        return (f"direction{self.leg}", f"b{self.leg}")
+
+
+class Splice(OnLeg):
+    """Two pieces of linear scale that do not join: a step at a height."""
+
+    kind: Literal["splice"]
+    height_mm: float
+    step_um: float
+
+
+class GuideDamage(OnLeg):
+    """A damaged spot on a guide: a bump of raised-cosine shape, `width_mm` from foot to foot."""
+
+    kind: Literal["guide-damage"]
+    height_mm: float
+    size_um: float
+    width_mm: PositiveFloat = 10.0
+    direction: Literal["along", "radial", "tangential"] = "along"
+
+
+class Periodic(OnLeg):
+    """A periodic error whose period is no screw's, such as a roller's."""
+
+    kind: Literal["periodic"]
+    size_um: float
+    period_mm: PositiveFloat
+    phase_rad: float = 0.0
+
+
+class Bump(OnLeg):
+    """Any Gaussian error of one slider over its height, such as a worn stretch of screw."""
+
+    kind: Literal["bump"]
+    height_mm: float
+    size_um: float
+    width_mm: PositiveFloat
+
+
+class Hose(Section):
+    """A hose from an anchor to the platform: tension = pull + stiffness (length - free length), never pushing."""
+
+    kind: Literal["hose"]
+    anchor_mm: Triple
+    pull_n: NonNegativeFloat = 0.0
+    stiffness_n_per_mm: NonNegativeFloat = 0.0
+    free_length_mm: NonNegativeFloat = 0.0
+    compliance_um_per_n: PerLeg = (0.2, 0.2, 0.2)
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Where the platform is."""
+        return ("x", "y", "z")
+
+
+class WarmBacklash(OnLeg):
+    """A nut that loses its preload when warm: the gap opens in proportion above a temperature."""
+
+    kind: Literal["warm-backlash"]
+    gap_um_per_k: float
+    opens_at_c: float
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Warmth, which comes with time, or the direction that it works on."""
+        return ("temperature", "time", f"direction{self.leg}")
+
+
+class LoadBacklash(OnLeg):
+    """A nut whose preload the payload takes off: the gap opens in proportion above a load."""
+
+    kind: Literal["load-backlash"]
+    gap_um_per_kg: float
+    opens_at_kg: NonNegativeFloat = 0.0
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """The load, or the direction that it works on."""
+        return ("payload", f"direction{self.leg}")
+
+
+class CrossCoupling(OnLeg):
+    """A crossbeam that sags under another slider: this one sinks with the square of that one's way from a height."""
+
+    kind: Literal["cross-coupling"]
+    other: Leg
+    height_mm: float
+    span_mm: PositiveFloat
+    size_um: float
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """The other slider's height."""
+        return (f"b{self.other}",)
+
+
+class CableDrag(Reversing):
+    """A cable chain that drags the more of it hangs on the slider: against the travel, growing from low to high."""
+
+    kind: Literal["cable-drag"]
+    low_mm: float
+    high_mm: float
+    size_um: float
+
+
+class LooseJoint(OnLeg):
+    """A universal joint that rattles across: its link is longer on one side of the leg's plane than on the other."""
+
+    kind: Literal["loose-joint"]
+    size_um: float
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Where the platform is, sideways."""
+        return ("x", "y")
+
+
+class SettlingTable(Section):
+    """A table that tilts under the moment of what moves on it, about a pivot below the tool."""
+
+    kind: Literal["settling-table"]
+    urad_per_kg_mm: float
+    moving_kg: NonNegativeFloat = 10.0
+    pivot_mm: PositiveFloat = 500.0
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Where the load is, or how heavy."""
+        return ("x", "y", "payload")
+
+
+class LooseClamp(OnLeg):
+    """A rail that its upper clamp no longer holds: it yields sideways above a height."""
+
+    kind: Literal["loose-clamp"]
+    height_mm: float
+    um_per_mm: float
+    direction: Literal["radial", "tangential"] = "radial"
+
+
+class MotorHeat(OnLeg):
+    """A motor that warms its own bearing block: the slider moves with the heat of its work, which it keeps for long."""
+
+    kind: Literal["motor-heat"]
+    um_s_per_mm: float
+    constant_s: PositiveFloat
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Work done lately, which shows as time."""
+        return ("time", "temperature", f"speed{self.leg}")
+
+
+class ScalePitch(OnLeg):
+    """An encoder that interpolates badly within its pitch: a sawtooth over the height."""
+
+    kind: Literal["scale-pitch"]
+    pitch_mm: PositiveFloat
+    size_um: float
+    phase: float = 0.0
+
+
+class StickSlip(OnLeg):
+    """A slider that stops short of where a short step should take it."""
+
+    kind: Literal["stick-slip"]
+    size_um: float
+    step_mm: PositiveFloat
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """The direction, or how short the step was."""
+        return (f"direction{self.leg}", f"speed{self.leg}")
+
+
+class SlippingCoupling(OnLeg):
+    """A coupling that loses a little at every reversal."""
+
+    kind: Literal["slipping-coupling"]
+    um_per_reversal: float
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Reversals so far, which show as time."""
+        return ("time", f"direction{self.leg}")
+
+
+class CarriageTip(Reversing):
+    """A carriage with play on its rail that tips over on reversal: sideways, half to either side."""
+
+    kind: Literal["carriage-tip"]
+    size_um: float
+    direction: Literal["radial", "tangential"] = "tangential"
+
+
+class RandomLaw(Section):
+    """Any law: a random function, smooth or in steps, of variables scaled to -1 ... 1, that acts somewhere."""
+
+    kind: Literal["random-law"]
+    place: Place
+    leg: Leg | None = None
+    form: Literal["smooth", "jumpy"]
+    variables: Annotated[tuple[Variable, ...], Field(min_length=1)]
+    span: tuple[Span, ...]
+    size_um: float
+    law_seed: NonNegativeInt = 0
+    memory_s: PositiveFloat = 1200.0
+
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "RandomLaw":
+        if len(self.span) != len(self.variables):
+            raise ValueError("span: give one pair for each variable")
+        if (self.leg is None) == (self.place in ("along", "radial", "tangential", "link")):
+            raise ValueError("leg: slider, rail and link faults have one, the others none")
+        return self
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Its own variables; a memory of warmth shows as warmth or as time."""
+        shown = {"memory": ("temperature", "time"), "temperature": ("temperature", "time")}
+        return tuple(dict.fromkeys(name for key in self.variables for name in shown.get(key, (key,))))
+
+
+Odd = Annotated[
+    Splice | GuideDamage | Periodic | Bump | Hose | WarmBacklash | LoadBacklash | CrossCoupling | CableDrag
+    | LooseJoint | SettlingTable | LooseClamp | MotorHeat | ScalePitch | StickSlip | SlippingCoupling | CarriageTip
+    | RandomLaw,
+    Field(discriminator="kind"),
+]  # fmt: skip
