@@ -4,11 +4,13 @@ from typing import Literal
 
 import numpy as np
 
+from nets import RbfTraining
 from ptt.evaluate import Evaluation
 from ptt.model import Model
 from ptt.problem import Problem
 from ptt.same_pose import count_places
 from ptt.training.compensator import Compensator
+from ptt.training.rest import Space
 from ptt.training.train import Progress, Protocol, fit_physics, hold_out, learn_rest, sound
 
 
@@ -34,11 +36,12 @@ def evaluate_heldout(
     """
     problem = problem.anchored()
     bare = fit_physics(Model(compensator.model.file), problem)
-    network = None
+    networks: dict[Space, RbfTraining] = {}
     if compensator.network is not None:
         fitted = fit_physics(compensator.model, problem)
-        network = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, space=compensator.space)
-    held = hold_out(compensator.model, problem, protocol, network, progress=progress, space=compensator.space)
+        space = compensator.space
+        networks[space] = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, space=space)
+    held = hold_out(compensator.model, problem, protocol, networks, progress=progress)
     before, after = bare.residual[held.rows], held.whole[held.rows]
     if z_datum == "first":
         before, after = (errors - errors[0] * np.array([0.0, 0.0, 1.0]) for errors in (before, after))

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from nets import GaussianRbf, NetsError, RbfSettings, RbfTraining, fit_rbf, measure_domain, train_rbf
+from nets import GaussianRbf, NetsError, RbfSettings, RbfTraining, measure_domain, train_rbf
 from ptt.errors import TableError
 from ptt.holdout import pose_groups
 from ptt.problem import Problem
@@ -110,27 +110,6 @@ def learn_rest(
             f"the network cannot be trained: {error}", where=problem.table.source, fix="measure more poses"
         ) from error
     return replace(trained, network=_over(trained.network, rest.places))
-
-
-def refit(rest: Rest, network: RbfTraining, settings: RbfSettings | None) -> GaussianRbf:
-    """The chosen network fitted to other rows: centres, width and weights anew, their number and spread as chosen.
-
-    Args:
-        rest: what to learn.
-        network: what was chosen.
-        settings: as in training.
-
-    Returns:
-        The network; outputs that were not learned stay zero.
-    """
-    chosen = network.chosen
-    count = min(chosen.centres, max(1, len(rest.inputs) - 1))
-    ridge = float(np.max(network.ridges)) or 1e-8
-    fitted = fit_rbf(
-        rest.inputs, np.where(network.learned, rest.steps, 0.0), centres=count, spread=chosen.spread, ridge=ridge,
-        affine=chosen.affine, settings=settings,
-    )  # fmt: skip
-    return _over(fitted, rest.places)
 
 
 def correction_of(network: GaussianRbf, posture: np.ndarray | None = None) -> Callable[[np.ndarray], np.ndarray]:
