@@ -14,6 +14,7 @@ from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model import Model
 from ptt.table import Table
+from ptt.target_frame import in_base, target_frames
 
 __all__ = ["LIMIT_MM", "Commands", "Correction", "Reversal", "compensate", "missing_context"]
 
@@ -114,7 +115,8 @@ def missing_context(model: Model, targets: Table) -> list[str]:
     return lines
 
 
-def _wanted(targets: Table) -> np.ndarray:
+def _wanted(model: Model, targets: Table) -> np.ndarray:
+    """Targets in the base frame, (n, 3) mm."""
     missing = np.flatnonzero(~np.isfinite(targets.target).all(axis=1))
     if len(missing):
         raise TableError(
@@ -122,7 +124,7 @@ def _wanted(targets: Table) -> np.ndarray:
             where=targets.place(int(missing[0])),
             fix="fill x_cmd, y_cmd, z_cmd or take the row out",
         )
-    return np.asarray(targets.target, dtype=float)
+    return in_base(targets, target_frames(model.file, targets)).target
 
 
 def _posture(model: Model, targets: Table) -> Tensor | None:
@@ -160,7 +162,7 @@ def _prepare(
 ) -> Task:
     mechanism = build_mechanism(model.file.machine)
     near = _posture(model, targets)
-    wanted = _wanted(targets) if near is None else mechanism.forward(near).numpy()
+    wanted = _wanted(model, targets) if near is None else mechanism.forward(near).numpy()
     place = torch.as_tensor(wanted)
     asked = place if correction is None else torch.as_tensor(correction(wanted))
     nominal = mechanism.inverse(place, None, near)

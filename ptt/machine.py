@@ -112,6 +112,24 @@ class TrackerSpec(_Frozen):
         return self
 
 
+class TargetsSpec(_Frozen):
+    """The frame in which targets are stated: where its origin lies in the base frame, and how it is turned there.
+
+    Found from runs that hold joint commands beside targets. `turn_deg` is a rotation vector; base = R target + origin.
+    "base" says that targets are in the base frame and nothing else may be found, "unknown" that runs contradict.
+    """
+
+    frame: Literal["fitted", "base", "unknown"] = "fitted"
+    origin_mm: Triple = (0.0, 0.0, 0.0)
+    turn_deg: Triple = (0.0, 0.0, 0.0)
+
+    @pydantic.model_validator(mode="after")
+    def _check_frame(self) -> "TargetsSpec":
+        if self.frame != "fitted" and (any(self.origin_mm) or any(self.turn_deg)):
+            raise ValueError('origin_mm and turn_deg go with frame = "fitted" only')
+        return self
+
+
 class ParameterEntry(_Frozen):
     """A fitted parameter: value and standard deviation, a number or one per leg, joint or knot."""
 
@@ -133,6 +151,7 @@ class _Document(_Frozen):
     machine: MachineSpec
     controller: ControllerSpec = ControllerSpec()
     tracker: TrackerSpec = TrackerSpec()
+    targets: TargetsSpec = TargetsSpec()
     effect: tuple[EffectEntry, ...] = ()
     history: tuple[dict[str, Any], ...] = ()
 
@@ -147,6 +166,7 @@ class MachineFile:
         tracker: how readings relate to the base frame.
         effect: fitted effects, none for a bare machine.
         history: one entry per step that led here, oldest first.
+        targets: the frame in which targets are stated.
         text: the text it was read from, so that a person's comments survive a rewrite.
         source: the file's name for messages.
     """
@@ -156,6 +176,7 @@ class MachineFile:
     tracker: TrackerSpec = field(default_factory=TrackerSpec)
     effect: tuple[EffectEntry, ...] = ()
     history: tuple[dict[str, Any], ...] = ()
+    targets: TargetsSpec = field(default_factory=TargetsSpec)
     text: str = field(default="", repr=False, compare=False)
     source: str = field(default="machine.toml", compare=False)
 
@@ -197,8 +218,9 @@ def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
     except pydantic.ValidationError as error:
         raise _explain(error, where) from None
     return MachineFile(
-        document.machine, document.controller, document.tracker, document.effect, document.history, text, where
-    )
+        document.machine, document.controller, document.tracker, document.effect, document.history, document.targets,
+        text, where,
+    )  # fmt: skip
 
 
 def format_machine(file: MachineFile) -> str:
@@ -213,6 +235,10 @@ def format_machine(file: MachineFile) -> str:
     document = tomlkit.parse(file.text) if file.text else _bare(file)
     for key in ("effect", "history"):
         document.pop(key, None)
+    if file.text and file.targets != _Document.model_validate(tomllib.loads(file.text)).targets:
+        document.pop("targets", None)
+        if file.targets != TargetsSpec():
+            document["targets"] = _section(file.targets)
     if file.effect:
         document["effect"] = _effects(file.effect)
     if file.history:
@@ -232,14 +258,17 @@ def save_machine(file: MachineFile, path: str | Path) -> None:
 
 def _bare(file: MachineFile) -> tomlkit.TOMLDocument:
     document = tomlkit.document()
-    for key in ("machine", "controller", "tracker"):
-        spec: BaseModel = getattr(file, key)
-        values = spec.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+    for key in ("machine", "controller", "tracker", "targets"):
+        values = _section(getattr(file, key))
         if key == "machine":
             values = {"kind": file.machine.kind, **values}
         if values:
             document[key] = values
     return document
+
+
+def _section(spec: BaseModel) -> dict[str, Any]:
+    return spec.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
 
 
 def _effects(entries: tuple[EffectEntry, ...]) -> Any:
@@ -301,5 +330,15 @@ def _explain(error: pydantic.ValidationError, where: str) -> MachineError:
 
 
 def _known_keys() -> list[str]:
-    models = (_Document, ThreePttSpec, SerialSpec, JointSpec, ControllerSpec, TrackerSpec, BasePoint, EffectEntry)
+    models = (
+        _Document,
+        ThreePttSpec,
+        SerialSpec,
+        JointSpec,
+        ControllerSpec,
+        TrackerSpec,
+        TargetsSpec,
+        BasePoint,
+        EffectEntry,
+    )
     return [name for model in models for name in model.model_fields] + list(ParameterEntry.model_fields)

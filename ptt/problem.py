@@ -14,13 +14,12 @@ from ptt.machine import MachineFile
 from ptt.mounts import find_mounts, mount_of_rows
 from ptt.noise import DEFAULT_SIGMA, Noise, given_noise
 from ptt.table import Table
+from ptt.target_frame import LIMIT, RunFrame, in_base, target_frames
 from ptt.view import View, build_view
 
 SHIFT_USUAL = 10.0  # mm: the frame takes what it can; machine parameters only what it cannot
 TURN_USUAL = 0.05  # rad
 MOUNT_USUAL = 10.0  # mm
-CONTRARY = 5.0  # mm, median: corrections of commands are far smaller, swapped axes and other machines far larger
-FOREIGN = 20.0  # mm: targets this far from what the commands ask for are of another base or tool
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,7 @@ class Problem:
         shift: (f, 3) mm.
         base: base reflectors, None unless the frame is measured.
         noise: the noise floor where data or file tell it, else None.
+        stated_in: the frame in which each run states its targets.
     """
 
     file: MachineFile
@@ -73,22 +73,36 @@ class Problem:
     shift: np.ndarray
     base: BaseReadings | None
     noise: Noise | None
+    stated_in: tuple[RunFrame, ...] = ()
 
     @property
     def target(self) -> np.ndarray:
-        """Wanted tool positions, (n, 3) mm; what the commands ask for where the table has no targets.
+        """Wanted tool positions in the base frame, (n, 3) mm; what the commands ask for where there are no targets.
 
         Where the reflector sits beside an arm's tool point, its own: the target moved along by the drawing's pose.
-        Targets that an arm's controller states for another base or tool than the drawing's give way to the commands.
+        Targets that an arm's controller states for another tool than the drawing's give way to the commands.
         """
-        nominal, target = self.view.p.numpy(), self.table.target
-        known = np.isfinite(target).all(axis=1)
-        if self.file.machine.kind == "serial" and known.any():
-            drawn = self.view.mechanism.forward(self.view.q).numpy()
-            if np.median(np.linalg.norm(target - drawn, axis=1)[known]) > FOREIGN:
-                return nominal
-            target = target + (nominal - drawn)
+        nominal, target = self.view.p.numpy(), self._in_base(self.table.target)
+        if self.file.machine.kind == "serial" and np.isfinite(target).any():
+            target = target + (nominal - self.view.mechanism.forward(self.view.q).numpy())
         return np.where(np.isfinite(target), target, nominal)
+
+    @property
+    def stated(self) -> np.ndarray:
+        """Wanted tool positions as the runs state them, each in its own frame, (n, 3) mm."""
+        place = self.target.copy()
+        for run, frame in enumerate(self.stated_in):
+            here = self.table.run == run
+            place[here] = frame.as_stated(place[here])
+        return place
+
+    def _in_base(self, target: np.ndarray) -> np.ndarray:
+        """Targets (n, 3) mm of the table moved into the base frame, NaN where that is not known."""
+        moved = target.copy()
+        for run, frame in enumerate(self.stated_in):
+            here = self.table.run == run
+            moved[here] = np.nan if frame.source == "unknown" else frame.into_base(target[here])
+        return moved
 
     def masked(self, hidden: np.ndarray) -> "Problem":
         """The same rows in the same travel with some readings hidden.
@@ -129,11 +143,13 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
         TableError: too few readings, targets and slider commands that contradict each other, or base reflectors
             missing that the machine file relies on.
     """
-    view = build_view(file, table)
-    _refuse_contrary(file, table, view)
+    stated_in = target_frames(file, table)
+    view = build_view(file, in_base(table, stated_in))
     observed = np.isfinite(table.measured).all(axis=1)
     used = observed & (table.role != "base")
     policy = file.tracker.frame
+    if policy == "trusted":
+        _refuse_untrue(table, view, stated_in, used)
     if used.sum() < 4:
         raise TableError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
     frame = (
@@ -161,7 +177,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     frames = 0 if policy == "trusted" else count
     mounts = int(mount.max()) + 1
     return Problem(
-        file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise
+        file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise, stated_in
     )  # fmt: skip
 
 
@@ -213,23 +229,19 @@ def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tupl
     return moved + parameters[index, :3], torch.cat([eye, turned], dim=-1)
 
 
-def _refuse_contrary(file: MachineFile, table: Table, view: View) -> None:
-    """Refuse targets that the slider commands do not ask for; an arm's may be stated for another base or tool.
-
-    A constant shift is none of it: targets may mean another point of the platform, heights another zero.
-    """
-    if table.command is None or file.machine.kind != "three-ptt":
-        return
-    apart = table.target - view.p.numpy()
-    known = np.isfinite(apart).all(axis=1) & (table.role != "base")
-    for run in np.unique(table.run[known]):
-        own = apart[known & (table.run == run)]
-        median = float(np.median(np.linalg.norm(own - np.median(own, axis=0), axis=1)))
-        if median > CONTRARY:
+def _refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used: np.ndarray) -> None:
+    """Refuse a frame that is said to be the base's where readings follow targets that are stated in another."""
+    for run, frame in enumerate(stated_in):
+        here = used & (table.run == run) & np.isfinite(table.target).all(axis=1)
+        if frame.source not in ("stated", "commands") or not here.any():
+            continue
+        read, place = table.measured[here], view.p.numpy()[here]
+        apart, beside = (np.median(np.linalg.norm(read - to, axis=1)) for to in (place, table.target[here]))
+        if beside < LIMIT < apart:
             raise TableError(
-                f"targets and slider commands disagree by {median:.0f} mm (median)",
-                where=table.run_label[run] if " + " in table.source else table.source,
-                fix="are x and y swapped, or is it another machine?",
+                f'frame = "trusted", but the readings are in the frame of the targets, {apart:.0f} mm from the base\'s',
+                where=table.source,
+                fix='set frame = "fitted" under [tracker] in the machine file',
             )
 
 

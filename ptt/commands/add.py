@@ -73,4 +73,4 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
         from ptt.plots.ladder import plot_ladder
 
         plot_ladder(ladder, plots / "ladder.png")
-    show(ladder.to_dict(), f"{format_ladder(ladder)}\n\n{format_fit(ladder.report)}", json)
+    show(ladder.to_dict() | opened.set_up, f"{format_ladder(ladder)}\n\n{format_fit(ladder.report)}", json)

@@ -25,7 +25,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -106,6 +106,13 @@ class Opened:
         """The physics."""
         return self.compensator.model
 
+    @property
+    def set_up(self) -> dict[str, Any]:
+        """What the frames of targets and tracker took, for JSON."""
+        from ptt.taken import set_up
+
+        return set_up(self.problem)
+
 
 def open_run(run: Path, model: Path, reading: Reading) -> Opened:
     """Read a run and a model and bring them together.
@@ -121,11 +128,29 @@ def open_run(run: Path, model: Path, reading: Reading) -> Opened:
     Raises:
         InputError: whatever cannot be read or used.
     """
+    from ptt.taken import set_up_lines
+
     library = open_library(reading)
     compensator = open_model(model, library)
     table = read_rows(run, compensator.model.file, reading)
     files = tuple(str(path) for path in (run, *(reading.also or ())))
-    return Opened(compensator, table, open_problem(compensator.model.file, table), files, library)
+    problem = open_problem(compensator.model.file, table)
+    for line in set_up_lines(problem):
+        note(line)
+    return Opened(_keep_frame(compensator, problem), table, problem, files, library)
+
+
+def _keep_frame(compensator: "Compensator", problem: "Problem") -> "Compensator":
+    """The model with the frame in which the run states its targets, for targets to come."""
+    from dataclasses import replace
+
+    from ptt.target_frame import kept_frame
+
+    model = compensator.model
+    targets = kept_frame(model.file.targets, problem.stated_in)
+    if targets == model.file.targets:
+        return compensator
+    return replace(compensator, model=replace(model, file=replace(model.file, targets=targets)))
 
 
 def open_library(reading: Reading) -> "Library":

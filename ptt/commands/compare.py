@@ -64,7 +64,7 @@ def compare(
         note(f"{len(pictures)} pictures in {plots}: {', '.join(picture.name for picture in pictures)}")
     if result.without_values:
         note(f"not fitted yet, so left out: {', '.join(result.without_values)}; `ptt fit` fits them")
-    show(result.to_dict() | {"network_left_aside": aside}, format_comparison(result), json)
+    show(result.to_dict() | opened.set_up | {"network_left_aside": aside}, format_comparison(result), json)
 
 
 def _noise_of(opened: Opened) -> "Noise | None":

@@ -63,7 +63,7 @@ def diagnose(
         )
     if measure_next is not None:
         _write_poses(result, measure_next)
-    show(result.to_dict(), format_diagnosis(result), json)
+    show(result.to_dict() | opened.set_up, format_diagnosis(result), json)
 
 
 def _write_poses(result: "Diagnosis", out: Path) -> None:

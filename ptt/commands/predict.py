@@ -63,12 +63,17 @@ def predict(
     """
     from ptt.compensate import compensate, missing_context
     from ptt.files import write_text
+    from ptt.target_frame import target_frames
     from ptt.training.train import correction_of
 
     refuse_readings(out)
     reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
     compensator = open_model(model, open_library(reading))
     table = read_rows(targets, compensator.model.file, reading, "targets")
+    frames = target_frames(compensator.model.file, table)
+    for frame in frames:
+        if frame.source not in ("base", "unknown"):
+            note(f"targets are taken to be in {frame.words}")
     network = compensator.network
     posture = _posture(table) if network is not None and compensator.space == "joints" else None
     with progress() as tell:
@@ -83,6 +88,7 @@ def predict(
         )
     write_text(out, _frame(table, commands).to_csv(index=False, lineterminator="\n"))
     data = _summary(commands, out, network is not None, limit_mm)
+    data["target_frame"] = [frame.to_dict() for frame in frames if frame.source != "base"]
     for line in missing_context(compensator.model, table) + _warnings(table, commands):
         note(f"warning: {line}")
     show(data, _text(data), json)

@@ -44,7 +44,7 @@ def train(
     with progress() as tell:
         training = train_model(opened.model, opened.problem, protocol=protocol, progress=tell)
     save_compensator(out, training, list(opened.files))
-    data = _summary(training, out)
+    data = _summary(training, out) | opened.set_up
     show(data, _text(data), json)
 
 

@@ -164,7 +164,7 @@ def compare_run(
     joint = {name: values for name, values in residual_views(problem, residual).items() if name not in AXES}
     reading, predicted = problem.table.measured, fitted.prediction.reading.numpy()
     return Comparison(
-        raw=reading - problem.target,
+        raw=reading - problem.stated,
         unaligned=reading - predicted,
         by_base=None if problem.base is None else problem.measured - predicted,
         residual=fitted.residual,

@@ -154,7 +154,8 @@ def alignment_errors(problem: Problem, rows: np.ndarray) -> dict[str, dict[str, 
         if own.sum() >= 3:
             aligned[own] = best_fit(problem.target[own], read[own])
     whole = rows & np.isfinite(aligned).all(axis=1)
-    return {"as read": rms(read - problem.target, rows), "aligned": rms(aligned - problem.target, whole)}
+    wanted = problem.stated if problem.base is None else problem.target
+    return {"as read": rms(read - wanted, rows), "aligned": rms(aligned - problem.target, whole)}
 
 
 def format_fit(report: FitReport) -> str:

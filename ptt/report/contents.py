@@ -30,6 +30,7 @@ from ptt.report.facts import RunFacts, facts_of
 from ptt.report.network import NetworkFacts, network_facts
 from ptt.report.source import Source, shown_table
 from ptt.table import Table
+from ptt.taken import set_up
 from ptt.training.compensator import Compensator
 from ptt.training.heldout import evaluate_heldout
 from ptt.training.protocols import PROTOCOLS
@@ -108,15 +109,15 @@ class Contents:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; what other verbs tell too is in their own words."""
-        looks = {"drawing": self.drawing, "model": self.given}
+        looks, frames = {"drawing": self.drawing, "model": self.given}, set_up(self.problem)
         return {
             "date": self.date,
             "files": [file.to_dict() for file in self.source.files],
             "run": self.facts.to_dict(),
-            "compare": {name: look.comparison.to_dict() for name, look in looks.items()},
-            "diagnose": {name: look.diagnosis and look.diagnosis.to_dict() for name, look in looks.items()},
+            "compare": {name: look.comparison.to_dict() | frames for name, look in looks.items()},
+            "diagnose": {name: look.diagnosis and look.diagnosis.to_dict() | frames for name, look in looks.items()},
             "history": [[dict(vars(entry)) for entry in ladder] for ladder in self.ladders],
-            "fit": None if self.refit is None else self.refit.to_dict(),
+            "fit": None if self.refit is None else self.refit.to_dict() | frames,
             "evaluate": {name: result.to_dict() for name, result in self.evaluation.items()},
             "network": None if self.network is None else self.network.to_dict(),
             "iso": None if self.iso is None else self.iso.to_dict(),

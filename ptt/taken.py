@@ -1,0 +1,87 @@
+"""What the set-up took before any physics is looked at: the frame of the targets, and the tracker's."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ptt.problem import Problem
+
+WORTH_MM = 1.0  # of way, root mean square: less is what any set-up takes, and no machine is built off by more unseen
+SHARED = "several runs"
+
+
+def set_up(problem: Problem) -> dict[str, Any]:
+    """What the frames took, for JSON.
+
+    Args:
+        problem: the readings.
+
+    Returns:
+        'target_frame': run, source, origin_mm, turn_deg, left_mm, rows of each run whose targets are not stated in the
+        base frame; 'frame_taken': run, shift_mm, turn_deg, rms_mm of each tracker frame.
+    """
+    labels = problem.table.run_label
+    moved = [(labels[run], frame) for run, frame in enumerate(problem.stated_in) if frame.source != "base"]
+    return {
+        "target_frame": [{"run": label, **frame.to_dict()} for label, frame in moved],
+        "frame_taken": _taken(problem),
+    }
+
+
+def set_up_lines(problem: Problem) -> list[str]:
+    """What the frames took, in words; what any set-up takes is not mentioned.
+
+    Args:
+        problem: the readings.
+
+    Returns:
+        One line for each frame that took more.
+    """
+    lines, labels = [], problem.table.run_label
+    for run, frame in enumerate(problem.stated_in):
+        where = f"{labels[run]}: " if len(labels) > 1 else ""
+        if frame.source == "unknown":
+            lines.append(f"{where}targets are stated for another tool or base than the drawing's; the commands count")
+        elif frame.source != "base":
+            lines.append(f"{where}targets are stated in {frame.words}{_turned_about(frame.turn_deg, frame.origin)}")
+        elif frame.doubt:
+            lines.append(
+                f"{where}commands and targets differ by one rigid motion, {frame.doubt:.3f} mm (median): taken as a"
+                " correction that was sent; if targets have a frame of their own, state it under [targets] in the"
+                " machine file"
+            )
+    for taken in _taken(problem):
+        if taken["rms_mm"] > WORTH_MM:
+            where = f"{taken['run']}: " if taken["run"] else ""
+            shift = ", ".join(f"{value:.3f}" for value in taken["shift_mm"])
+            angle = float(np.linalg.norm(taken["turn_deg"]))
+            lines.append(
+                f"{where}the tracker's frame took a shift of ({shift}) mm and a turn of {angle:.3f} deg, "
+                f"{taken['rms_mm']:.3f} mm (rms) of the readings"
+            )
+    return lines
+
+
+def _taken(problem: Problem) -> list[dict[str, Any]]:
+    """Motion of the readings from the base frame, frame by frame; none where the frame is trusted."""
+    found = []
+    for index in range(len(problem.rotation)) if problem.file.tracker.frame != "trusted" else ():
+        here = problem.used & (problem.frame == index)
+        if not here.any():
+            continue
+        way = problem.table.measured[here] - problem.measured[here]
+        runs = np.unique(problem.table.run[here])
+        label = problem.table.run_label[runs[0]] if len(runs) == 1 else SHARED
+        turn = Rotation.from_matrix(problem.rotation[index]).as_rotvec(degrees=True)
+        rms = float(np.sqrt(np.square(way).sum(axis=1).mean()))
+        found.append(
+            {"run": label, "shift_mm": problem.shift[index].tolist(), "turn_deg": turn.tolist(), "rms_mm": rms}
+        )
+    return found
+
+
+def _turned_about(turn_deg: np.ndarray, origin: np.ndarray) -> str:
+    """A half turn about z without a shift is what interchanged radii look like."""
+    half = abs(abs(turn_deg[2]) - 180.0) < 1.0 and np.abs(turn_deg[:2]).max() < 1.0
+    return " (are base and platform radius interchanged?)" if half and np.abs(origin).max() < WORTH_MM else ""
