@@ -14,6 +14,7 @@ from ptt.files import write_text
 from ptt.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
 from ptt.readers.assemble import set_columns, table_fields
 from ptt.readers.joined import join_fields
+from ptt.readers.order import in_travel_order
 from ptt.readers.scale import scale_fix, scale_hint
 
 COORDINATES = ("x", "y", "z")
@@ -139,7 +140,7 @@ def read_table(
     joint_prefix: str = "b",
     also: Sequence[str | Path] = (),
     targets: str | Path | None = None,
-    set_values: Dictionary[str, float] | None = None,
+    set_values: Dictionary[str, float | str] | None = None,
     mapping: Mapping | str | Path | None = None,
     purpose: str = "run",
     ask: Ask | None = None,
@@ -152,7 +153,8 @@ def read_table(
         joint_prefix: 'b' (sliders, mm) or 'q' (joint angles, rad).
         also: further runs; runs of different files stay different runs.
         targets: file with the targets or commands of an export that holds readings only.
-        set_values: column -> one value for all rows, for instance {'payload_kg': 2}.
+        set_values: column -> one value for all rows, for instance {'payload_kg': 2}; and under 'order' what to do where
+            time goes back: 'time' sorts each run by its clock, 'rows' keeps the rows as they stand.
         mapping: saved answers on columns and units; a path that does not exist yet is written with what was understood.
         purpose: 'run' (readings needed), 'targets' (poses wanted) or 'sliders' (commands to send: b1..bk or q1..qk).
         ask: who answers what is ambiguous: (question, choices) -> choice; None makes that an error.
@@ -182,7 +184,7 @@ def _read_one(
     joints: int,
     prefix: str,
     targets: str | Path | None,
-    set_values: Dictionary[str, float],
+    set_values: Dictionary[str, float | str],
     request: Request,
 ) -> Table:
     export = read_any(path, request)
@@ -191,10 +193,14 @@ def _read_one(
         poses = read_any(targets, wanted)
         table_fields(poses, joints, prefix, "targets")  # so that errors name the right file
         export = pair_targets(export, poses, request)
-    export = replace(export, columns=set_columns(export, set_values))
+    values = {name: float(value) for name, value in set_values.items() if name != "order"}
+    export, moved = replace(export, columns=set_columns(export, values)), list[str]()
+    if request.purpose == "run":
+        order = set_values.get("order")
+        export, moved = in_travel_order(export, None if order is None else str(order))
     arrays, warnings = table_fields(export, joints, prefix, request.purpose)
-    constants = [f"{name} set to {value:g} in every row" for name, value in set_values.items()]
-    understood = replace(export.understood, lines=(*export.understood.lines, *constants, *warnings))
+    constants = [f"{name} set to {value:g} in every row" for name, value in values.items()]
+    understood = replace(export.understood, lines=(*export.understood.lines, *constants, *moved, *warnings))
     table = Table(**arrays, joint_prefix=prefix, understood=understood)
     hint = scale_hint(table.target, table.measured)
     if hint:

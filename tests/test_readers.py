@@ -445,7 +445,9 @@ def test_driver_file_becomes_a_table() -> None:
 @pytest.mark.parametrize("series", SERIES)
 def test_ur10_measurements(series: str) -> None:
     name, rows = SERIES[series]
-    table = read_table(UR10 / name, joints=6, joint_prefix="q", ask=never)
+    # series A ends with poses measured again: they belong where their time stamps say
+    order = {"order": "time"} if series == "A" else None
+    table = read_table(UR10 / name, joints=6, joint_prefix="q", ask=never, set_values=order)
     assert table.rows == rows
     assert table.joints == 6
     assert table.observed.all()

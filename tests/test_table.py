@@ -274,12 +274,6 @@ def test_concat_fills_and_refuses() -> None:
         concat_tables([make_table(np.eye(3), command=np.eye(3)), make_table(np.eye(3), command=np.ones((3, 6)))])
 
 
-def test_time_that_goes_back_is_a_warning(tmp_path: Path) -> None:
-    rows = [f"{row},{t},{run}" for row, t, run in zip(ROWS, (5, 1, 0), "aba", strict=True)]
-    table = read_table(write(tmp_path, csv(*rows, header=HEADER + ",time_s,run")))
-    assert "warning: time of run a goes back at row 4" in str(table.understood)
-
-
 def test_unit_hint_against_the_machine() -> None:
     small = make_table(np.array([[0, 0, 0.3], [0.1, 0, 0.3], [0, 0.1, 0.3]]))
     assert "this looks like metres" in str(unit_hint(small, 300.0))

@@ -47,7 +47,8 @@ Targets = Annotated[
     Path | None, typer.Option("--targets", metavar="T.csv", help="Targets of an export that holds readings only.")
 ]
 Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="One value for all rows: payload_kg=2.")
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="One value for all rows: payload_kg=2; order=time sorts the rows."),
 ]
 Map = Annotated[Path | None, typer.Option("--map", metavar="FILE.toml", help="Saved answers on columns and units.")]
 Effects = Annotated[
@@ -230,8 +231,8 @@ def open_problem(file: "MachineFile", table: "Table") -> "Problem":
     return build_problem(file, table)
 
 
-def parse_settings(pairs: Sequence[str]) -> dict[str, float]:
-    """Read `payload_kg=2`.
+def parse_settings(pairs: Sequence[str]) -> dict[str, float | str]:
+    """Read `payload_kg=2`, and `order=time`.
 
     Args:
         pairs: as typed after --set.
@@ -244,11 +245,11 @@ def parse_settings(pairs: Sequence[str]) -> dict[str, float]:
     """
     from ptt.errors import InputError
 
-    values = {}
+    values: dict[str, float | str] = {}
     for pair in pairs:
-        name, _, value = pair.partition("=")
+        name, _, value = (part.strip() for part in pair.partition("="))
         try:
-            values[name.strip()] = float(value)
+            values[name] = value if name == "order" else float(value)
         except ValueError:
             raise InputError(f"cannot read '{pair}'", where="--set", fix="write it as payload_kg=2") from None
     return values

@@ -2,7 +2,8 @@
 
 The steps, a file each: `text` (encoding, delimiter, decimal sign, comments), `titles` (what a header says, in English
 or Chinese), `layout` (files without a header, SpatialAnalyzer), `export` (columns to numbers), `stamps` (dates to
-seconds), `pairing` (an export and its targets). `mapping` holds the answers that can be saved and reused.
+seconds), `pairing` (an export and its targets), `order` (rows in the order of
+travel). `mapping` holds the answers that can be saved and reused.
 """
 
 from ptt.readers.export import Export, Request, read_any

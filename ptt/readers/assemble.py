@@ -62,7 +62,7 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
         "source": export.source,
         "extra": export.extra,
     }
-    return fields, _warnings(export, run, labels, prefix)
+    return fields, _warnings(export, prefix)
 
 
 def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.ndarray]:
@@ -80,7 +80,8 @@ def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.
     """
     unknown = [name for name in values if name not in SETTABLE]
     if unknown:
-        raise TableError(f"'{unknown[0]}' cannot be set", where="--set", fix=f"settable: {', '.join(SETTABLE)}")
+        settable = ", ".join((*SETTABLE, "order"))
+        raise TableError(f"'{unknown[0]}' cannot be set", where="--set", fix=f"settable: {settable}")
     for name, value in values.items():
         if not np.isfinite(value):
             raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
@@ -223,16 +224,8 @@ def _stds(export: Export) -> np.ndarray | None:
     return block
 
 
-def _warnings(export: Export, run: np.ndarray, labels: tuple[str, ...], prefix: str) -> list[str]:
+def _warnings(export: Export, prefix: str) -> list[str]:
     other = "q" if prefix == "b" else "b"
     foreign = [name for name in export.columns if re.fullmatch(rf"{other}[1-9]\d*_cmd", name)]
     titles = ", ".join(map(file_title, foreign))
-    found = [f"not used: {titles} (this machine's joints are {prefix}1..)"] if foreign else []
-    for code, label in enumerate(labels):
-        rows = np.flatnonzero(run == code)
-        time = export.columns.get("time", np.full(export.n, np.nan))[rows]
-        back = np.flatnonzero(np.diff(time) < 0.0)
-        if back.size:
-            name, row = f" of run {label}" if label else "", export.line[rows[back[0] + 1]]
-            found.append(f"warning: time{name} goes back at row {row}; row order is travel order")
-    return found
+    return [f"not used: {titles} (this machine's joints are {prefix}1..)"] if foreign else []

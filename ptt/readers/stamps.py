@@ -16,6 +16,7 @@ _COMPACT = re.compile(r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d
 _TIME_ONLY = re.compile(_CLOCK)
 _SHORTENED = re.compile(r"[12][.,]\d+[eE]\+?1[23]|20\d{6}0{6}")
 
+DAY = 86400.0  # s
 DAY_FIRST, MONTH_FIRST = "day-first", "month-first"
 
 
@@ -48,8 +49,21 @@ def read_seconds(
     matches = [_match(cell, where, int(row)) for cell, row in zip(cells.tolist(), line, strict=True)]
     dates = _order_of_day_and_month(matches, dates, ask, where)
     values = np.array([_seconds(match, dates == DAY_FIRST, where) for match in matches], dtype=np.float64)
+    values, note = _past_midnight(matches, values)
     first = values[~np.isnan(values)]
-    return values - (first[0] if first.size else 0.0), "date and time, in seconds from the first row", dates
+    return values - (first[0] if first.size else 0.0), f"date and time, in seconds from the first row{note}", dates
+
+
+def _past_midnight(matches: list[re.Match[str] | None], values: np.ndarray) -> tuple[np.ndarray, str]:
+    """Times of day without a date go on past midnight: a fall by more than half a day is a new day."""
+    known = np.flatnonzero(~np.isnan(values))
+    if any(match and match.re is not _TIME_ONLY for match in matches):
+        return values, ""
+    nights = np.cumsum(np.diff(values[known], prepend=values[known][:1]) < -DAY / 2.0)
+    whole = values.copy()
+    whole[known] += DAY * nights
+    last = int(nights[-1]) if len(nights) else 0
+    return whole, f", on past midnight {'once' if last == 1 else f'{last} times'}" if last else ""
 
 
 def _plain_numbers(cells: np.ndarray, decimal: str) -> np.ndarray | None:

@@ -1,0 +1,97 @@
+"""The clock and the order of the rows: midnight, rows that are not in travel order, clocks that restart."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from ptt.commands.main import app
+from ptt.errors import TableError
+from ptt.table import read_table
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+PLACES = np.random.default_rng(0).uniform(-50, 50, (8, 3)).round(3)
+
+
+def file(folder: Path, times: list, **columns: object) -> Path:
+    frame = pd.DataFrame(PLACES[: len(times)], columns=["x_cmd", "y_cmd", "z_cmd"])
+    for axis in "xyz":
+        frame[f"{axis}_meas"] = frame[f"{axis}_cmd"] + 0.1
+    frame.assign(time=times, **columns).to_csv(folder / "run.csv", index=False)
+    return folder / "run.csv"
+
+
+@pytest.mark.parametrize(
+    ("stamps", "seconds"),
+    [
+        (["23:58:00", "23:59:30", "00:01:00", "00:02:00"], [0, 90, 180, 240]),
+        (["11:59:00 PM", "12:01:00 AM", "6:00:00 AM", "6:00:00 AM"], [0, 120, 21660, 21660]),
+        (["22:00:00", "01:00:00", "23:00:00", "00:30:00"], [0, 10800, 90000, 95400]),
+        (["2026-11-21 23:59:30", "2026-11-22 00:00:30"], [0, 60]),
+    ],
+)
+def test_the_clock_goes_on_past_midnight(stamps: list[str], seconds: list[float], tmp_path: Path) -> None:
+    table = read_table(file(tmp_path, stamps))
+    assert table.time_s.tolist() == seconds
+    assert ("on past midnight" in str(table.understood)) == ("-" not in stamps[0])
+
+
+def test_rows_that_are_not_in_travel_order_are_refused_until_said(tmp_path: Path) -> None:
+    path = file(tmp_path, [0.0, 10.0, 30.0, 20.0, 40.0], name=list("abdce"))
+    with pytest.raises(
+        TableError, match=r"run\.csv row 5, column time: time goes back .*30 to 20 s, after row 4"
+    ) as told:
+        read_table(path)
+    assert "--set order=time" in str(told.value) and "order=rows" in str(told.value)
+    assert told.value.exit_code == 2
+    kept = read_table(path, set_values={"order": "rows"})
+    assert "".join(kept.name) == "abdce" and kept.time_s.tolist() == [0, 10, 30, 20, 40]
+    ordered = read_table(path, set_values={"order": "time"})
+    assert "".join(ordered.name) == "abcde" and (np.diff(ordered.time_s) > 0).all()
+    assert ordered.line.tolist() == [2, 3, 5, 4, 6]  # errors still name the line of the file
+    np.testing.assert_array_equal(ordered.measured, kept.measured[[0, 1, 3, 2, 4]])
+    assert "2 of 5 moved" in str(ordered.understood)
+
+
+def test_each_run_has_its_own_clock_and_seconds_may_be_equal(tmp_path: Path) -> None:
+    path = file(tmp_path, [50.0, 50.0, 60.0, 0.0, 10.0, 10.0], run=list("aaabbb"))
+    assert read_table(path).run.tolist() == [0, 0, 0, 1, 1, 1]
+    turned = file(tmp_path, [50.0, 0.0, 60.0, 10.0, 55.0, 20.0], run=list("ababab"))
+    with pytest.raises(TableError, match=r"row 6, column time: time goes back within run a \(from 60 to 55 s"):
+        read_table(turned)
+    ordered = read_table(turned, set_values={"order": "time"})
+    assert ordered.time_s.tolist() == [50, 0, 55, 10, 60, 20]  # each run sorted in its own places
+
+
+def test_rows_without_a_time_stay_where_they_were(tmp_path: Path) -> None:
+    path = file(tmp_path, [0.0, 30.0, "", 20.0, ""], name=list("abcde"))
+    with pytest.raises(TableError, match="time goes back"):
+        read_table(path)
+    assert "".join(read_table(path, set_values={"order": "time"}).name) == "adebc"
+
+
+def test_an_order_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match="no order 'name'"):
+        read_table(file(tmp_path, [0.0, 1.0]), set_values={"order": "name"})
+    frame = pd.read_csv(file(tmp_path, [0.0, 1.0])).drop(columns="time")
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    with pytest.raises(TableError, match="no column of time to sort by"):
+        read_table(tmp_path / "run.csv", set_values={"order": "time"})
+
+
+def test_a_run_sorted_by_place_is_refused_and_sorted_back_by_the_command(tmp_path: Path) -> None:
+    """Backlash of 30 um reads as something else once the order of travel is lost."""
+    run, machine = DATA / "sealed_one" / "run.csv", DATA / "sealed_one" / "machine.toml"
+    frame = pd.read_csv(run)
+    frame.sort_values(["z_cmd", "x_cmd"]).to_csv(tmp_path / "run.csv", index=False)
+    words = ["compare", str(tmp_path / "run.csv"), "--model", str(machine), "--json"]
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code == 2 and "time goes back" in refused.stderr and refused.stdout == ""
+    sound = CliRunner().invoke(app, ["compare", str(run), "--model", str(machine), "--json"])
+    again = CliRunner().invoke(app, [*words, "--set", "order=time"])
+    first, second = (json.loads(done.stdout) for done in (sound, again))
+    assert first["rms_um"] == pytest.approx(second["rms_um"], rel=1e-9)
+    assert [item["on"] for item in first["depends_on"]] == [item["on"] for item in second["depends_on"]]
