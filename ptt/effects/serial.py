@@ -100,7 +100,7 @@ class SelfWeight(Effect):
 
     def needs(self, view: View) -> str | None:
         """A joint whose load by its own links changes from pose to pose."""
-        along, across = _levers(view)
+        along, across = levers(view)
         varied = max(float((lever.amax(dim=0) - lever.amin(dim=0)).max()) for lever in (along, across))
         return None if varied > STILL else "poses that turn the arm against gravity"
 
@@ -108,11 +108,18 @@ class SelfWeight(Effect):
         """Lever of gravity on each joint by the moments of each link that it carries."""
         joint, link = torch.triu_indices(view.joints, view.joints)
         mine = torch.nn.functional.one_hot(joint, view.joints).T.to(view.q.dtype)  # shape: (k, pairs)
-        return torch.cat([lever[:, None, joint, link] * mine for lever in _levers(view)], dim=-1)
+        return torch.cat([lever[:, None, joint, link] * mine for lever in levers(view)], dim=-1)
 
 
-def _levers(view: View) -> tuple[Tensor, Tensor]:
-    """Torque about joint j by a unit moment of link l along and across its common normal, (n, k, k) each."""
+def levers(view: View) -> tuple[Tensor, Tensor]:
+    """Torque of gravity about joint j by a unit moment of link l along and across its common normal.
+
+    Args:
+        view: n rows of an arm with k joints.
+
+    Returns:
+        (n, k, k) along and (n, k, k) across, without unit; zero where joint j does not carry link l.
+    """
     arm = cast(Serial, view.mechanism)
     chain = arm.walk(view.q)
     axis = torch.stack([link.before_z.z.expand(view.rows, 3) for link in chain], dim=1)  # shape: (n, k, 3)
