@@ -59,6 +59,7 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
     from dataclasses import replace
 
     from ptt.commands.common import show
+    from ptt.diagnosis.words import sentences
     from ptt.fit.report import format_fit
     from ptt.history import record
     from ptt.ladder.text import format_ladder
@@ -73,4 +74,8 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
         from ptt.plots.ladder import plot_ladder
 
         plot_ladder(ladder, plots / "ladder.png")
-    show(ladder.to_dict() | opened.set_up, f"{format_ladder(ladder)}\n\n{format_fit(ladder.report)}", json)
+    last = ladder.steps[-1].fitted
+    told = sentences(last.model.terms, opened.problem, last.noise)
+    words = "".join(f"{line}\n" for line in told) + "\n" if told else ""
+    text = f"{format_ladder(ladder)}\n\n{words}{format_fit(ladder.report)}"
+    show(ladder.to_dict() | opened.set_up, text, json)

@@ -10,7 +10,7 @@ from ptt.chain import Shifts
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.nearest import nearest_places
 from ptt.correct.newton import MISSED, holding, invert, least_move
-from ptt.effects.drive import Backlash
+from ptt.effects.reversal import Backlash
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular
 from ptt.model import Model

@@ -1,88 +1,79 @@
-"""The diagnosis in words that a machinist understands."""
+"""The diagnosis in words that a machinist understands: what is off, on which side, and what cannot be told apart."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
-import numpy as np
+import torch
 
-from ptt.effects.base import sizes
+from ptt.effects.base import family
+from ptt.effects.phrases import compose, listed
+from ptt.fit.gauge import Told, sparsest
 from ptt.model import Term
 from ptt.noise import Noise
 from ptt.problem import Problem
+from ptt.view import View
 
-if TYPE_CHECKING:
-    from ptt.diagnosis.verdict import Diagnosis
-
-# Effect -> (sentence about the joints that have it, parameter to show, factor, unit, decimals). {who} names the joints.
-SENTENCES: dict[str, tuple[str, str, float, str, int]] = {
-    "homing-offset": ("{who} {is_} off zero by {what}: homing", "offset", 1e3, "um", 0),
-    "lead-scale": ("{who} travel{s} too far by {what} of the way: screw lead", "scale", 1e6, "um/m", 0),
-    "screw-error-map": (
-        "{who} {has} an uneven screw, up to {what} along its length: screw error",
-        "curve",
-        1e3,
-        "um",
-        0,
-    ),
-    "once-per-rev": ("{who} repeat{s} an error of {what} with every turn of the screw", "cosine+sine", 1e3, "um", 1),
-    "backlash": ("{who} lose{s} {what} on reversal: backlash", "gap", 1e3, "um", 0),
-    "windup": ("{who} change{s} over gradually by {what} after a reversal: wind-up", "height", 2e3, "um", 1),
-    "following-error": ("{who} come{s} {what} late while moving: following error", "lag", 1e3, "ms", 1),
-    "screw-growth": ("{who} grow{s} with warmth by {what}: screw growth", "growth", 1e6, "um/m/K", 1),
-    "axis-compliance": ("{who} give{s} way by {what}: axis compliance", "compliance", 1e3, "um/N", 3),
-    "tower-position": ("{who} stand{s} off by {what}: tower position", "radial+tangential", 1e3, "um", 0),
-    "tower-tilt": ("{who} lean{s} by {what}: tower tilt", "radial+tangential", 1e3, "mrad", 2),
-    "link-length": ("{who} {is_} too long by {what}: link length", "length", 1e3, "um", 0),
-    "guide-straightness": (
-        "{who} wander{s} sideways by up to {what}: guide straightness",
-        "radial+tangential",
-        1e3,
-        "um",
-        0,
-    ),
-    "joint-offset": (
-        "{who} change{s} its length with its angle, {what}: joint offset",
-        "rail+tangential",
-        1e3,
-        "um",
-        0,
-    ),
-    "joint-clearance": ("{who} {has} {what} of play that changes side with the link force", "clearance", 1e3, "um", 0),
-    "platform-twist": (
-        "{who} {has} skew joint axes of {what}, which turn the platform",
-        "radial+upward",
-        1e3,
-        "mrad",
-        2,
-    ),
-    "joint-error-map": (
-        "{who} turn{s} unevenly, alike at every turn, by {what} (all harmonics together): encoder or gear",
-        "cosine+sine+fast_cosine+fast_sine",
-        1e6,
-        "urad",
-        0,
-    ),
-    "self-weight": (
-        "the joints sag by up to {what} under the weight of the links behind them: self-weight",
-        "along+across",
-        1e3,
-        "mrad",
-        2,
-    ),
-    "dh-offsets": ("{who} differ{s} from the drawing, in length by {what}: link geometry", "da", 1e3, "um", 0),
-    "column-bend": ("the column bends sideways by {what} of payload: column bend", "sway", 1e3, "um/kg", 1),
-    "frame-growth": ("frame and links grow with warmth by {what}: frame growth", "radius+link", 1e6, "um/m/K", 1),
-    "tracker-frame": ("the readings are shifted by {what}, and turned: tracker frame", "shift", 1e3, "um", 0),
-    "tracker-scale": ("the tracker's unit of length is off by {what}", "scale", 1e6, "um/m", 1),
-    "tracker-drift": ("the tracker's station drifts by {what} over the run", "drift", 1e3, "um", 0),
-    "setup-jump": ("the tracker was knocked part-way: its readings jump by {what}", "shift", 1e3, "um", 0),
-}
-LEGS = {"link-length", "joint-offset", "joint-clearance", "platform-twist"}
-LINKS = {"dh-offsets"}
-TOWERS = {"tower-position", "tower-tilt"}
 MISSING = "Something is missing that no known effect describes"
 EXCESS = 1.5  # times the noise that are worth a word
-SIGNIFICANT = 3.0  # standard errors from which a joint's share is worth a word
+LINES = 5  # that anybody reads
+
+
+class Strongest(Protocol):
+    """What the leading unknown depends on, as `ptt.dependence.Dependence` says it."""
+
+    residual: str
+    on: str
+    share: float
+    period_mm: float | None
+    place: tuple[float, float] | None
+    with_: str | None
+
+
+def sentence(told: Told, view: View) -> str:
+    """What an effect of a machine means, with the side of each value.
+
+    Args:
+        told: the effect in the gauge in which it is to be said.
+        view: of the machine.
+
+    Returns:
+        For example 'slider 2 stands 250 um lower than b says: homing (sliders against each other; what they have in
+        common cannot be told from the tracker's z)'.
+    """
+    effect, theta = told.term.effect, told.term.theta
+    std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
+    noun = effect.arm_noun if family(view) == "serial" else effect.noun
+    body = compose(effect.say(theta, std, view), noun)
+    if not body:
+        return f"{effect.key} explains a part"
+    return f"{body}: {effect.cause(theta, view)}{_gauge(told, noun)}"
+
+
+def _gauge(told: Told, noun: str) -> str:
+    if not told.alike:
+        return ""
+    names = [name.removeprefix("tracker ") for name in told.alike]
+    about = [name.removeprefix("rotation about ") for name in names if name.startswith("rotation")]
+    straight = [name for name in names if not name.startswith("rotation")]
+    parts = [listed(straight)] if straight else []
+    parts += [f"rotation about {listed(about)}"] if about else []
+    whose = f"the tracker's {' and its '.join(parts)}"
+    return f" ({noun}s against each other; what they have in common cannot be told from {whose})"
+
+
+def sentences(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[str]:
+    """Every fitted effect of a model in one sentence each, all in the gauge with the fewest parts off.
+
+    Args:
+        terms: fitted together.
+        problem: the readings.
+        noise: the noise floor.
+
+    Returns:
+        One for each term.
+    """
+    known = [term for term in terms if len(term.theta)]
+    return [_upper(sentence(told, problem.view)) + "." for told in sparsest(known, problem, noise)]
 
 
 def explain_step(
@@ -92,8 +83,9 @@ def explain_step(
     heldout_um: tuple[float, float],
     noise: Noise,
     problem: Problem,
+    after: Sequence[str] = (),
 ) -> str:
-    """One step in one or two sentences.
+    """One step in two or three sentences; what cannot be told apart comes first.
 
     Args:
         term: the effect, fitted.
@@ -101,116 +93,142 @@ def explain_step(
         together: effects that would do as well only together.
         heldout_um: held-out error before and after.
         noise: the noise floor.
-        problem: for the mechanism family.
+        problem: the readings; their frames tell in which gauge values are said.
+        after: steps that were taken before this one, to which the held-out error belongs.
 
     Returns:
-        For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well;
+        For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
         held-out error falls from 62 to 9 um, noise is 7 um.'
     """
-    head = _sentence(term, problem)
-    tie = f"{_listed(list(others))} would explain it as well" if others else "Nothing else explains it as well"
-    if together:
-        tie = f"{tie}, but {_listed(list(together))} together would do the same"
-    before, after = heldout_um
-    moved = "falls" if after < before else "goes"
-    fall = f"held-out error {moved} from {before:.1f} to {after:.1f} um, noise is {noise.total * 1e3:.1f} um"
-    return f"{head[0].upper()}{head[1:]}. {tie[0].upper()}{tie[1:]}; {fall}."
+    told = sparsest([term], problem, noise)[0]
+    tie, head = headline(term.effect.key, others, together), sentence(told, problem.view)
+    before, now = heldout_um
+    moved = "falls" if now < before else "goes"
+    on_top = f"after {listed(list(after))} " if after else ""
+    fall = f"the held-out error {on_top}{moved} from {before:.1f} to {now:.1f} um, noise is {noise.total * 1e3:.1f} um"
+    if tie:
+        return f"{tie} As {term.effect.key}: {head}; {fall}."
+    alone = "" if told.alike else "Nothing else explains it as well; "
+    return f"{_upper(head)}. {_upper(alone + fall)}."
 
 
-def explain_verdict(result: "Diagnosis", steps: int | None = None) -> str:
-    """The verdict in a few sentences.
+def headline(key: str, others: Sequence[str], together: Sequence[str]) -> str:
+    """What cannot be told apart, or nothing.
 
     Args:
-        result: the diagnosis.
+        key: the effect that was picked.
+        others: effects that would do as well.
+        together: effects that would do as well only together.
+
+    Returns:
+        For example 'Either homing-offset or tower-tilt: this data cannot tell them apart.'; '' where there is no tie.
+    """
+    sums = f"{listed(list(together))} together would do the same" if together else ""
+    if others:
+        either = f"Either {', '.join((key, *others[:-1]))} or {others[-1]}: this data cannot tell them apart"
+        return f"{either}; {sums}." if sums else f"{either}."
+    return f"Either {key}, or {sums}: this data cannot tell them apart." if sums else ""
+
+
+def explain_verdict(result: Any, steps: int | None = None) -> str:
+    """The verdict of a diagnosis.
+
+    Args:
+        result: the diagnosis: verdict, suggested, candidates, depends_on, rest, noise, rms_um, rows.
         steps: how many effects could be added; None for as many as it takes.
 
     Returns:
-        Text.
+        Text; of an unknown at most five lines.
     """
-    noise = result.noise.total * 1e3
-    before, after = result.rms_um["before"]["total"], result.rms_um["after"]["total"]
-    told = " ".join(candidate.words for candidate in result.candidates[: len(result.suggested)])
-    if result.verdict == "nothing-missing":
-        return (
-            f"Nothing is missing that these {result.rows} readings could show: the error is {after:.1f} um, "
-            f"the noise {noise:.1f} um ({result.noise.source}).{_excess(result)}"
+    count = len(result.suggested)
+    return "\n".join(
+        tell_verdict(
+            result.verdict,
+            [candidate.words for candidate in result.candidates[:count]],
+            (result.rms_um["before"]["total"], result.rms_um["after"]["total"]),
+            result.noise,
+            result.rows,
+            ties=[headline(step[0], step[1:], one.sum_of) for step, one in zip(
+                result.suggested, result.candidates, strict=False)],
+            names=[step[0] for step in result.suggested],
+            strongest=result.depends_on[0] if result.depends_on else None,
+            reasons=result.rest.reasons,
+            cut_short=steps is not None and steps == count,
         )
-    if result.verdict == "missing":
-        return f"{told} With that the error is {after:.1f} um, down from {before:.1f} um.{_excess(result)}"
-    partly = f"Helps, but is not all: {told} " if told else ""
-    why = "; ".join(result.rest.reasons)
-    on = _strongest(result)
-    stopped = steps is not None and steps == len(result.suggested)
-    what = "More is missing, but no more steps were allowed" if stopped else MISSING
-    return f"{partly}{what}: {why}.{on}"
+    )  # fmt: skip
 
 
-def _excess(result: "Diagnosis") -> str:
+def tell_verdict(
+    verdict: str,
+    steps: Sequence[str],
+    error_um: tuple[float, float],
+    noise: Noise,
+    rows: int,
+    *,
+    ties: Sequence[str] = (),
+    names: Sequence[str] = (),
+    strongest: Strongest | None = None,
+    reasons: Sequence[str] = (),
+    cut_short: bool = False,
+) -> list[str]:
+    """The verdict line by line, each line one thing, what cannot be told apart first.
+
+    Args:
+        verdict: 'missing', 'nothing-missing' or 'unknown'.
+        steps: words of each step.
+        error_um: error before and after the steps.
+        noise: the noise floor.
+        rows: readings that counted.
+        ties: for each step what cannot be told apart from it, '' for nothing.
+        names: of the steps.
+        strongest: what the leading unknown depends on.
+        reasons: what says that something is left.
+        cut_short: no more steps were allowed.
+
+    Returns:
+        At most five lines where something unknown is missing; else one for each step and one for the errors.
+    """
+    before, after = error_um
+    floor = f"the noise {noise.total * 1e3:.1f} um ({noise.source})"
+    excess = _excess(after, noise)
+    if verdict == "nothing-missing":
+        sound = f"Nothing is missing that these {rows} readings could show"
+        return [f"{sound}: the error is {after:.1f} um, {floor}.{excess}"]
+    fall = f"the error is {after:.1f} um, down from {before:.1f} um; {floor}."
+    if verdict == "missing":
+        # A tie stands at the head of its step's words; a later one has to be heard of first, too.
+        open_ones = [name for name, tie in zip(names, ties, strict=False) if tie]
+        first = [f"Not all has one name: see {listed(open_ones)}."] if open_ones and not ties[0] else []
+        return [*first, *steps, f"With that {fall}{excess}"]
+    what = "More is missing, but no more steps were allowed" if cut_short else MISSING
+    lines = [f"{what}." if strongest or not reasons else f"{what}: {reasons[0]}."]
+    lines += [depends(strongest)] if strongest else []
+    if 0 < len(steps) <= LINES - 1 - len(lines):
+        lines += [f"Named beside it: {step}" for step in steps]
+    elif steps:
+        lines.append(f"Named beside it: {listed(list(names))}; what each means stands with the candidates.")
+    return [*lines, f"With what is named {fall}" if steps else f"The error is {after:.1f} um, {floor}"]
+
+
+def depends(strongest: Strongest) -> str:
+    """What the leading unknown follows, in one line."""
+    period = f" with a period of {strongest.period_mm:.3g} mm" if strongest.period_mm else ""
+    place = f" between {strongest.place[0]:.0f} and {strongest.place[1]:.0f}" if strongest.place else ""
+    place = f", in a measure that varies with {strongest.with_}" if strongest.with_ else place
+    share = f"{strongest.share:.0%} of its variance"
+    return f"What is left of {strongest.residual} follows {strongest.on}{period}{place} ({share})."
+
+
+def _excess(after_um: float, noise: Noise) -> str:
     """A word where much more is left than the noise is said to be, though it follows nothing that was recorded."""
-    times = result.rms_um["after"]["total"] / max(result.noise.total * 1e3, 1e-12)
+    times = after_um / max(noise.total * 1e3, 1e-12)
     if times < EXCESS:
         return ""
     return (
-        f" That is {times:.1f} x the noise by the {result.noise.source}: they understate the scatter of a reading, or "
+        f" That is {times:.1f} x the noise by the {noise.source}: they understate the scatter of a reading, or "
         "something is missing that follows nothing recorded here."
     )
 
 
-def _strongest(result: "Diagnosis") -> str:
-    if not result.depends_on:
-        return ""
-    first = result.depends_on[0]
-    period = f" with a period of {first.period_mm:.3g} mm" if first.period_mm else ""
-    place = f" between {first.place[0]:.0f} and {first.place[1]:.0f}" if first.place else ""
-    place = f", in a measure that varies with {first.with_}" if first.with_ else place
-    return f" What is left of {first.residual} follows {first.on}{period}{place} ({first.share:.0%} of its variance)."
-
-
-def _sentence(term: Term, problem: Problem) -> str:
-    entry = SENTENCES.get(term.effect.name)
-    if entry is None:
-        return f"{term.effect.key} explains a part"
-    text, stems, factor, unit, decimals = entry
-    values, stds = _magnitudes(term, stems.split("+"), problem.view.joints)
-    shown_first = next(p for p in term.effect.parameters if p.stem == stems.split("+")[0])
-    per_joint = shown_first.per_joint
-    if problem.file.machine.kind == "serial" and shown_first.axis and unit in ("um", "um/N"):
-        unit = {"um": "urad", "um/N": "urad/Nmm"}[unit]
-        factor *= 1e3
-    if problem.file.machine.kind == "serial":
-        text = text.replace("screw lead", "gear or encoder scale").replace("travel{s}", "turn{s}")
-    if not per_joint:
-        return text.format(what=f"{np.linalg.norm(values) * factor:.{decimals}f} {unit}")
-    shown = [i for i in range(len(values)) if values[i] > SIGNIFICANT * stds[i]] or [int(np.argmax(values))]
-    noun = _noun(term.effect.name, problem)
-    plural = len(shown) > 1
-    who = f"{noun}{'s' if plural else ''} {_listed([str(i + 1) for i in shown])}"
-    what = f"{_listed([f'{values[i] * factor:.{decimals}f}' for i in shown])} {unit}"
-    verbs = {"s": "" if plural else "s", "is_": "are" if plural else "is", "has": "have" if plural else "has"}
-    return text.format(who=who, what=what, **verbs)
-
-
-def _magnitudes(term: Term, stems: Sequence[str], joints: int) -> tuple[np.ndarray, np.ndarray]:
-    """Size and standard error of what each joint (or coordinate) has, several parameters taken together."""
-    parts, errors, start = [], [], 0
-    for parameter, size in zip(term.effect.parameters, sizes(term.effect, joints), strict=True):
-        part = slice(start, start + size)
-        start += size
-        if parameter.stem not in stems:
-            continue
-        groups = joints if parameter.per_joint else size
-        std = np.full(size, np.nan) if term.std is None else term.std[part].numpy()
-        parts.append(np.abs(term.theta[part].numpy()).reshape(groups, -1))
-        errors.append(np.nan_to_num(std).reshape(groups, -1))
-    values, stds = np.concatenate(parts, axis=1), np.concatenate(errors, axis=1)
-    return np.sqrt(np.square(values).sum(axis=1)), np.sqrt(np.square(stds).sum(axis=1))
-
-
-def _noun(name: str, problem: Problem) -> str:
-    if problem.file.machine.kind == "serial":
-        return "link" if name in LINKS else "joint"
-    return "link" if name in LEGS else "tower" if name in TOWERS else "slider"
-
-
-def _listed(items: list[str]) -> str:
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
+def _upper(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"

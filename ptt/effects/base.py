@@ -4,15 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.effects.cards.card import Card
+from ptt.effects.phrases import Phrase, Said, said
+from ptt.mechanisms.serial import Serial
 from ptt.view import View
 
 Stage = Literal["drive", "geometry", "structure", "metrology"]
 STAGES: tuple[Stage, ...] = ("drive", "geometry", "structure", "metrology")
-FINER = 8  # values that are tried between the neighbours of a time or travel constant
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,12 @@ class Effect:
         requires: contexts of `View.varies` without which the data cannot test it.
         follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
         reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
+        card: cause, source, usual size, fingerprint, remedy; None makes one of the docstring.
+        phrases: what each parameter above and below zero means.
+        noun: what its joints are called on a 3-PTT.
+        arm_noun: and on an arm.
+        called: the cause in a few words; the name where it has none.
+        arm_called: the same on an arm, where it differs.
 
     Attributes:
         label: tells two of a kind apart, as in two knocks.
@@ -105,6 +112,12 @@ class Effect:
     requires: ClassVar[tuple[str, ...]] = ()
     follows_clock: ClassVar[bool] = False
     reverses: ClassVar[bool] = False
+    card: ClassVar[Card | None] = None
+    phrases: ClassVar[tuple[Phrase, ...]] = ()
+    noun: ClassVar[str] = "slider"
+    arm_noun: ClassVar[str] = "joint"
+    called: ClassVar[str] = ""
+    arm_called: ClassVar[str] = ""
 
     label: str = ""
 
@@ -185,6 +198,42 @@ class Effect:
         linear = linear_size(self, view.joints)
         return self.basis(view, shape_of(self, theta, view.joints)) @ theta[:linear]
 
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+        """Put the parameters into words, each with its side.
+
+        Args:
+            theta: all parameters, flat.
+            std: their standard errors, NaN where none is known.
+            view: of the machine.
+
+        Returns:
+            One for each value that has a phrase.
+        """
+        kind, parts, start = family(view), [], 0
+        for parameter in (declared.on(kind) for declared in self.parameters):
+            phrase = next((item for item in self.phrases if item.stem == parameter.stem), None)
+            size = parameter.size(view.joints)
+            for index in range(size) if phrase else ():
+                joint = index // parameter.count + 1 if parameter.per_joint else 0
+                value, error = float(theta[start + index]), float(std[start + index])
+                own = phrase.along("xyz"[index]) if phrase and 1 < size <= 3 and not joint else phrase
+                assert own is not None
+                parts.append(said(own, value, error, parameter.unit, parameter.usual, joint, kind))
+            start += size
+        return tuple(parts)
+
+    def cause(self, theta: Tensor, view: View) -> str:
+        """The cause in a few words, with what its shape parameters tell.
+
+        Args:
+            theta: all parameters, flat.
+            view: of the machine.
+
+        Returns:
+            For example 'wind-up, over 2.1 mm of travel'.
+        """
+        return (self.arm_called if family(view) == "serial" else "") or self.called or self.key
+
 
 _WANTED = {
     "payload": "column payload_kg with at least two loads",
@@ -193,6 +242,11 @@ _WANTED = {
     "speed": "readings at two or more speeds (feed_mm_s, or time_s while moving)",
     "direction": "poses reached from both directions",
 }
+
+
+def family(view: View) -> str:
+    """Mechanism family of a view: 'three-ptt' or 'serial'."""
+    return "serial" if isinstance(view.mechanism, Serial) else "three-ptt"
 
 
 def sizes(effect: Effect, joints: int) -> tuple[int, ...]:
@@ -243,26 +297,6 @@ def flatten(effect: Effect, shape: Mapping[str, Tensor], joints: int) -> Tensor:
         for parameter in effect.parameters
     ]
     return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
-
-
-def finer(trials: Sequence[Mapping[str, Tensor]], shape: Mapping[str, Tensor], stem: str) -> list[Mapping[str, Tensor]]:
-    """Values of a time or travel constant between the trials on either side of one, in proportion.
-
-    Args:
-        trials: what the search offers.
-        shape: the trial, or a value between trials.
-        stem: the constant; other values of the shape stay.
-
-    Returns:
-        The shape itself first, then `FINER` values up to its neighbours.
-    """
-    own = float(shape[stem])
-    tried = sorted({float(trial[stem]) for trial in trials})
-    low = max((value for value in tried if value < own), default=own)
-    high = min((value for value in tried if value > own), default=own)
-    inner = [*np.geomspace(low, own, FINER // 2 + 2)[1:-1], *np.geomspace(own, high, FINER // 2 + 2)[1:-1]]
-    values = (value for value in inner if value != own)
-    return [shape, *({**shape, stem: torch.tensor([value], dtype=torch.float64)} for value in values)]
 
 
 def per_joint(*columns: Tensor) -> Tensor:

@@ -7,10 +7,14 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage, finer
+from ptt.effects.base import Effect, Parameter, Stage
+from ptt.effects.cards.card import Card
+from ptt.effects.constants import finer
+from ptt.effects.phrases import Phrase
 from ptt.effects.sudden import AFTER, Sudden
 from ptt.view import View
 
+RIGID = "small rigid motion, Rodrigues' formula to first order"
 SETTLING = (1e3, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between
 
 
@@ -30,6 +34,32 @@ class TrackerFrame(MetrologyEffect):
         Parameter("shift", "mm", 0.5, "translation of the readings, x, y, z", count=3),
         Parameter("turn", "rad", 5e-4, "rotation of the readings about x, y, z", count=3),
     )
+    called: ClassVar[str] = "tracker frame"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("shift", "are shifted {what} toward +{axis}", "are shifted {what} toward -{axis}", "the readings"),
+        Phrase(
+            "turn",
+            "are turned {what} counter-clockwise about {axis}",
+            "are turned {what} clockwise about {axis}",
+            "the readings",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="The frame the readings are in is not the base frame: registration of the tracker.",
+        equation="dp = t + w x p",
+        source=RIGID,
+        size="0.02 to 1 mm, 0.1 to 1 mrad",
+        fingerprint="The whole field moves and turns like a rigid body.",
+        confused_with=(
+            ("homing-offset", "common zero is z: base reflectors"),
+            ("tower-position", "common sideways is x, y; common tangential a turn about z: base reflectors"),
+            ("tower-tilt", "common lean with matching zeros is a turn about x, y: base reflectors"),
+        ),
+        remedy='Nothing on the machine: measure reflectors fixed to the base and use frame = "measured".',
+        residual="x",
+        telling="y",
+        shade="z",
+    )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Rigid motion, first order."""
@@ -42,6 +72,24 @@ class TrackerScale(MetrologyEffect):
 
     name: ClassVar[str] = "tracker-scale"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("scale", "1", 2e-5, "share by which readings are long"),)
+    called: ClassVar[str] = "tracker scale"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("scale", "reads lengths {what} too long", "reads lengths {what} too short", "the tracker"),
+    )
+    card: ClassVar[Card] = Card(
+        cause="The tracker's unit of length is off: wrong air temperature, pressure or humidity.",
+        equation="dp = s p, about the base origin",
+        source="refractive index of air: Edlen, Metrologia 2, 1966 (about 1 ppm/K and 0.27 ppm/hPa)",
+        size="1 ppm/K; 1 to 20 ppm",
+        fingerprint="All distances long by the same share: error radial, growing with distance.",
+        confused_with=(
+            ("link-length + tower-position + lead-scale + homing-offset", "together exactly that: read a scale bar"),
+            ("frame-growth", "follows the machine's temperature: read a scale bar cold and warm"),
+        ),
+        remedy="Nothing on the machine: set the tracker's weather station right, read a calibrated scale bar.",
+        residual="x",
+        telling="x",
+    )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """The position itself."""
@@ -62,6 +110,37 @@ class TrackerDrift(MetrologyEffect):
     )
     requires: ClassVar[tuple[str, ...]] = ("time",)
     follows_clock: ClassVar[bool] = True
+    called: ClassVar[str] = "tracker drift"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase(
+            "drift",
+            "drift {what} toward +{axis} over the run",
+            "drift {what} toward -{axis} over the run",
+            "the tracker's readings",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="Tripod or floor settles, or the tracker is still warming up, so its station wanders.",
+        equation="dp = a (1 - exp(-t/T))/(1 - exp(-D/T)), D the run's length; T = 1000 D is a straight line a t/D",
+        source="first-order settling",
+        size="0.005 to 0.05 mm/h",
+        fingerprint="A smooth trend with time in x, y or z, the same at every pose; seen in datum revisits.",
+        confused_with=(
+            ("frame-growth", "fixed reflectors stand still: read base reflectors, give temp_c"),
+            ("screw-growth", "a slope in slider height: poses in random order, a datum every 20 points"),
+            ("setup-jump", "at once, not slowly: revisit a datum every 20 points"),
+        ),
+        remedy="Nothing on the machine: warm the tracker up, stand it firmly, revisit a datum, re-register.",
+        needs="time_s over more than an instant",
+        residual="x",
+        telling="time",
+    )
+
+    def cause(self, theta: Tensor, view: View) -> str:
+        """With its pace."""
+        settling, duration = float(theta[-2]), float(theta[-1])
+        pace = "at an even pace" if settling > 10.0 * duration else f"settling with a time constant of {settling:.0f} s"
+        return f"tracker drift, {pace}"
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """A straight line and three speeds of settling."""
@@ -88,6 +167,35 @@ class SetupJump(Sudden, MetrologyEffect):
         Parameter("shift", "mm", 0.05, "translation of the readings after the knock, x, y, z", count=3),
         Parameter("turn", "rad", 5e-5, "rotation of the readings after the knock, about x, y, z", count=3),
         AFTER,
+    )
+    called: ClassVar[str] = "knock of the tracker"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("shift", "jump {what} toward +{axis}", "jump {what} toward -{axis}", "the tracker's readings"),
+        Phrase(
+            "turn",
+            "turn {what} counter-clockwise about {axis}",
+            "turn {what} clockwise about {axis}",
+            "the tracker's readings",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="The tripod was knocked, or the tracker was set up anew without registration.",
+        equation=(
+            "dp = t + w x p after a moment, zero until then (seconds, or rows where there is no clock): six free "
+            "numbers and a moment that is searched, so it can imitate much that begins part-way"
+        ),
+        source=RIGID,
+        size="0.01 to 0.5 mm",
+        fingerprint="From one row on the whole field is shifted and turned; repeats before and after disagree.",
+        confused_with=(
+            ("tracker-drift", "slow, not at once: a datum every 20 points"),
+            ("homing-slip", "one slider's zero moves, base reflectors stay: read base reflectors, revisit a datum"),
+            ("poor repeatability", "scatter without order in time: keep the rows in the order of measuring"),
+        ),
+        remedy="Nothing on the machine: register again, or give the rows after the knock their own run.",
+        needs="time_s or rows in order of measuring, at least 20",
+        residual="x",
+        telling="time",
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:

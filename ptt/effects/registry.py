@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from ptt.effects import drive, geometry, metrology, serial, structure
+from ptt.effects import drive, links, metrology, reversal, screw, serial, structure, towers, twist
 from ptt.effects.base import STAGES, Effect
 from ptt.errors import InputError, ModelError
 
@@ -16,22 +16,22 @@ Library = Mapping[str, type[Effect]]
 _CLASSES: tuple[type[Effect], ...] = (
     drive.HomingOffset,
     drive.HomingSlip,
-    drive.LeadScale,
-    drive.ScrewErrorMap,
-    drive.OncePerRev,
-    drive.Backlash,
-    drive.Windup,
+    screw.LeadScale,
+    screw.ScrewErrorMap,
+    screw.OncePerRev,
+    reversal.Backlash,
+    reversal.Windup,
     drive.FollowingError,
-    drive.ScrewGrowth,
+    screw.ScrewGrowth,
     drive.AxisCompliance,
-    geometry.TowerPosition,
-    geometry.TowerTilt,
-    geometry.LinkLength,
-    geometry.GuideStraightness,
-    geometry.JointOffset,
-    geometry.JointClearance,
-    geometry.LinkCompliance,
-    geometry.PlatformTwist,
+    towers.TowerPosition,
+    towers.TowerTilt,
+    links.LinkLength,
+    towers.GuideStraightness,
+    links.JointOffset,
+    links.JointClearance,
+    links.LinkCompliance,
+    twist.PlatformTwist,
     serial.JointErrorMap,
     serial.DhOffsets,
     serial.SelfWeight,

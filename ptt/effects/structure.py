@@ -8,6 +8,8 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
+from ptt.effects.cards.card import Card
+from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.view import View
 
@@ -24,6 +26,38 @@ class ColumnBend(Effect):
         Parameter("slope", "1/kg", 2e-5, "sideways yield per mm of height, x and y", count=2),
     )
     requires: ClassVar[tuple[str, ...]] = ("payload",)
+    called: ClassVar[str] = "column bend"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase(
+            "sway",
+            "bends toward +{axis} by {what} of payload",
+            "bends toward -{axis} by {what} of payload",
+            "the column",
+        ),
+        Phrase(
+            "slope",
+            "bends more toward +{axis} with height, by {what} of payload",
+            "bends more toward -{axis} with height, by {what} of payload",
+            "the column",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="Column or frame bends sideways under the payload, more the higher the sliders carry it.",
+        equation="dp = m (u + v (mean(q) - q0)), u and v horizontal, m the payload, q0 the mean height at p = 0",
+        source="linear elasticity, first order in height",
+        size="0.001 to 0.005 mm/kg",
+        fingerprint="A sideways shift proportional to payload, the same everywhere in x and y, changing with height.",
+        confused_with=(
+            ("axis-compliance", "varies over x and y and sags in z: one payload at poses spread wide"),
+            ("tower-tilt", "does not follow payload: repeat under another payload"),
+            ("setup-jump", "a tripod that moved while the payload was changed: revisit an unloaded datum"),
+        ),
+        remedy="Brace the column; keep payloads alike, or correct by payload.",
+        needs="payload_kg with at least two loads",
+        residual="x",
+        telling="payload",
+        shade="z",
+    )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Payload, and payload times height, each in x and y."""
@@ -45,6 +79,37 @@ class FrameGrowth(Effect):
     )
     requires: ClassVar[tuple[str, ...]] = ("temperature",)
     follows_clock: ClassVar[bool] = True
+    called: ClassVar[str] = "frame growth"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase(
+            "radius",
+            "grows {what} with warmth",
+            "shrinks {what} with warmth",
+            "the base radius",
+            arm=("grows {what} along x with warmth", "shrinks {what} along x with warmth"),
+        ),
+        Phrase("link", "grow {what} with warmth", "shrink {what} with warmth", "the links"),
+    )
+    card: ClassVar[Card] = Card(
+        cause="Frame and links grow as they warm; each with its own material.",
+        equation=(
+            "dp = f(q; R (1 + a_R dT), L (1 + a_L dT)) - f(q; R, L), R the base radius, L the links (serial: every a, "
+            "every d), f the forward kinematics"
+        ),
+        source="linear thermal expansion (steel 11 to 12, aluminium 23 um/m/K); method of ISO 230-3",
+        size="0.005 to 0.007 mm at 2 K",
+        fingerprint="A drift, mostly in z, shaped like a link or radius error, in step with temperature.",
+        confused_with=(
+            ("tracker-drift", "moves fixed reflectors too: read base reflectors through the run"),
+            ("screw-growth", "a line in height for each slider: poses over the whole travel, warm and cold"),
+            ("radius against link", "nearly one pattern in a small volume: poses wide in x and y"),
+        ),
+        remedy="Hold the room steady, warm up, shield from sun and draught; correct by a frame temperature sensor.",
+        needs="temp_c with a change of temperature",
+        residual="z",
+        telling="temperature",
+        shade="radius",
+    )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Tool shift per unit strain of radius and links, times warmth: the limit of a small strain."""

@@ -44,3 +44,9 @@ class Sudden(Effect):
     def since(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Which rows come after the moment, (n,) as numbers 0 and 1."""
         return (self.clock(view) > shape["after"]).to(view.q.dtype)
+
+    def cause(self, theta: Tensor, view: View) -> str:
+        """With the moment."""
+        after = float(theta[-1])
+        moment = f"{after:.0f} s" if "time" in view.varies else f"row {after + 1.0:.0f}"
+        return f"{super().cause(theta, view)} after {moment}"

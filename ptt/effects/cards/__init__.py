@@ -1,19 +1,21 @@
 """Cards of the effects: cause, equation, source, fingerprint, what each is confused with, how it is mended."""
 
 import inspect
+from typing import TYPE_CHECKING
 
-from ptt.effects.base import Effect
-from ptt.effects.cards import drive, geometry, others, serial
 from ptt.effects.cards.card import RESIDUALS, TELLING, Card
+from ptt.effects.cards.serial import CARDS
 
-__all__ = ["CARDS", "RESIDUALS", "TELLING", "Card", "card_of"]
+if TYPE_CHECKING:
+    from ptt.effects.base import Effect
 
-CARDS: dict[str, Card] = {**drive.CARDS, **geometry.CARDS, **serial.CARDS, **others.CARDS}
+__all__ = ["RESIDUALS", "TELLING", "Card", "card_of"]
+
 UNSAID = "not stated"
 
 
-def card_of(effect: Effect | type[Effect]) -> Card:
-    """The card of an effect: the class's own `card`, else the library's, else one made of its docstring.
+def card_of(effect: "Effect | type[Effect]") -> Card:
+    """The card of an effect: the class's own, else one made of its docstring.
 
     Args:
         effect: an effect or its class.
@@ -22,13 +24,12 @@ def card_of(effect: Effect | type[Effect]) -> Card:
         The card.
     """
     cls = effect if isinstance(effect, type) else type(effect)
-    own = getattr(cls, "card", None)
-    if isinstance(own, Card):
-        return own
+    if isinstance(cls.card, Card):
+        return cls.card
     return CARDS[cls.name] if cls.name in CARDS else _from_docstring(cls)
 
 
-def _from_docstring(cls: type[Effect]) -> Card:
+def _from_docstring(cls: "type[Effect]") -> Card:
     first, _, rest = (inspect.cleandoc(cls.__doc__) if cls.__doc__ else cls.name).partition("\n")
     residual = "joint" if cls.stage in ("drive", "geometry") else "x"
     return Card(

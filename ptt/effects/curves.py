@@ -1,0 +1,89 @@
+"""What curves along a joint's travel share: the range they are drawn over, their highest places, older files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Effect
+from ptt.effects.phrases import Phrase, Said, said
+from ptt.effects.shapes import COARSE_SHAPES, from_coarse, smooth_shapes, straight_shapes
+from ptt.view import View
+
+PLACES = 201  # at which a curve is looked at for its highest
+
+
+def covered_range(view: View) -> dict[str, Tensor]:
+    """Range of each joint that the rows cover, so that a saved curve keeps its own ruler.
+
+    Args:
+        view: n rows.
+
+    Returns:
+        'from' and 'to', each (k,).
+    """
+    low, high = view.q.amin(dim=0), view.q.amax(dim=0)
+    still = high - low < 1e-6
+    return {"from": low, "to": torch.where(still, low + 1.0, high)}
+
+
+def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int) -> Mapping[str, Tensor]:
+    """Curves of older machine files in the present shapes.
+
+    Args:
+        values: stem -> values as the file has them.
+        stems: the curves among them; their straight parts lie side by side in 'straight'.
+        joints: k.
+
+    Returns:
+        The same where they are in the present shapes already.
+    """
+    if not all(stem in values and len(values[stem]) == COARSE_SHAPES * joints for stem in stems):
+        return values
+    smooth, line = (torch.as_tensor(part) for part in from_coarse())
+    curves = {stem: values[stem].reshape(joints, COARSE_SHAPES) for stem in stems}
+    straight = torch.cat([curve @ line.T for curve in curves.values()], dim=1).flatten()
+    return {
+        **values,
+        **{stem: (curve @ smooth.T).flatten() for stem, curve in curves.items()},
+        "straight": straight + values.get("straight", torch.zeros_like(straight)),
+    }
+
+
+def curve_extremes(
+    effect: Effect, theta: Tensor, std: Tensor, curves: Sequence[tuple[Phrase, str, slice]]
+) -> tuple[Said, ...]:
+    """The highest and the lowest place of curves, in words.
+
+    Args:
+        effect: has 'straight', 'from' and 'to'.
+        theta: all its parameters, flat.
+        std: their standard errors, NaN where none is known.
+        curves: words, parameter, and which of a joint's values of 'straight' are its slope and level.
+
+    Returns:
+        Highest and lowest place of each curve, where they are on either side of zero.
+    """
+    names = [parameter.stem for parameter in effect.parameters]
+    joints = len(theta) // sum(parameter.count for parameter in effect.parameters)
+    counts = [parameter.count * joints for parameter in effect.parameters]
+    values, errors = (dict(zip(names, part.split(counts), strict=True)) for part in (theta, std.nan_to_num()))
+    place = torch.linspace(0.0, 1.0, PLACES, dtype=torch.float64)
+    shapes = torch.cat([smooth_shapes(place), straight_shapes(place)], dim=1)
+    parts = []
+    for phrase, stem, line in curves:
+        own = next(parameter for parameter in effect.parameters if parameter.stem == stem)
+        for joint in range(joints):
+            size, error = (
+                torch.cat([part[stem].reshape(joints, -1)[joint], part["straight"].reshape(joints, -1)[joint, line]])
+                for part in (values, errors)
+            )
+            curve, spread = shapes @ size, (shapes.square() @ error.square()).sqrt()
+            low, high = float(values["from"][joint]), float(values["to"][joint])
+            for at, right in ((int(curve.argmax()), 1.0), (int(curve.argmin()), -1.0)):
+                if right * float(curve[at]) > 0.0:
+                    where = f" near b = {low + float(place[at]) * (high - low):.0f} mm"
+                    here = replace(phrase, plus=phrase.plus + where, minus=phrase.minus + where)
+                    parts.append(said(here, float(curve[at]), float(spread[at]), own.unit, own.usual, joint + 1))
+    return tuple(parts)

@@ -1,0 +1,183 @@
+"""Effects of the links and their joints: length, play, yield (3-PTT)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Parameter
+from ptt.effects.cards.card import Card
+from ptt.effects.geometry import (
+    CLOSURE,
+    ThreePttEffect,
+    horizontal_axes,
+    length_basis,
+    machine,
+    pull,
+)
+from ptt.effects.phrases import Phrase
+from ptt.view import View
+
+
+@dataclass(frozen=True)
+class LinkLength(ThreePttEffect):
+    """Link i is longer than drawn."""
+
+    name: ClassVar[str] = "link-length"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("length", "mm", 0.1, "link too long", True),)
+    noun: ClassVar[str] = "link"
+    called: ClassVar[str] = "link length"
+    phrases: ClassVar[tuple[Phrase, ...]] = (Phrase("length", "{is_} {what} too long", "{is_} {what} too short"),)
+    card: ClassVar[Card] = Card(
+        cause="A link is longer or shorter between its joint centres than drawn.",
+        equation="dL_i = l_i; J_i dp = L_i dL_i/w_i",
+        source=f"{CLOSURE}; calibration of parallel robots: Vischer and Clavel, Robotica 16, 1998",
+        size="all links 0.05 to 0.5 mm; one against the others 0.02 to 0.2 mm",
+        fingerprint="All alike: a dish, mostly in z. One: like that leg's zero, with curvature in x and y.",
+        confused_with=(
+            ("homing-offset", "that leg's zero has no curvature: poses wide in x and y"),
+            ("tower-position", "common radius, 0.998 alike: measure one link on a coordinate measuring machine"),
+            ("tracker-scale", "with radius, lead and zero it imitates a long tracker: read a scale bar"),
+        ),
+        remedy="Pair links of equal length, or enter the measured lengths in the controller.",
+        telling="link angle",
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Unit length of each leg."""
+        return length_basis(torch.ones_like(view.q))
+
+
+@dataclass(frozen=True)
+class JointOffset(ThreePttEffect):
+    """Axes of a universal joint do not meet, so the effective length varies with the link's angle."""
+
+    name: ClassVar[str] = "joint-offset"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("rail", "mm", 0.05, "times the cosine of the link's angle to the rail", True),
+        Parameter("tangential", "mm", 0.05, "times the cosine of the link's sideways angle", True),
+    )
+    noun: ClassVar[str] = "link"
+    called: ClassVar[str] = "joint offset"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase(
+            "rail",
+            "get{s} {what} longer the more it runs along its rail",
+            "get{s} {what} shorter the more it runs along its rail",
+        ),
+        Phrase(
+            "tangential",
+            "get{s} {what} longer the less it points sideways",
+            "get{s} {what} shorter the less it points sideways",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="The two axes of a universal joint do not meet, so the link's length varies with its angle.",
+        equation="dL_i = a_i |s_i . rail_i|/L_i + c_i sqrt(1 - (s_i . t_i/L_i)^2)",
+        source=CLOSURE,
+        size="0.01 to 0.1 mm",
+        fingerprint="Link length that follows the link's angle; the rail part is exactly a homing offset.",
+        confused_with=(
+            ("homing-offset", "the rail part is the same thing: no pose tells; measure the joint on the bench"),
+            ("link-length", "the tangential part is 99 % a length: poses rich in sideways link angle"),
+        ),
+        remedy="Replace the joint; or leave it to homing-offset and link-length, which carry nearly all of it.",
+        telling="link angle",
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Cosines of each link's angles."""
+        link = machine(view).link_vectors(view.p) / machine(view).link[:, None]
+        _, tangential = horizontal_axes(view)
+        sideways = (link * tangential).sum(dim=-1)
+        along = (link * machine(view).rail).sum(dim=-1).abs()
+        return length_basis(along, torch.sqrt(1.0 - sideways.square()))
+
+
+@dataclass(frozen=True)
+class JointClearance(ThreePttEffect):
+    """Play in the joints of leg i: the pins rest on the side that the link force pushes to."""
+
+    name: ClassVar[str] = "joint-clearance"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("clearance", "mm", 0.02, "play of the leg from pulled to pushed", True, lower=0.0),
+    )
+    noun: ClassVar[str] = "link"
+    called: ClassVar[str] = "joint clearance"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase(
+            "clearance",
+            "{has} {what} of play that changes side with the link force",
+            "{has} {what} less than no play",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="Play in the pins of a leg's joints; they rest on the side that the link force pushes to.",
+        equation=(
+            "dL_i = (c_i/2) sign(F_i), F_i the pull in the link that holds platform and payload: "
+            "sum_i F_i s_i/L_i = (0, 0, -m g)"
+        ),
+        source="statics of the platform; contact on the loaded side",
+        size="0.005 to 0.05 mm",
+        fingerprint="A step where a link force changes sign, outside the triangle of the joints; poor repeats there.",
+        confused_with=(
+            ("backlash", "follows direction, not force: a linear scale and the tracker at once"),
+            ("axis-compliance", "grows with load: load and unload through several payloads"),
+        ),
+        remedy="Preload the joints with springs, replace pins; or work inside the triangle with a load on.",
+        needs="platform_mass_kg or payload_kg, and poses on both sides of where a link force changes sign",
+        telling="link force",
+    )
+
+    def needs(self, view: View) -> str | None:
+        """A link force that changes its sign in the data."""
+        force = pull(view)
+        both = ((force > 0).sum(dim=0) >= 3) & ((force < 0).sum(dim=0) >= 3)
+        return None if bool(both.any()) else "poses on both sides of where a link force changes sign, and a load"
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Half the play, longer when pulled and shorter when pushed."""
+        return length_basis(0.5 * torch.sign(pull(view)))
+
+
+@dataclass(frozen=True)
+class LinkCompliance(ThreePttEffect):
+    """Link i with its joints gives way along itself under its force: dL_i = c_i N_i, N_i the pull."""
+
+    name: ClassVar[str] = "link-compliance"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("compliance", "mm/N", 5e-5, "stretch of link and joints per unit of pull", True),
+    )
+    noun: ClassVar[str] = "link"
+    called: ClassVar[str] = "link compliance"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("compliance", "stretch{es} {what} of pull", "shorten{s} {what} of pull, as no spring does"),
+    )
+    card: ClassVar[Card] = Card(
+        cause="A link and the bearings of its joints stretch under the pull of platform and payload.",
+        equation="dL_i = c_i F_i, F_i the pull in the link: sum_i F_i s_i/L_i = (0, 0, -m g), m platform and payload",
+        source="statics of the platform; axial stiffness E A/L in series with the joints' bearings",
+        size="10 to 100 N/um: 0.5 to 5 um at 50 N",
+        fingerprint="The platform hangs lower with payload, and J e of a leg follows the pull in its link.",
+        confused_with=(
+            ("axis-compliance", "like it times (L/w)^2: payloads at poses spread wide, a linear scale on the axis"),
+            ("joint-clearance", "a step, not a slope: load and unload through several payloads"),
+            ("link-length", "does not follow payload: repeat under another payload"),
+        ),
+        remedy="Stiffer links and joint bearings; keep payloads alike, or correct by payload.",
+        needs="platform_mass_kg or payload_kg, so that the pull in a link varies over pose or payload",
+        telling="link force",
+        shade="payload",
+    )
+
+    def needs(self, view: View) -> str | None:
+        """A link force that is not the same everywhere."""
+        force = pull(view)
+        varied = bool((force.amax(dim=0) - force.amin(dim=0) > 1e-6).any())
+        return None if varied else "platform_mass_kg in the machine file, or a payload (column payload_kg)"
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Pull in each link."""
+        return length_basis(pull(view))

@@ -1,0 +1,170 @@
+"""How the values of an effect are said: with the side that each of them means, in the units of a workshop."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+SHOWN = {  # unit -> factor and unit in words
+    "mm": (1e3, "um"),
+    "rad": (1e6, "urad"),
+    "1": (1e6, "um/m"),
+    "s": (1e3, "ms"),
+    "1/K": (1e6, "um/m/K"),
+    "mm/K": (1e3, "um/K"),
+    "mm/N": (1e3, "um/N"),
+    "rad/Nmm": (1e9, "urad/N m"),
+    "mm/kg": (1e3, "um/kg"),
+    "1/kg": (1e6, "um/m/kg"),
+}
+LARGE = 1000.0  # urad from which an angle is said in mrad
+SMALL = 0.02  # share of the largest value below which nobody would turn a screw
+ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
+SEVERAL = {"s": "", "es": "", "is_": "are", "has": "have"}
+SIGNIFICANT = 3.0  # standard errors from which a value is worth a word
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """What it means that one parameter is above or below zero.
+
+    `{what}` is the size with its unit, `{axis}` x, y or z of a vector's component; `{s}`, `{es}`, `{is_}`, `{has}` are
+    the verb for one or several joints.
+
+    Attributes:
+        stem: of the parameter.
+        plus: what a value above zero does, as in '{is_} {what} too long'.
+        minus: what a value below zero does.
+        who: the subject, where it is no joint.
+        arm: the same two on a serial arm, where they differ.
+        times: the size said, as a multiple of the value.
+    """
+
+    stem: str
+    plus: str
+    minus: str
+    who: str = ""
+    arm: tuple[str, str] | None = None
+    times: float = 1.0
+
+    def along(self, axis: str) -> "Phrase":
+        """The phrase of one component of a vector."""
+        plus, minus = (text.replace("{axis}", axis) for text in (self.plus, self.minus))
+        arm = self.arm and (self.arm[0].replace("{axis}", axis), self.arm[1].replace("{axis}", axis))
+        return replace(self, plus=plus, minus=minus, arm=arm)
+
+    def on(self, kind: str) -> tuple[str, str]:
+        """Plus and minus on a mechanism family."""
+        return self.arm if self.arm is not None and kind == "serial" else (self.plus, self.minus)
+
+
+@dataclass(frozen=True)
+class Said:
+    """One value in words.
+
+    Attributes:
+        who: the subject; '' where it is a joint.
+        joint: number of the joint or leg, from 1; 0 where it is none.
+        text: what it does, with {what} still to be filled in.
+        size: not negative, in `unit`.
+        error: its standard error; NaN where none is known.
+        unit: as said.
+        worth: size in usual sizes, which tells what matters most.
+    """
+
+    who: str
+    joint: int
+    text: str
+    size: float
+    error: float
+    unit: str
+    worth: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether the value is beyond what chance makes of zero."""
+        return self.size > SIGNIFICANT * np.nan_to_num(self.error)
+
+
+def said(phrase: Phrase, value: float, error: float, unit: str, usual: float, joint: int = 0, kind: str = "") -> Said:
+    """Say one value.
+
+    Args:
+        phrase: of its parameter.
+        value: in the unit of the file.
+        error: its standard error, NaN where none is known.
+        unit: of the file.
+        usual: usual size.
+        joint: number of the joint, from 1; 0 where it belongs to none.
+        kind: mechanism family.
+
+    Returns:
+        The words.
+    """
+    factor, shown = SHOWN.get(unit, (1.0, unit))
+    plus, minus = phrase.on(kind)
+    size = abs(value) * factor * phrase.times
+    return Said(
+        phrase.who,
+        joint,
+        plus if value >= 0.0 else minus,
+        size,
+        error * factor * phrase.times,
+        shown,
+        abs(value) / usual,
+    )
+
+
+def compose(parts: Sequence[Said], noun: str) -> str:
+    """One sentence without its end: subjects of the same side together, only what is beyond chance.
+
+    Args:
+        parts: what can be said.
+        noun: 'slider', 'tower', 'link', 'joint'.
+
+    Returns:
+        For example 'links 1 and 3 are 200 and 120 um too long, link 2 is 90 um too short'; '' for no parts.
+    """
+    if not parts:
+        return ""
+    most = max(parts, key=lambda part: part.worth)
+    shown = [part for part in parts if part.sure and part.worth > max(SMALL * most.worth, 0.0)] or [most]
+    first = {text: index for index, text in reversed(list(enumerate(part.text for part in shown)))}
+    shown.sort(key=lambda part: (part.who, first[part.text], part.joint))
+    chance = "" if shown[0].sure else ", no more than chance would make it"
+    clauses: list[tuple[str, str]] = []
+    for (who, text), group in groupby(shown, key=lambda part: (part.who, part.text)):
+        subject, rest = _clause(who, text, list(group), noun)
+        clauses.append(("" if clauses and clauses[-1][0] == subject and who else subject, rest))
+    return listed([f"{subject} {rest}".strip() for subject, rest in clauses], ", ") + chance
+
+
+def _clause(who: str, text: str, group: Sequence[Said], noun: str) -> tuple[str, str]:
+    many = len(group) > 1
+    subject = who or f"{noun}{'s' if many else ''} {listed([str(part.joint) for part in group])}"
+    verb = (
+        {"s": "", "es": "", "is_": "are", "has": "have"} if many else {"s": "s", "es": "es", "is_": "is", "has": "has"}
+    )
+    return subject, text.format(what=sizes_in_words(group), **verb)
+
+
+def sizes_in_words(group: Iterable[Said]) -> str:
+    """Sizes with their unit, as in '41 and 38 um'."""
+    parts = list(group)
+    size, unit = [part.size for part in parts], parts[0].unit
+    if unit.startswith("urad") and min(size) >= LARGE:
+        size, unit = [value / 1e3 for value in size], f"m{unit[1:]}"
+    return f"{listed([figure(value) for value in size])} {unit}"
+
+
+def figure(value: float) -> str:
+    """A number with at least two figures that count, and no more behind the point than those."""
+    if value == 0.0 or not np.isfinite(value):
+        return f"{value:.0f}"
+    return f"{value:.{max(0, 1 - int(np.floor(np.log10(abs(value) * (1.0 + 1e-9)))))}f}"
+
+
+def listed(items: Sequence[str], last: str = " and ") -> str:
+    """Items with commas, and a word before the last."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])}{last}{items[-1]}"

@@ -1,0 +1,152 @@
+"""Effects of the drives that remember from where an axis came."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Effect, Parameter, Stage, per_joint
+from ptt.effects.cards.card import Card
+from ptt.effects.constants import finer
+from ptt.effects.memory import gradual_reversal, play
+from ptt.effects.phrases import Phrase
+from ptt.mechanisms.serial import Serial
+from ptt.turns import LINEAR
+from ptt.view import View
+
+WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """Play between nut and screw: the slider stays half the gap behind, on the side it comes from.
+
+    A gap below zero is a controller that compensates more than there is: it throws the slider ahead, at once.
+    """
+
+    name: ClassVar[str] = "backlash"
+    stage: ClassVar[Stage] = "drive"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "gap",
+            "mm",
+            0.05,
+            "lost motion on reversal; below zero: compensated too much",
+            True,
+            axis=True,
+            usual_rad=5e-4,
+        ),
+    )
+    requires: ClassVar[tuple[str, ...]] = ("direction",)
+    reverses: ClassVar[bool] = True
+    called: ClassVar[str] = "backlash"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("gap", "lose{s} {what} on reversal", "compensate{s} {what} too much on reversal"),
+    )
+    card: ClassVar[Card] = Card(
+        cause="Play between nut and screw, or a loose thrust bearing: after a reversal the slider waits for the gap.",
+        equation=(
+            "y = min(max(y_before, q - e_i/2), q + e_i/2), dq_i = y - q: -e_i/2 in the direction of travel once the "
+            "gap is taken up, between the branches before; a run's first row is taken to arrive as its second moves; "
+            "below zero (a controller that compensates more than there is): -e_i/2 in the direction of travel, at once"
+        ),
+        source="play operator: Visintin, Differential Models of Hysteresis, 1994; Chen Mingfang et al. 2023, eq. 19",
+        size="rolled screw 0.05 to 0.2 mm; preloaded C5 0.008 to 0.015 mm",
+        fingerprint="J e falls on two parallel branches, e apart, by the direction in which the slider arrived.",
+        confused_with=(
+            ("windup", "changes over gradually: readings within a few mm of a reversal, and far from it"),
+            ("joint-clearance", "follows the link force, not the direction: a linear scale and the tracker at once"),
+            ("following-error", "gone at standstill: dwell before reading"),
+        ),
+        remedy=(
+            "Preload or replace the nut, tighten the thrust bearing; else reversal compensation in the controller. "
+            "Below zero: lower the controller's reversal compensation by as much."
+        ),
+        needs="poses reached from both directions",
+        shade="direction",
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """The limit of a small gap: half of it against the direction of arrival."""
+        return per_joint(-0.5 * view.direction)
+
+    def shift(self, theta: Tensor, view: View) -> Tensor:
+        """The play operator itself, which knows when the gap is not taken up yet; below zero the sign alone."""
+        return torch.where(theta > 0.0, play(view, theta.clamp(min=0.0)), -0.5 * theta * view.direction)
+
+
+@dataclass(frozen=True)
+class Windup(Effect):
+    """Friction winds the drive up: the error changes over gradually after a reversal, -h_i F(travel / l)."""
+
+    name: ClassVar[str] = "windup"
+    stage: ClassVar[Stage] = "drive"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "height", "mm", 0.005, "half the change on full reversal", True, lower=0.0, axis=True, usual_rad=1e-4
+        ),
+        Parameter(
+            "length", "mm", 2.0, "travel over which it changes", lower=1e-3, role="searched", axis=True, usual_rad=2e-2
+        ),
+    )
+    requires: ClassVar[tuple[str, ...]] = ("direction",)
+    reverses: ClassVar[bool] = True
+    called: ClassVar[str] = "wind-up"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase(
+            "height",
+            "change{s} over gradually by {what} after a reversal",
+            "run{s} ahead gradually by {what} after a reversal",
+            times=2.0,
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="Friction in guide and nut twists screw and coupling until it is overcome, at each reversal.",
+        equation="dq_i = -h_i F, dF/dx = (sign(dx) - F)/l along the travel x; fully turned before a run's first row",
+        source="Dahl, A Solid Friction Model, The Aerospace Corporation, 1968",
+        size="0.001 to 0.01 mm over 1 to 10 mm of travel",
+        fingerprint="Two branches by direction that grow into each other over the first millimetres after a reversal.",
+        confused_with=(
+            ("backlash", "opens at once when the gap is taken up: short against long travel after a reversal"),
+            ("axis-compliance", "follows payload, not direction: repeat under another payload"),
+        ),
+        remedy="Lubricate, relieve the preload, stiffen the coupling; overtravel and return from one side always.",
+        needs="poses from both directions, some within a few mm of the reversal",
+        telling="travel",
+        shade="direction",
+    )
+
+    def cause(self, theta: Tensor, view: View) -> str:
+        """With the travel that it takes."""
+        unit = "rad" if isinstance(view.mechanism, Serial) else "mm"
+        return f"wind-up, over {float(theta[-1]):.2g} {unit} of travel"
+
+    def needs(self, view: View) -> str | None:
+        """Readings soon and long after reversals."""
+        wanting = super().needs(view)
+        if wanting or self._lengths(view):
+            return wanting
+        return "readings at different travel since reversal (some within a few mm of it)"
+
+    def _lengths(self, view: View) -> list[float]:
+        """Travel constants that the data can see: some readings change over, some are done."""
+        scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
+        return [
+            length * scale
+            for length in WINDUP_LENGTHS
+            if float((gradual_reversal(view, torch.tensor(length * scale)) - view.direction).abs().mean()) > 0.02
+        ]
+
+    def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
+        """A geometric ladder of travel constants."""
+        return tuple({"length": torch.tensor([length], dtype=torch.float64)} for length in self._lengths(view))
+
+    def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
+        """Constants between the trials on either side; the fit itself goes on from there."""
+        return finer(self.search(view), shape, "length")
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Normalised friction of each axis, against the travel."""
+        return per_joint(-gradual_reversal(view, shape["length"]))

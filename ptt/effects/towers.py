@@ -1,0 +1,169 @@
+"""Effects of the rails: where they stand, how they lean and wander (3-PTT)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Parameter
+from ptt.effects.cards.card import Card
+from ptt.effects.curves import covered_range, curve_extremes, renew_curves
+from ptt.effects.geometry import (
+    CLOSURE,
+    LEGS,
+    ThreePttEffect,
+    centre_basis,
+    horizontal_axes,
+)
+from ptt.effects.phrases import Phrase, Said
+from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
+from ptt.view import View
+
+
+@dataclass(frozen=True)
+class TowerPosition(ThreePttEffect):
+    """The joint of leg i stands off radially and tangentially; base and platform joint enter alike."""
+
+    name: ClassVar[str] = "tower-position"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("radial", "mm", 0.2, "joint too far out", True),
+        Parameter("tangential", "mm", 0.2, "joint shifted along increasing azimuth", True),
+    )
+    noun: ClassVar[str] = "tower"
+    called: ClassVar[str] = "tower position"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("radial", "stand{s} {what} too far outward", "stand{s} {what} too far inward"),
+        Phrase(
+            "tangential",
+            "stand{s} {what} too far counter-clockwise (seen from above)",
+            "stand{s} {what} too far clockwise (seen from above)",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="A rail, its slider joint or its platform joint stands off from the drawing; the two joints count alike.",
+        equation="dc_i = a_i u_i + b_i t_i (u_i outward, t_i along increasing azimuth); J_i dp = s_i . dc_i/w_i",
+        source=f"{CLOSURE}; calibration of parallel robots: Vischer and Clavel, Robotica 16, 1998",
+        size="0.1 to 0.5 mm",
+        fingerprint="J e of leg i follows the horizontal reach of its link over its drop, q_i/w_i.",
+        confused_with=(
+            ("tracker-frame", "common sideways is tracker x, y; common tangential a turn about z: base reflectors"),
+            ("link-length", "common radius and common length are 0.998 alike: poses wide in x and y, a measured link"),
+            ("platform joint position", "only the difference of the two counts: a coordinate measuring machine"),
+        ),
+        remedy="Shim or dowel the rail foot, or enter the true radius and azimuth of each leg in the controller.",
+        telling="x",
+        shade="y",
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Unit shifts of each leg's centre."""
+        return centre_basis(*(axis.expand(view.rows, LEGS, 3) for axis in horizontal_axes(view)))
+
+
+@dataclass(frozen=True)
+class TowerTilt(ThreePttEffect):
+    """Rail i leans, pivot at the slider height of home; beyond 2 mrad its cosine is left out (under 0.3 um)."""
+
+    name: ClassVar[str] = "tower-tilt"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("radial", "rad", 1e-3, "upper end leans outward", True),
+        Parameter("tangential", "rad", 1e-3, "upper end leans along increasing azimuth", True),
+    )
+    noun: ClassVar[str] = "tower"
+    called: ClassVar[str] = "tower tilt"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("radial", "lean{s} outward by {what}", "lean{s} inward by {what}"),
+        Phrase(
+            "tangential",
+            "lean{s} counter-clockwise (seen from above) by {what}",
+            "lean{s} clockwise (seen from above) by {what}",
+        ),
+    )
+    card: ClassVar[Card] = Card(
+        cause="A rail leans: its foot and head are not one above the other.",
+        equation="dc_i = (q_i - q0_i) (a_i u_i + b_i t_i), pivot at q0, angles in rad",
+        source=f"{CLOSURE}; the cosine of the lean (under 0.3 um at 2 mrad) is left out",
+        size="0.1 to 2 mrad",
+        fingerprint="A tower-position error that grows linearly with the slider's height and changes sign at q0.",
+        confused_with=(
+            ("tracker-frame", "common lean with matching zeros is a turned tracker: base reflectors"),
+            ("lead-scale", "not weighted by q_i/w_i: poses wide in x and y"),
+            ("column-bend", "follows payload: repeat under another payload"),
+        ),
+        remedy="Shim the rail against a square or a level; else enter the lean in the machine file (slider_lean_deg).",
+        telling="b",
+        shade="x",
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Shift of each leg's centre by its height above home."""
+        height = (view.q - view.home)[..., None]
+        return centre_basis(*(height * axis for axis in horizontal_axes(view)))
+
+
+@dataclass(frozen=True)
+class GuideStraightness(ThreePttEffect):
+    """Slider i wanders sideways along its rail, without the parts that tower position and tilt are.
+
+    As with the screw's curve, the little level and slope that the visited heights leave is held near zero.
+    """
+
+    name: ClassVar[str] = "guide-straightness"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "radial", "mm", 0.02, "heights of bow, double bow, ... outward, each in its usual share", True, SHAPES
+        ),
+        Parameter("tangential", "mm", 0.02, "the same along increasing azimuth", True, SHAPES),
+        Parameter("straight", "mm", 0.004, "slope and level, radial and tangential, of the curve", True, 4, held=True),
+        Parameter("from", "mm", 1.0, "lower end of the range", True, role="given"),
+        Parameter("to", "mm", 1.0, "upper end of the range", True, role="given"),
+    )
+    noun: ClassVar[str] = "tower"
+    called: ClassVar[str] = "guide straightness"
+    card: ClassVar[Card] = Card(
+        cause="The rail is bowed or its bolts pull it, so the slider wanders sideways as it travels.",
+        equation=(
+            "dc_i = u_i f_i(x) + t_i g_i(x), f and g = sum_j a_j N_j(x) + b (2 x - 1) + c with the shapes N_j of "
+            "screw-error-map, x = (q_i - from_i)/(to_i - from_i) held to 0..1; b and c are held near zero, because "
+            "level and slope are tower-position and tower-tilt"
+        ),
+        source=f"straightness of a linear motion: ISO 230-1; {CLOSURE}",
+        size="0.005 to 0.03 mm",
+        fingerprint="Smooth curve in the slider's height, weighted by q_i/w_i, so it turns over across the workspace.",
+        confused_with=(
+            ("screw-error-map", "not weighted by q_i/w_i: poses wide in x and y, or a linear scale"),
+            ("tower-tilt", "a straight line in height: heights over the whole travel, reflector on the slider"),
+            ("any smooth rest", "stands in for whatever is missing: add payload and thermal effects first"),
+        ),
+        remedy="Realign the rail against a straight-edge, bolt in the maker's order; else map it.",
+        telling="b",
+        shade="x",
+    )
+
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+        """How far each slider wanders at the most, which way, and where."""
+        out = Phrase("radial", "wander{s} up to {what} outward", "wander{s} up to {what} inward")
+        along = Phrase(
+            "tangential",
+            "wander{s} up to {what} counter-clockwise (seen from above)",
+            "wander{s} up to {what} clockwise (seen from above)",
+        )
+        return curve_extremes(self, theta, std, ((out, "radial", slice(0, 2)), (along, "tangential", slice(2, 4))))
+
+    def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
+        """The range that the data cover."""
+        return (covered_range(view),)
+
+    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
+        """Six shapes on nine knots, as files had them, in the present shapes."""
+        return renew_curves(values, ("radial", "tangential"), joints)
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Spline shapes of each rail, outward and along the azimuth."""
+        place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
+        axes = horizontal_axes(view)
+        curves = smooth_shapes(place)  # shape: (n, leg, c)
+        lines = torch.cat([torch.einsum("nlc,lx->nlxc", straight_shapes(place), axis) for axis in axes], dim=-1)
+        return centre_basis(*(torch.einsum("nlc,lx->nlxc", curves, axis) for axis in axes), lines)
