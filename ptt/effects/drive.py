@@ -29,7 +29,7 @@ class HomingOffset(Effect):
             "offset",
             "stand{s} {what} higher than b says",
             "stand{s} {what} lower than b says",
-            arm=("stand{s} {what} further toward + than q says", "stand{s} {what} further toward - than q says"),
+            arm=("stand{s} {what} beyond q toward +", "stand{s} {what} beyond q toward -"),
         ),
     )
     card: ClassVar[Card] = Card(

@@ -19,6 +19,7 @@ SHOWN = {  # unit -> factor and unit in words
     "1/kg": (1e6, "um/m/kg"),
 }
 LARGE = 1000.0  # urad from which an angle is said in mrad
+MOST = 6  # values of one effect that anybody reads
 SMALL = 0.02  # share of the largest value below which nobody would turn a screw
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
 SEVERAL = {"s": "", "es": "", "is_": "are", "has": "have"}
@@ -129,15 +130,17 @@ def compose(parts: Sequence[Said], noun: str) -> str:
     if not parts:
         return ""
     most = max(parts, key=lambda part: part.worth)
-    shown = [part for part in parts if part.sure and part.worth > max(SMALL * most.worth, 0.0)] or [most]
-    first = {text: index for index, text in reversed(list(enumerate(part.text for part in shown)))}
-    shown.sort(key=lambda part: (part.who, first[part.text], part.joint))
-    chance = "" if shown[0].sure else ", no more than chance would make it"
-    clauses: list[tuple[str, str]] = []
+    sure = [part for part in parts if part.sure and part.worth > SMALL * most.worth]
+    shown = sorted(sure or [most], key=lambda part: -part.worth)
+    few = f" (and {len(shown) - MOST} smaller ones)" if len(shown) > MOST else ""
+    first = {part.text: index for index, part in reversed(list(enumerate(shown)))}
+    shown = sorted(shown[:MOST], key=lambda part: (part.who, first[part.text], part.joint))
+    words, before = "", ""
     for (who, text), group in groupby(shown, key=lambda part: (part.who, part.text)):
         subject, rest = _clause(who, text, list(group), noun)
-        clauses.append(("" if clauses and clauses[-1][0] == subject and who else subject, rest))
-    return listed([f"{subject} {rest}".strip() for subject, rest in clauses], ", ") + chance
+        words += f" and {rest}" if subject == before else f"{', ' if words else ''}{subject} {rest}"
+        before = subject
+    return f"{words}{few}" if sure else f"{words}, no more than chance would make it"
 
 
 def _clause(who: str, text: str, group: Sequence[Said], noun: str) -> tuple[str, str]:

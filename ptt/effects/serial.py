@@ -8,12 +8,15 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage, per_joint
+from ptt.effects.phrases import Phrase, Said, said
 from ptt.mechanisms.serial import LINK_SLOTS, Serial
 from ptt.view import View
 
 BETA = 4  # place of the Hayati angle among a link's slots
 ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least
 STILL = 0.01  # of a joint's largest lever that has to vary before its sag can be told from an offset
+PLACES = 721  # of a joint's range at which its curve is looked at for its highest: half a degree of a turn
+USUAL_SAG = 1e-3  # rad
 SLOW, FAST = 32, 32  # harmonics of a turn: those of usual size, and smaller ones above them
 
 
@@ -35,6 +38,17 @@ class DhOffsets(Effect):
         Parameter("dd", "mm", 0.5, "offset along the joint axis too large", True),
         Parameter("dtheta", "rad", 2e-3, "joint angle larger than the encoder says", True),
         Parameter("dbeta", "rad", 1e-3, "lean of parallel joint axes across their common normal (Hayati)", True),
+    )
+    arm_noun: ClassVar[str] = "link"
+    called: ClassVar[str] = "link geometry"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("da", "{is_} {what} too long", "{is_} {what} too short"),
+        Phrase("dalpha", "{is_} twisted {what} too far", "{is_} twisted {what} too little"),
+        Phrase("dd", "{has} {what} too much offset along its axis", "{has} {what} too little offset along its axis"),
+        Phrase(
+            "dtheta", "stand{s} {what} further toward + than q says", "stand{s} {what} further toward - than q says"
+        ),
+        Phrase("dbeta", "lean{s} {what} toward + about y", "lean{s} {what} toward - about y"),
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
@@ -64,6 +78,15 @@ class JointErrorMap(Effect):
         Parameter("fast_cosine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True),
         Parameter("fast_sine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True),
     )
+    called: ClassVar[str] = "encoder or gear"
+
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+        """How far each joint runs ahead and behind at the most over its range, and where."""
+        low, high = view.travel_limits.T
+        places = low + torch.linspace(0.0, 1.0, PLACES, dtype=theta.dtype)[:, None] * (high - low)
+        shift = self.shift(theta, view.at(q=places))
+        spread = self.basis(view.at(q=places), {}).square() @ std.nan_to_num().square()
+        return farthest(self, shift, spread.sqrt(), places)
 
     def needs(self, view: View) -> str | None:
         """More coordinates than harmonics."""
@@ -97,6 +120,18 @@ class SelfWeight(Effect):
         Parameter("along", "rad", 1e-3, "sag of the joint by moments along each link's common normal", onward=True),
         Parameter("across", "rad", 1e-3, "sag of the joint by moments across it", onward=True),
     )
+    called: ClassVar[str] = "self-weight"
+
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+        """How far each joint sags at the most over the run, and which way."""
+        shift = self.shift(theta, view)
+        spread = (self.basis(view, {}).square() @ std.nan_to_num().square()).sqrt()
+        phrase = Phrase("along", "sag{s} up to {what} toward +", "sag{s} up to {what} toward -")
+        worst = shift.abs().argmax(dim=0).tolist()
+        return tuple(
+            said(phrase, float(shift[row, joint]), float(spread[row, joint]), "rad", USUAL_SAG, joint + 1)
+            for joint, row in enumerate(worst)
+        )
 
     def needs(self, view: View) -> str | None:
         """A joint whose load by its own links changes from pose to pose."""
@@ -109,6 +144,31 @@ class SelfWeight(Effect):
         joint, link = torch.triu_indices(view.joints, view.joints)
         mine = torch.nn.functional.one_hot(joint, view.joints).T.to(view.q.dtype)  # shape: (k, pairs)
         return torch.cat([lever[:, None, joint, link] * mine for lever in levers(view)], dim=-1)
+
+
+def farthest(effect: Effect, shift: Tensor, spread: Tensor, places: Tensor) -> tuple[Said, ...]:
+    """Where each joint is farthest ahead and farthest behind.
+
+    Args:
+        effect: for the usual size.
+        shift: (n, k) rad.
+        spread: its standard errors, (n, k) rad.
+        places: joint values, (n, k) rad.
+
+    Returns:
+        One for each side of each joint.
+    """
+    parts = []
+    for joint in range(shift.shape[1]):
+        for row, right in ((int(shift[:, joint].argmax()), 1.0), (int(shift[:, joint].argmin()), -1.0)):
+            if right * float(shift[row, joint]) > 0.0:
+                where = f"at q = {float(torch.rad2deg(places[row, joint])):.0f} deg"
+                ahead, behind = (f"run{{s}} up to {{what}} {side} {where}" for side in ("ahead", "behind"))
+                value, error = float(shift[row, joint]), float(spread[row, joint])
+                parts.append(
+                    said(Phrase("", ahead, behind), value, error, "rad", effect.parameters[0].usual, joint + 1)
+                )
+    return tuple(parts)
 
 
 def levers(view: View) -> tuple[Tensor, Tensor]:
