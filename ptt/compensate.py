@@ -10,6 +10,8 @@ from torch import Tensor
 from ptt.chain import Shifts
 from ptt.correct.commands import Commands, sent_rows
 from ptt.correct.task import Task, first_order, nearest_commands, settle
+from ptt.effects import Effect
+from ptt.effects.dated import Place, at_place, is_dated
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model import Model
@@ -139,7 +141,9 @@ def _posture(model: Model, targets: Table) -> Tensor | None:
 
 def _split(model: Model, reversal: Reversal | None) -> tuple[Shifts, Shifts, str]:
     """Effects that depend on the pose and its context, those that depend on the way there, and who does the latter."""
-    terms = [(term.effect, term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)]
+    terms = [
+        (_now(term.effect), term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)
+    ]
     steady = [item for item in terms if not item[0].reverses]
     turning = [item for item in terms if item[0].reverses]
     if not turning:
@@ -151,6 +155,11 @@ def _split(model: Model, reversal: Reversal | None) -> tuple[Shifts, Shifts, str
     words = [f"in these commands: {_keys(mine)}"] if mine else []
     words += [f"left to the controller: {_keys(done)}"] if done else []
     return steady, mine, "; ".join(words)
+
+
+def _now(effect: Effect) -> Effect:
+    """What happened to the machine at some moment of a run is the state that it is in now."""
+    return at_place(effect, Place(())) if is_dated(effect) else effect
 
 
 def _keys(terms: Shifts) -> str:

@@ -65,7 +65,7 @@ def record(ladder: Ladder, command: str, files: Sequence[str | Path], *, date: s
     sources = [{"file": Path(name).name, "sha256": sha256(name)} for name in files]
     head = {"date": stamp, "command": command, "files": sources}
     entries = [_entry(before, step, ladder, head) for before, step in pairwise(ladder.steps)]
-    written = write_model(ladder.model)
+    written = write_model(ladder.model, [item["sha256"] for item in sources])
     return replace(written, history=(*ladder.model.file.history, *entries))
 
 
@@ -130,7 +130,7 @@ def _plain(figures: Mapping[str, Any]) -> dict[str, float]:
 def _parameters(model: Model) -> dict[str, dict[str, float | list[float]]]:
     """Effect -> parameter -> value or values; effects without values are left out."""
     found = {}
-    for entry, term in zip(write_model(model).effect, model.terms, strict=True):
+    for entry, term in zip(write_model(replace(model, aside=())).effect, model.terms, strict=True):
         if entry.parameters:
             found[term.effect.key] = {name: _number(item.value) for name, item in entry.parameters.items()}
     return found

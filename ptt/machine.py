@@ -144,6 +144,7 @@ class EffectEntry(_Frozen):
 
     name: str
     label: str = ""
+    runs: tuple[str, ...] = ()  # SHA-256 of the runs that it belongs to, in their order; none: it is the machine's
     parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
 
 
@@ -278,6 +279,8 @@ def _effects(entries: tuple[EffectEntry, ...]) -> Any:
         table["name"] = entry.name
         if entry.label:
             table["label"] = entry.label
+        if entry.runs:
+            table["runs"] = list(entry.runs)
         parameters = tomlkit.table()
         for name, parameter in entry.parameters.items():
             inline = tomlkit.inline_table()

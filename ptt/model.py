@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ptt.effects import Effect, Library, Parameter, library
 from ptt.effects.base import STAGES, flatten, sizes, total_size
+from ptt.effects.dated import is_dated
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import ModelError
 from ptt.machine import EffectEntry, MachineFile, ParameterEntry
@@ -26,6 +27,7 @@ class Term:
         std: standard deviations, NaN where none was found; None where the term was never fitted.
         measured: (P,) bool, False where a prior, not the data, decides; None where the term was never fitted.
         fixed: stems of parameters that the user holds.
+        runs: SHA-256 of the run files that it belongs to, in their order; empty where it is the machine's.
     """
 
     effect: Effect
@@ -33,6 +35,7 @@ class Term:
     std: Tensor | None = None
     measured: Tensor | None = None
     fixed: frozenset[str] = frozenset()
+    runs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +47,12 @@ class Model:
     Attributes:
         file: drawing, controller, tracker, history.
         terms: the effects.
+        aside: effects of other runs, kept for them and left out here.
     """
 
     file: MachineFile
     terms: tuple[Term, ...] = ()
+    aside: tuple[Term, ...] = ()
 
     def __add__(self, effect: Effect | Term) -> "Model":
         """Add an effect, at zero unless a term with parameters is given.
@@ -71,8 +76,11 @@ class Model:
         Raises:
             ModelError: it is not there.
         """
+        held = (*self.keys, *(term.effect.key for term in self.aside))
+        if key not in held:
+            raise ModelError(f"effect '{key}' is not in the model", fix=f"it has: {', '.join(held) or 'none'}")
         if key not in self.keys:
-            raise ModelError(f"effect '{key}' is not in the model", fix=f"it has: {', '.join(self.keys) or 'none'}")
+            return replace(self, aside=tuple(term for term in self.aside if term.effect.key != key))
         return replace(self, terms=tuple(term for term in self.terms if term.effect.key != key))
 
     @property
@@ -109,16 +117,27 @@ def read_model(file: MachineFile, known: Library | None = None) -> Model:
     return model
 
 
-def write_model(model: Model) -> MachineFile:
+def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
     """Turn a model into a machine file.
 
     Args:
         model: the model.
+        runs: SHA-256 of the run files that it was fitted on, in their order; effects of a run belong to them.
 
     Returns:
-        The file with the model's effects in it.
+        The file with the model's effects in it, those of other runs too.
     """
-    return replace(model.file, effect=tuple(_write_term(term, model) for term in model.terms))
+    terms = [
+        replace(term, runs=tuple(runs)) if is_dated(term.effect) and len(term.theta) and not term.runs else term
+        for term in model.terms
+    ]
+    taken = {term.effect.key for term in terms}
+    for term in model.aside:
+        if term.effect.key in taken:  # this run has one of its own by that name
+            term = replace(term, effect=replace(term.effect, label=f"{term.effect.label} {term.runs[0][:8]}".strip()))
+        taken.add(term.effect.key)
+        terms.append(term)
+    return replace(model.file, effect=tuple(_write_term(term, model) for term in sorted(terms, key=_place)))
 
 
 def parameter_names(effect: Effect, kind: str, joints: int) -> list[str]:
@@ -215,7 +234,15 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
         stds.append(_spread(torch.nan if given is None or given.std is None else given.std, size, name))
         measured.append(_spread(True if given is None or given.measured is None else given.measured, size, name).bool())
     fixed = frozenset(p.stem for name, p in specs.items() if name in entry.parameters and entry.parameters[name].fixed)
-    return Term(effect, torch.cat(values), torch.cat(stds), torch.cat(measured), fixed)
+    return Term(effect, torch.cat(values), torch.cat(stds), torch.cat(measured), fixed, _runs_of(entry, effect, model))
+
+
+def _runs_of(entry: EffectEntry, effect: Effect, model: Model) -> tuple[str, ...]:
+    """Runs that an effect belongs to; where the entry does not say, those of the step that brought it in."""
+    if entry.runs or not is_dated(effect):
+        return entry.runs
+    steps = [row for row in model.file.history if effect.key in row.get("added", ())]
+    return tuple(item["sha256"] for item in steps[-1].get("files", ())) if steps else ()
 
 
 def _renewed(entry: EffectEntry, effect: Effect, specs: Mapping[str, Parameter], joints: int) -> dict[str, Tensor]:
@@ -252,7 +279,7 @@ def _write_term(term: Term, model: Model) -> EffectEntry:
                 measured=_plain_flags(term.measured[part]) if fitted and term.measured is not None else None,
                 fixed=parameter.stem in term.fixed,
             )
-    return EffectEntry(name=effect.name, label=effect.label, parameters=entries)
+    return EffectEntry(name=effect.name, label=effect.label, runs=term.runs, parameters=entries)
 
 
 def _known(values: Tensor) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import TableError
-from ptt.files import write_text
+from ptt.files import sha256, write_text
 from ptt.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
 from ptt.readers.assemble import set_columns, table_fields
 from ptt.readers.joined import join_fields
@@ -48,6 +48,7 @@ class Table:
         joint_prefix: 'b' (sliders) or 'q' (joint angles).
         extra: title -> (n,) str, columns that mean nothing to the program, as written.
         understood: what was made of the file.
+        run_sha256: SHA-256 of the file that each run was read from; empty where there is none.
     """
 
     target: np.ndarray
@@ -72,6 +73,7 @@ class Table:
     joint_prefix: str = "b"
     extra: Dictionary[str, np.ndarray] = field(default_factory=dict)
     understood: Understood = field(default_factory=Understood)
+    run_sha256: tuple[str, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -201,7 +203,8 @@ def _read_one(
     arrays, warnings = table_fields(export, joints, prefix, request.purpose)
     constants = [f"{name} set to {value:g} in every row" for name, value in values.items()]
     understood = replace(export.understood, lines=(*export.understood.lines, *constants, *moved, *warnings))
-    table = Table(**arrays, joint_prefix=prefix, understood=understood)
+    digests = (sha256(path),) * len(arrays["run_label"])
+    table = Table(**arrays, joint_prefix=prefix, understood=understood, run_sha256=digests)
     hint = scale_hint(table.target, table.measured)
     if hint:
         raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)} or convert them")

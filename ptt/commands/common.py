@@ -109,10 +109,10 @@ class Opened:
 
     @property
     def set_up(self) -> dict[str, Any]:
-        """What the frames of targets and tracker took, for JSON."""
+        """What the frames of targets and tracker took, and effects of other runs that are left out, for JSON."""
         from ptt.taken import set_up
 
-        return set_up(self.problem)
+        return set_up(self.problem) | {"other_runs": [term.effect.key for term in self.model.aside]}
 
 
 def open_run(run: Path, model: Path, reading: Reading) -> Opened:
@@ -129,29 +129,23 @@ def open_run(run: Path, model: Path, reading: Reading) -> Opened:
     Raises:
         InputError: whatever cannot be read or used.
     """
+    from dataclasses import replace
+
+    from ptt.of_run import for_runs
     from ptt.taken import set_up_lines
+    from ptt.target_frame import kept_frame
 
     library = open_library(reading)
     compensator = open_model(model, library)
     table = read_rows(run, compensator.model.file, reading)
     files = tuple(str(path) for path in (run, *(reading.also or ())))
     problem = open_problem(compensator.model.file, table)
-    for line in set_up_lines(problem):
+    fitting, lines = for_runs(compensator.model, problem)
+    for line in (*set_up_lines(problem), *lines):
         note(line)
-    return Opened(_keep_frame(compensator, problem), table, problem, files, library)
-
-
-def _keep_frame(compensator: "Compensator", problem: "Problem") -> "Compensator":
-    """The model with the frame in which the run states its targets, for targets to come."""
-    from dataclasses import replace
-
-    from ptt.target_frame import kept_frame
-
-    model = compensator.model
-    targets = kept_frame(model.file.targets, problem.stated_in)
-    if targets == model.file.targets:
-        return compensator
-    return replace(compensator, model=replace(model, file=replace(model.file, targets=targets)))
+    targets = kept_frame(fitting.file.targets, problem.stated_in)  # for targets to come
+    fitting = replace(fitting, file=replace(fitting.file, targets=targets))
+    return Opened(replace(compensator, model=fitting), table, problem, files, library)
 
 
 def open_library(reading: Reading) -> "Library":

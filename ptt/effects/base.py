@@ -94,6 +94,7 @@ class Effect:
         requires: contexts of `View.varies` without which the data cannot test it.
         follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
         reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
+        of_run: belongs to the run that it was fitted on (a set-up, a knocked tripod), not to the machine.
         card: cause, source, usual size, fingerprint, remedy; None makes one of the docstring.
         phrases: what each parameter above and below zero means.
         noun: what its joints are called on a 3-PTT.
@@ -112,6 +113,7 @@ class Effect:
     requires: ClassVar[tuple[str, ...]] = ()
     follows_clock: ClassVar[bool] = False
     reverses: ClassVar[bool] = False
+    of_run: ClassVar[bool] = False
     card: ClassVar[Card | None] = None
     phrases: ClassVar[tuple[Phrase, ...]] = ()
     noun: ClassVar[str] = "slider"

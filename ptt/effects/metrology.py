@@ -23,6 +23,7 @@ class MetrologyEffect(Effect):
     """Base of the metrology effects."""
 
     stage: ClassVar[Stage] = "metrology"
+    of_run: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class TrackerScale(MetrologyEffect):
     """The tracker's length unit is off: s p, about the base origin."""
 
     name: ClassVar[str] = "tracker-scale"
+    of_run: ClassVar[bool] = False  # the instrument's, in every run
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("scale", "1", 2e-5, "share by which readings are long"),)
     called: ClassVar[str] = "tracker scale"
     phrases: ClassVar[tuple[Phrase, ...]] = (

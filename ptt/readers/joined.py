@@ -9,7 +9,7 @@ import numpy as np
 from ptt.errors import TableError
 from ptt.readers.mapping import Understood
 
-_KEPT = ("run", "run_label", "source", "joint_prefix", "extra", "understood")
+_KEPT = ("run", "run_label", "source", "joint_prefix", "extra", "understood", "run_sha256")
 
 
 def join_fields(parts: Sequence[Dictionary[str, Any]]) -> dict[str, Any]:
@@ -33,6 +33,9 @@ def join_fields(parts: Sequence[Dictionary[str, Any]]) -> dict[str, Any]:
     return fields | {
         "run": np.concatenate([part["run"] + offset for part, offset in zip(parts, offsets, strict=False)]),
         "run_label": tuple(_distinct(labels)),
+        "run_sha256": tuple(
+            digest for part in parts for digest in part["run_sha256"] or ("",) * len(part["run_label"])
+        ),
         "source": " + ".join(part["source"] for part in parts),
         "joint_prefix": parts[0]["joint_prefix"],
         "extra": _join_extra(parts),

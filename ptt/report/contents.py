@@ -109,15 +109,18 @@ class Contents:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; what other verbs tell too is in their own words."""
-        looks, frames = {"drawing": self.drawing, "model": self.given}, set_up(self.problem)
+        looks = {"drawing": self.drawing, "model": self.given}
+        beside = {name: set_up(self.problem) | _aside(look) for name, look in looks.items()}
         return {
             "date": self.date,
             "files": [file.to_dict() for file in self.source.files],
             "run": self.facts.to_dict(),
-            "compare": {name: look.comparison.to_dict() | frames for name, look in looks.items()},
-            "diagnose": {name: look.diagnosis and look.diagnosis.to_dict() | frames for name, look in looks.items()},
+            "compare": {name: look.comparison.to_dict() | beside[name] for name, look in looks.items()},
+            "diagnose": {
+                name: look.diagnosis and look.diagnosis.to_dict() | beside[name] for name, look in looks.items()
+            },
             "history": [[dict(vars(entry)) for entry in ladder] for ladder in self.ladders],
-            "fit": None if self.refit is None else self.refit.to_dict() | frames,
+            "fit": None if self.refit is None else self.refit.to_dict() | beside["model"],
             "evaluate": {name: result.to_dict() for name, result in self.evaluation.items()},
             "network": None if self.network is None else self.network.to_dict(),
             "iso": None if self.iso is None else self.iso.to_dict(),
@@ -187,6 +190,11 @@ def gather(
         versions=_versions(),
         commands=commands_of(source, model, compensator.network is not None),
     )
+
+
+def _aside(look: Look) -> dict[str, list[str]]:
+    """Effects of other runs, as the verbs tell them."""
+    return {"other_runs": [term.effect.key for term in look.model.aside]}
 
 
 def with_network(model: Compensator, trained: Compensator, where: str) -> Compensator:

@@ -73,7 +73,7 @@ def require_folder(folder: str | Path) -> None:
 
 
 def _write(place: Path, training: Training, inputs: list[str]) -> None:
-    save_machine(write_model(training.physics.model), place / MODEL)
+    save_machine(write_model(training.physics.model, [sha256(name) for name in inputs]), place / MODEL)
     digest = save_rbf(training.rbf.network, place / NETWORK)
     domain = training.rbf.network.domain
     network = training.rbf.network
