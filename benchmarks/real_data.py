@@ -26,8 +26,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data"
 ARCSEC = np.radians(1.0 / 3600.0)
 
-SKY_SCATTER = 8.9 * ARCSEC  # rad: rest of the published fit, one coordinate
-STAR_MM = 1000.0
+SKY_SCATTER = 7.6 * ARCSEC  # rad: rest of the published fit without gross errors, one coordinate
+STAR_MM = 1e6
 
 SHOULDER_UP, SHOULDER_FORWARD, SHOULDER_SIDE = 200.0, 84.5, 250.0  # mm from the chest joint
 SHOULDER_TILT = 30.0  # deg
@@ -40,16 +40,17 @@ def here(name: str) -> bool:
 
 
 def telescope() -> tuple[MachineFile, Table]:
-    """Altitude over azimuth: a two-axis arm that points at stars, each put 1 m away in its true direction.
+    """Altitude over azimuth: an arm of a foot that never turns and two axes, which points at stars 1 km away.
 
     The file's two error columns are exchanged: only so do they repeat the published fit (the one of azimuth grows with
-    tan(alt)), to the last digit. An error is where the mount says it points less where it does. How far a star is
-    nobody measures: its distance is exact by construction and pins what no direction shows, a shift of the whole
-    mount. So that the exact coordinate does not pass for good tracking, the noise is stated: the rest of the published
-    fit.
+    tan(alt)), to the last digit. An error is where the mount says it points less where it does. Stars stand in the
+    frame of the horizon, which is trusted; that the mount leans is an error of the foot. Directions tell no lengths: at
+    1 km a link that is 0.5 mm off turns them by a tenth of an arc second, and how far the star is is exact by
+    construction. So that the exact coordinate does not pass for good tracking, the noise is stated, as the rest of the
+    published fit.
 
     Returns:
-        Machine and table: q1 = -azimuth, q2 = altitude, as the mount says.
+        Machine and table: q2 = -azimuth, q3 = altitude, as the mount says.
     """
     rows = pd.read_csv(DATA / "rts2_pointing" / "altaz.csv")
     azimuth, altitude = np.radians(rows["az_deg"]), np.radians(rows["alt_deg"])
@@ -59,13 +60,13 @@ def telescope() -> tuple[MachineFile, Table]:
         [np.cos(star_alt) * np.cos(star_az), -np.cos(star_alt) * np.sin(star_az), np.sin(star_alt)]
     )
     seconds = (rows["jd"] - rows["jd"].iloc[0]).to_numpy() * 86400.0
-    commands = np.column_stack([-azimuth, altitude])
     machine = parse_machine(
         '[machine]\nkind = "serial"\nname = "telescope"\nconvention = "standard"\n'
-        f'tool_mm = [{STAR_MM}, 0, 0]\njoint = [{{ alpha_deg = 90 }}, {{}}]\n[tracker]\nframe = "fitted"\n'
-        f"sigma_mm = {STAR_MM * SKY_SCATTER}\n",
+        f"tool_mm = [{STAR_MM}, 0, 0]\njoint = [{{}}, {{ alpha_deg = 90 }}, {{}}]\n"
+        f'[tracker]\nframe = "trusted"\nsigma_mm = {STAR_MM * SKY_SCATTER}\n',
         "telescope",
     )
+    commands = np.column_stack([np.zeros(len(rows)), -azimuth, altitude])
     return machine, make_table(None, commands, direction * STAR_MM, time_s=seconds)
 
 

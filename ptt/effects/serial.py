@@ -16,7 +16,7 @@ BETA = 4  # place of the Hayati angle among a link's slots
 ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least
 STILL = 0.01  # of a joint's largest lever that has to vary before its sag can be told from an offset
 PLACES = 721  # of a joint's range at which its curve is looked at for its highest: half a degree of a turn
-USUAL_SAG = 1e-3  # rad
+USUAL_SAG = 3e-4  # rad: industrial arms sag by 0.1 to 1 mrad
 SLOW, FAST = 32, 32  # harmonics of a turn: those of usual size, and smaller ones above them
 
 
@@ -117,8 +117,10 @@ class SelfWeight(Effect):
     stage: ClassVar[Stage] = "drive"
     mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("along", "rad", 1e-3, "sag of the joint by moments along each link's common normal", onward=True),
-        Parameter("across", "rad", 1e-3, "sag of the joint by moments across it", onward=True),
+        Parameter(
+            "along", "rad", USUAL_SAG, "sag of the joint by moments along each link's common normal", onward=True
+        ),
+        Parameter("across", "rad", USUAL_SAG, "sag of the joint by moments across it", onward=True),
     )
     called: ClassVar[str] = "self-weight"
 
