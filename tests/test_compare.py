@@ -240,6 +240,13 @@ def test_lone_far_reading_is_left_out_and_a_place_that_fails_each_time_is_not():
     assert "1 more left out as gross errors" in format_comparison(result)
 
 
+def test_no_digit_of_a_large_error_is_cut_off():
+    target, far = places(40), np.array([10500.0, 4321.0, 7.5])
+    text = format_comparison(held(machine("trusted", NOISE), make_table(target, measured=target + far)))
+    row = next(line for line in text.splitlines() if line.startswith("rms of measured - target"))
+    assert row.split()[-4:] == ["10500000.0", "4321000.0", "7500.0", f"{1e3 * np.linalg.norm(far):.1f}"]
+
+
 def test_what_it_depends_on_names_the_slider_and_the_screw():
     file, lead = machine("fitted", NOISE), 5.0
     wobble = lambda q, direction: np.column_stack([0 * q[:, 0], 0.03 * np.sin(2 * np.pi * q[:, 1] / lead), 0 * q[:, 2]])  # noqa: E731

@@ -131,7 +131,35 @@ def test_the_command_prints_the_documented_keys(tmp_path):
     assert data["protocol"]["rows"] == 30 and len(data["unmatched"]["before"]) == 10
     text = CliRunner().invoke(app, args).stdout
     assert "\n  length" in text and "WARNING" not in text
-    assert "goal 80 met" in text and "without counterpart in before" in text and "without frame alignment" in text
+    assert "goal" not in text and "without counterpart in before" in text and "without frame alignment" in text
+
+
+def words_of(tmp_path, before, after, *more):
+    write_table(before, tmp_path / "b.csv")
+    write_table(after, tmp_path / "a.csv")
+    done = CliRunner().invoke(app, ["evaluate", str(tmp_path / "b.csv"), str(tmp_path / "a.csv"), *more])
+    assert done.exit_code == 0, done.stderr
+    return done.stdout
+
+
+def test_a_goal_is_judged_where_one_was_set_and_noise_is_no_miss(tmp_path):
+    """A sound machine, measured twice: nothing can fall, and nobody asked for it."""
+    places = np.repeat(PLACES, 3, axis=0)
+    runs = [run(np.random.default_rng(seed).normal(0.0, 0.005, places.shape), places) for seed in (1, 2)]
+    plain = words_of(tmp_path, *runs)
+    assert "goal" not in plain and plain.count("what is left is noise") == 3
+    judged = words_of(tmp_path, *runs, "--goal", "90,90,80")
+    assert judged.count("goal 90 not measurable:") == 2 and "missed" not in judged
+    far = run(np.array([0.0, 0.0, 0.2]) + 0.005 * np.random.default_rng(3).normal(size=places.shape), places)
+    trusted = words_of(tmp_path, far, far.replace(), "--goal", "50", "--frame", "trusted")
+    assert "goal 50 missed" in trusted.split("\n  z ")[1].splitlines()[0]
+    bad = CliRunner().invoke(app, ["evaluate", str(tmp_path / "b.csv"), str(tmp_path / "a.csv"), "--goal", "all"])
+    assert bad.exit_code == 2 and "90,90,80" in bad.stderr
+
+
+def test_a_tracker_set_up_anew_is_not_silently_counted_as_error(tmp_path):
+    text = words_of(tmp_path, run(0.05), turned(run(0.005), 0.0, (0.1, 0.2, 0.0)))
+    assert "where the tracker was set up anew, its place counts as error" in text
 
 
 def test_one_run_needs_a_model(tmp_path):

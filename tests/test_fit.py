@@ -1,6 +1,7 @@
 """The fit: truth recovered, frames, noise, held-out rows, gross errors, what cannot be seen, bad input."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -425,12 +426,27 @@ def test_windup_length_is_found() -> None:
 # --- report
 
 
+def test_the_drawing_after_alignment_is_one_figure_whoever_prints_it() -> None:
+    """Also with a frame of base reflectors, which a best motion of all readings would bend toward the errors."""
+    from ptt.commands.common import Reading, open_run
+    from ptt.compare.comparison import compare_run
+    from ptt.ladder.climb import climb
+
+    data = Path(__file__).resolve().parents[1] / "data"
+    for run, drawing in (("experiment1.csv", "machine.toml"), ("sealed_one/run.csv", "sealed_one/machine.toml")):
+        opened = open_run(data / run, data / drawing, Reading())
+        ladder = climb(opened.model, opened.problem, [KNOWN["link-length"]()])
+        compared = compare_run(opened.model, opened.problem).to_dict()["rms_um"]["total"]
+        told = [ladder.report.rms_um[stage]["total"] for stage in ("aligned", "given")]
+        assert [*told, ladder.steps[0].rms_um["total"]] == pytest.approx([compared] * 3, rel=1e-3)
+
+
 def test_report_in_words_and_figures() -> None:
     problem, _ = hidden_backlash()
     result = fitted(["backlash", "homing-offset"], problem)
     report = report_fit(result, problem)
     text = format_fit(report)
-    for words in ("converged", "before frame alignment", "after frame alignment", "machine file", "gap_mm 1", "+-",
+    for words in ("converged", "drawing, frame as read", "drawing, frame aligned", "machine file", "gap_mm 1", "+-",
                   "in part", "cannot be told from tracker z"):  # fmt: skip
         assert words in text
     figures = report.to_dict()

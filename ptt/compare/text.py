@@ -11,7 +11,7 @@ from ptt.dependence.where import Part, WorstRow
 
 SHOWN_ROWS = 5
 SHOWN_DEPENDENCES = 8
-WIDTH = 110
+WIDTH = 1000  # tables take what they need; a narrower page would cut digits off
 NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
 SURE = 0.01  # chance below which lack of fit counts
 

@@ -10,7 +10,6 @@ from ptt.fit.observability import Combination, Correlation, correlations, unobse
 from ptt.fit.orientation import orientation_of
 from ptt.fit.solve import FitResult, residual_of, rms
 from ptt.fit.stretches import Stretch, name_stretches
-from ptt.frames import best_fit
 from ptt.model import Model, parameter_names
 from ptt.problem import Problem
 
@@ -53,7 +52,8 @@ class FitReport:
         frames: motions of the tracker frame, name -> (value, standard error) in mm and rad.
         outliers: gross errors, one by one: line in the file and distance in mm.
         stretches: rows in a row that are off together, left out as well.
-        rms_um: 'as read' (before frame alignment), 'aligned' (after it), 'given' (the model as it was) and 'fitted'.
+        rms_um: of the drawing 'as read' (before frame alignment) and 'aligned' (after it, by the frame policy), and
+            of the model, 'given' (as it was) and 'fitted'.
         noise_um: per axis, in total, and its source.
         correlations: above 0.9, between measured parameters.
         unobservable: combinations that the data cannot see.
@@ -120,9 +120,12 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
         The report.
     """
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
-    errors = alignment_errors(problem, rows)
-    bare = residual_of(Model(fitted.model.file), problem, fitted.noise) if given is None else given
-    errors |= {"given": rms(bare.residual, rows), "fitted": rms(fitted.residual, rows)}
+    bare = given is not None and not given.model.terms
+    drawn = given if given and bare else residual_of(Model(fitted.model.file), problem, fitted.noise)
+    read = problem.table.measured - problem.stated if problem.base is None else problem.measured - problem.target
+    as_it_was = (given or drawn).residual
+    stages = {"as read": read, "aligned": drawn.residual, "given": as_it_was, "fitted": fitted.residual}
+    errors = {stage: rms(error, rows) for stage, error in stages.items()}
     turned = orientation_of(fitted, problem)
     stretches, alone = name_stretches(fitted.outliers, fitted.residual, problem)
     lines, far = problem.table.line[alone].tolist(), np.linalg.norm(fitted.residual[alone], axis=1).tolist()
@@ -135,27 +138,6 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
         ),
         None if turned is None else turned.rms_mrad,
     )  # fmt: skip
-
-
-def alignment_errors(problem: Problem, rows: np.ndarray) -> dict[str, dict[str, float]]:
-    """Readings less targets, before any frame alignment and after the best rigid motion of each frame.
-
-    Args:
-        problem: the readings.
-        rows: which rows, (n,) bool.
-
-    Returns:
-        'as read' and 'aligned', um per axis and in total.
-    """
-    read = problem.table.measured if problem.base is None else problem.measured
-    aligned = np.full_like(read, np.nan)
-    for index in np.unique(problem.frame[rows]):
-        own = rows & (problem.frame == index)
-        if own.sum() >= 3:
-            aligned[own] = best_fit(problem.target[own], read[own])
-    whole = rows & np.isfinite(aligned).all(axis=1)
-    wanted = problem.stated if problem.base is None else problem.target
-    return {"as read": rms(read - wanted, rows), "aligned": rms(aligned - problem.target, whole)}
 
 
 def format_fit(report: FitReport) -> str:
@@ -210,8 +192,8 @@ def _statistics(report: FitReport) -> list[str]:
 
 def _errors(report: FitReport) -> list[str]:
     words = {
-        "as read": "before frame alignment",
-        "aligned": "after frame alignment",
+        "as read": "drawing, frame as read",
+        "aligned": "drawing, frame aligned",
         "given": "model as given",
         "fitted": "fitted",
     }

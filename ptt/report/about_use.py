@@ -12,7 +12,7 @@ TITLES = {
 
 
 def reduction_section(contents: Contents) -> Section:
-    """Mean absolute error per axis before and after, on held-out readings, with the goals."""
+    """Mean absolute error per axis before and after, on held-out readings."""
     if not contents.evaluation:
         words = f"Not worked out: {contents.why_not['evaluate']}."
         return Section("reduction", "Before and after, per axis", (Words(words, "lack"),))
@@ -25,11 +25,11 @@ def reduction_section(contents: Contents) -> Section:
                 um(row["before_um"]),
                 um(row["after_um"]),
                 _less(row["reduction_percent"]),
-                f"{row['goal_percent']:.0f} %, {'met' if row['goal_met'] else 'missed'}" if "goal_met" in row else NONE,
+                "yes" if data["rest_is_noise"].get(axis) else NONE,
             )
             for axis, row in (*data["axes"].items(), ("length", data["length"]))
         ]
-        head = ("mean |error|", "before um", "after um", "less", "goal")
+        head = ("mean |error|", "before um", "after um", "less", "left is noise")
         blocks.append(grid(f"{TITLES.get(name, name).capitalize()}", head, rows))
         blocks.append(Words(f"{data['protocol']['rows']} readings; {data['protocol']['held_out']}.", "note"))
     blocks.append(
