@@ -103,9 +103,10 @@ def score(name: str, seed: int, file: MachineFile, folder: Path) -> Score:
     own = np.arange(count)
     unseen = fitted.unseen[own]
     onto = _onto_measured(unseen)
-    error = onto @ (fitted.unknowns[own] - truth)
-    widen = max(1.0, fitted.chi2 / fitted.freedom)
-    scaled = fitted.covariance / np.outer(fitted.layout.scale, fitted.layout.scale) * widen
+    sizes = fitted.sizes[own]
+    error = onto @ ((fitted.unknowns[own] - truth) / sizes)
+    scale = fitted.layout.scale * fitted.sizes
+    scaled = fitted.covariance / np.outer(scale, scale)
     variance = np.diag(onto @ scaled[np.ix_(own, own)] @ onto)
     chosen = (np.diag(onto) > SEEN_AT_ALL) & ~fitted.layout.held[own]
     return Score(error[chosen] / np.sqrt(variance[chosen]), fitted.unseen.shape[1], len(unobservable(fitted)))

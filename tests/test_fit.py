@@ -98,7 +98,8 @@ def test_without_noise_the_truth_comes_back_exactly() -> None:
     file, table = machine(), empty_run()
     truth = term("link-length", build_view(file, table), [0.1, -0.05, 0.2])
     result = fitted(["link-length"], build_problem(file, measure(table, file, [truth], noise=0.0)))
-    torch.testing.assert_close(result.model.terms[0].theta, truth.theta, rtol=0.0, atol=1e-8)
+    # Rows whose noise is unknown to be none pull toward zero by that noise's own share.
+    torch.testing.assert_close(result.model.terms[0].theta, truth.theta, rtol=1e-4, atol=0.0)
 
 
 def test_fit_agrees_with_scipy_on_the_same_residual() -> None:
@@ -109,13 +110,11 @@ def test_fit_agrees_with_scipy_on_the_same_residual() -> None:
 
     def residual(unknowns: np.ndarray) -> np.ndarray:
         system = build_system(layout, problem, whitener, unknowns)
-        return np.concatenate([system.residual.ravel(), result.unseen.T @ unknowns])
+        return np.concatenate([system.residual.ravel(), np.sqrt(result.prior.weight) * unknowns])
 
     peer = optimize.least_squares(residual, layout.start(), method="lm", xtol=1e-14, ftol=1e-14)
-    assert result.chi2 <= 2.0 * peer.cost + 1e-6
-    difference = result.unknowns - peer.x
-    # Finite differences lose sight of what only the prior holds; what the data see must agree.
-    np.testing.assert_allclose(difference - result.unseen @ (result.unseen.T @ difference), 0.0, atol=3e-4)
+    assert result.chi2 + result.unknowns**2 @ result.prior.weight <= 2.0 * peer.cost + 1e-6
+    np.testing.assert_allclose(result.unknowns, peer.x, atol=3e-4)
 
 
 @settings(max_examples=40, deadline=None)
@@ -142,11 +141,11 @@ def test_descent_that_cannot_go_down_says_so() -> None:
     assert ended.status.startswith("not converged")
 
 
-def test_a_gap_that_is_not_there_stops_at_its_bound() -> None:
+def test_a_reversal_that_is_not_there_stops_at_its_bound() -> None:
     file, table = machine(), empty_run()
-    result = fitted(["backlash"], build_problem(file, measure(table, file, [])))
-    gap = result.model.terms[0].theta
-    assert bool((gap >= 0.0).all()) and float(gap.max()) < 0.002
+    result = fitted(["windup"], build_problem(file, measure(table, file, [])))
+    height = result.model.terms[0].theta[:3]
+    assert bool((height >= 0.0).all()) and float(height.max()) < 0.002
 
 
 # --- what cannot be seen

@@ -89,7 +89,7 @@ def test_orientations_fitted_along_turn_right_what_positions_leave_open() -> Non
     model = ur10.build_model(problem.file, ("dh-offsets",))
     whole = fit(model, problem)
     alone, both = orientation_of(whole, problem), fit_poses(model, problem)
-    assert alone is not None and alone.rms_mrad > 3.0
+    assert alone is not None and 1.15 * both.orientation.rms_mrad < alone.rms_mrad < 2.0  # learned sizes leave little
     assert both.status == "converged" and both.orientation.rms_mrad < 1.1
     assert ur10.total(both.residual, problem.used) < 1.06 * ur10.total(whole.residual, problem.used)
 

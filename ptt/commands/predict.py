@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ptt.commands.common import (
-    Anyway,
     Effects,
     Json,
     Map,
     ModelPath,
     Reading,
     Set,
-    check_rows,
     note,
     open_library,
     open_model,
@@ -57,7 +55,6 @@ def predict(
     map_: Map = None,
     effects: Effects = None,
     limit_mm: Limit = 5.0,
-    anyway: Anyway = False,
     json: Json = False,
 ) -> int:
     """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker.
@@ -70,10 +67,9 @@ def predict(
     from ptt.training.train import correction_of
 
     refuse_readings(out)
-    reading = Reading(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
+    reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
     compensator = open_model(model, open_library(reading))
-    table = read_rows(targets, compensator.model.file, reading, "targets", checked=True)
-    check_rows(compensator.model.file, table, reading)
+    table = read_rows(targets, compensator.model.file, reading, "targets")
     frames = target_frames(compensator.model.file, table)
     for frame in frames:
         if frame.source not in ("base", "unknown"):

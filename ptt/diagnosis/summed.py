@@ -15,7 +15,7 @@ from ptt.diagnosis.design import BLOCKS, Design, with_priors
 from ptt.diagnosis.gross import gross_errors
 from ptt.effects import Effect
 from ptt.fit.outliers import inside
-from ptt.fit.solve import FitResult, fitted_terms, unseen_directions
+from ptt.fit.solve import FitResult, conclude
 from ptt.noise import Noise
 from ptt.problem import Problem, apply_frames
 from ptt.sums import Sums, accumulate, project, solve
@@ -202,13 +202,6 @@ def refit(fitted: FitResult, design: SummedDesign) -> FitResult:
     # Effects are solved for as a whole, mounts and frames for how they move on.
     start = np.where(np.arange(len(order)) < len(own), 0.0, fitted.unknowns)
     unknowns = np.clip(start + solution.values, layout.lower, layout.upper)
-    information = gram[np.ix_(order, order)]
-    unseen = unseen_directions(information)
-    covariance = np.linalg.pinv(information + unseen @ unseen.T, hermitian=True)
-    rank = len(unknowns) - unseen.shape[1]
-    result = replace(
-        fitted, unknowns=unknowns, covariance=covariance * np.outer(layout.scale, layout.scale),
-        information=information, chi2=solution.left, freedom=max(count - rank + int(layout.held.sum()), 1), rank=rank,
-        unseen=unseen, noise=design.noise, iterations=fitted.iterations + 1,
-    )  # fmt: skip
-    return replace(result, model=replace(result.model, terms=fitted_terms(result)))
+    information = gram[np.ix_(order, order)] - np.diag(layout.held.astype(float))
+    result = conclude(fitted, unknowns, information, solution.left, count)
+    return replace(result, noise=design.noise, iterations=fitted.iterations + 1)

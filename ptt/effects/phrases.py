@@ -39,7 +39,6 @@ class Phrase:
         minus: what a value below zero does.
         who: the subject, where it is no joint.
         arm: the same two on a serial arm, where they differ.
-        arm_who: the subject there.
         times: the size said, as a multiple of the value.
     """
 
@@ -48,7 +47,6 @@ class Phrase:
     minus: str
     who: str = ""
     arm: tuple[str, str] | None = None
-    arm_who: str = ""
     times: float = 1.0
 
     def along(self, axis: str) -> "Phrase":
@@ -106,11 +104,17 @@ def said(phrase: Phrase, value: float, error: float, unit: str, usual: float, jo
         The words.
     """
     factor, shown = SHOWN.get(unit, (1.0, unit))
-    factor *= phrase.times
     plus, minus = phrase.on(kind)
-    who = phrase.arm_who or phrase.who if kind == "serial" else phrase.who
-    text = plus if value >= 0.0 else minus
-    return Said(who, joint, text, abs(value) * factor, error * factor, shown, abs(value) / usual)
+    size = abs(value) * factor * phrase.times
+    return Said(
+        phrase.who,
+        joint,
+        plus if value >= 0.0 else minus,
+        size,
+        error * factor * phrase.times,
+        shown,
+        abs(value) / usual,
+    )
 
 
 def compose(parts: Sequence[Said], noun: str) -> str:

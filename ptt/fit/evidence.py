@@ -259,6 +259,13 @@ def _climb(
     return None
 
 
+def inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of normal equations with a prior on every unknown, (P, P), whatever the units of its columns."""
+    scale = np.sqrt(np.diag(matrix))
+    both = np.outer(scale, scale)
+    return _invert(_factor(matrix / both)) / both
+
+
 def _factor(matrix: np.ndarray) -> np.ndarray:
     """Lower Cholesky factor of a matrix with a unit diagonal; rounding may ask for a little more on it."""
     if not len(matrix):

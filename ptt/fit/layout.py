@@ -29,6 +29,8 @@ class Layout:
         upper: (u,) bound in units of scale.
         held: (u,) bool, kept near zero at its scale by definition of the effect.
         owner: (u,) int, index of the term; FRAME or MOUNT for those.
+        group: (u,) int, unknowns of one parameter, which share how large they may be; -1 for frames and mounts.
+        kinds: of each group: 'free', 'held' as above, or 'searched'.
         names: one for each unknown.
         frames: number of frames.
         mounts: number of reflector mounts.
@@ -41,6 +43,8 @@ class Layout:
     upper: np.ndarray
     held: np.ndarray
     owner: np.ndarray
+    group: np.ndarray
+    kinds: tuple[str, ...]
     names: tuple[str, ...]
     frames: int
     mounts: int = 0
@@ -93,7 +97,8 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         The layout.
     """
     kind, joints = model.file.machine.kind, problem.view.joints
-    free, scale, lower, upper, held, owner, names = [], [], [], [], [], [], []
+    free, scale, lower, upper, held, owner, group, names = [], [], [], [], [], [], [], []
+    kinds: list[str] = []
     for index, term in enumerate(terms):
         flags = []
         for parameter in (p.on(kind) for p in term.effect.parameters):
@@ -106,6 +111,8 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
                 upper += [parameter.upper / parameter.usual] * size
                 held += [parameter.held] * size
                 owner += [index] * size
+                group += [len(kinds)] * size
+                kinds.append("searched" if parameter.role == "searched" else "held" if parameter.held else "free")
         free.append(np.array(flags, dtype=bool))
         local = parameter_names(term.effect, kind, joints)
         names += [f"{term.effect.key} {name}" for name, flag in zip(local, flags, strict=True) if flag]
@@ -115,6 +122,7 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         upper += [np.inf] * 3
         held += [False] * 3
         owner += [MOUNT] * 3
+        group += [-1] * 3
         run = f" of run {problem.table.run_label[mount]}" if problem.mounts > 1 else ""
         names += [name + run for name in MOUNT_NAMES]
     for frame in range(problem.frames):
@@ -123,10 +131,11 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         upper += [np.inf] * 6
         held += [False] * 6
         owner += [FRAME] * 6
+        group += [-1] * 6
         run = f" of run {problem.table.run_label[frame]}" if problem.frames > 1 else ""
         names += [name + run for name in FRAME_NAMES]
     return Layout(
         tuple(terms), tuple(free), np.array(scale), np.array(lower), np.array(upper), np.array(held, dtype=bool),
-        np.array(owner, dtype=int),
-        tuple(names), problem.frames, problem.mounts,
+        np.array(owner, dtype=int), np.array(group, dtype=int), tuple(kinds), tuple(names), problem.frames,
+        problem.mounts,
     )  # fmt: skip

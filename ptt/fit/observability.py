@@ -1,7 +1,7 @@
 """What a run cannot tell, in words: combinations of parameters that only their usual size holds near zero."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,9 +120,21 @@ class _Candidate:
     order: int  # place of its effect in the causal chain: of two ways to say it, the later effect has the lead
 
 
+def _information(fitted: FitResult) -> np.ndarray:
+    """What is known of the unknowns, in units of the sizes that they may have."""
+    return fitted.information * np.outer(fitted.sizes, fitted.sizes)
+
+
+def _patterns(fitted: FitResult, index: int, own: np.ndarray) -> Iterator[Pattern]:
+    """Patterns of an effect's unknowns, in the same units."""
+    for pattern in patterns(fitted.layout, index, own):
+        vector = pattern.vector / fitted.sizes
+        yield replace(pattern, vector=vector / np.linalg.norm(vector))
+
+
 def _confounded(fitted: FitResult) -> Iterator[tuple[int, Pattern]]:
     """Patterns of which the others' columns leave less than the usual size tells."""
-    layout, information = fitted.layout, fitted.information
+    layout, information = fitted.layout, _information(fitted)
     for index in range(len(layout.terms)):
         own = np.flatnonzero(layout.owner == index)
         if not len(own):
@@ -133,14 +145,14 @@ def _confounded(fitted: FitResult) -> Iterator[tuple[int, Pattern]]:
         kept = information[np.ix_(own, own)] - cross.T @ np.linalg.solve(block, cross)
         if np.linalg.eigvalsh(kept)[0] >= UNSEEN:
             continue
-        for pattern in patterns(layout, index, own):
+        for pattern in _patterns(fitted, index, own):
             if pattern.vector[own] @ kept @ pattern.vector[own] < UNSEEN:
                 yield index, pattern
 
 
 def _imitate(pattern: Pattern, index: int, fitted: FitResult) -> _Candidate:
     """Find the fewest others that imitate a pattern: all tracker motions, then effects, then less of each."""
-    layout, information = fitted.layout, fitted.information
+    layout, information = fitted.layout, _information(fitted)
     groups = _groups(layout, index)
     chosen: list[str | int] = [name for name in groups if isinstance(name, str)]
     waiting = [name for name in groups if isinstance(name, int)]
@@ -160,10 +172,12 @@ def _imitate(pattern: Pattern, index: int, fitted: FitResult) -> _Candidate:
         information, pattern.vector, np.concatenate([_NONE, *(groups[name] for name in chosen)])
     )
     motions = _large([name for name in chosen if isinstance(name, str)], groups, whole)
-    effects = [_effect_words(whole, owner, layout) for owner in chosen if isinstance(owner, int)]
+    effects = [_effect_words(whole, owner, fitted) for owner in chosen if isinstance(owner, int)]
     key = layout.terms[index].effect.key
     own = np.flatnonzero(np.abs(pattern.vector) > 1e-9)
-    weights = {layout.names[i].removeprefix(f"{key} "): float(pattern.vector[i]) for i in own}
+    usual = pattern.vector * fitted.sizes
+    usual /= np.linalg.norm(usual)
+    weights = {layout.names[i].removeprefix(f"{key} "): float(usual[i]) for i in own}
     partners = (*(words for words, _ in effects), *_frame_words(motions))
     cost = pattern.cost + sum(cost for _, cost in effects) + len(motions)
     return _Candidate(Combination(key, pattern.words, partners, weights), whole / np.linalg.norm(whole), cost, index)
@@ -215,13 +229,14 @@ def _frame_words(motions: Sequence[str]) -> list[str]:
     return [name for name in motions if not (turned and name.startswith(("tracker x", "tracker y")))]
 
 
-def _effect_words(whole: np.ndarray, owner: int, layout: Layout) -> tuple[str, float]:
+def _effect_words(whole: np.ndarray, owner: int, fitted: FitResult) -> tuple[str, float]:
     """An effect's share in an imitation, its pattern where it has one, else its name alone; and what it costs."""
+    layout = fitted.layout
     key, columns = layout.terms[owner].effect.key, np.flatnonzero(layout.owner == owner)
     part = np.zeros_like(whole)
     part[columns] = whole[columns]
     length = np.linalg.norm(part)
-    best = max(patterns(layout, owner, columns), key=lambda pattern: abs(float(pattern.vector @ part)))
+    best = max(_patterns(fitted, owner, columns), key=lambda pattern: abs(float(pattern.vector @ part)))
     if abs(float(best.vector @ part)) > ALIKE * length:
         return f"{key} ({best.words})", 1.0 + best.cost
     return key, 3.0

@@ -10,7 +10,7 @@ from ptt.chain import Prediction, Shifts, differentiate, predict
 from ptt.errors import TableError
 from ptt.fit.gauss_newton import descend
 from ptt.fit.layout import Layout
-from ptt.fit.solve import FitResult, fit, unseen_directions
+from ptt.fit.solve import FitResult, fit
 from ptt.fit.whitened import build_system
 from ptt.frames import rotation
 from ptt.mechanisms.rotations import from_quaternion, rotation_vector
@@ -106,15 +106,11 @@ def fit_poses(model: Model, problem: Problem, *, length_mm: float | None = None)
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         residual, jacobian = build_system(layout, problem, noise.whitener, unknowns).stacked(kept)
         angle, by_angle = _angles(layout, problem, measured, unknowns, turned)
-        pull = prior @ unknowns
-        normal = jacobian.T @ jacobian + weight**2 * by_angle.T @ by_angle + prior
+        pull = first.prior.weight * unknowns
+        normal = jacobian.T @ jacobian + weight**2 * by_angle.T @ by_angle + np.diag(first.prior.weight)
         side = jacobian.T @ residual + weight**2 * by_angle.T @ angle - pull
         return normal, side, float(residual @ residual + weight**2 * angle @ angle + unknowns @ pull)
 
-    held = np.diag(layout.held.astype(float))
-    prior = held
-    unseen = unseen_directions(equations(first.unknowns)[0])
-    prior = held + unseen @ unseen.T
     ended = descend(equations, first.unknowns, layout.lower, layout.upper)
     system = build_system(layout, problem, noise.whitener, ended.unknowns)
     terms = tuple(

@@ -7,9 +7,11 @@ import numpy as np
 import torch
 
 from ptt.chain import Prediction
+from ptt.fit.evidence import inverse
 from ptt.fit.gauss_newton import DONE, Equations, descend
 from ptt.fit.layout import Layout, lay_out
 from ptt.fit.outliers import inside, linear_residual
+from ptt.fit.prior import Prior, learn_prior, usual_prior
 from ptt.fit.search import open_terms
 from ptt.fit.whitened import Evaluator, System
 from ptt.model import Model, Term
@@ -21,7 +23,8 @@ SEEN = 1.0  # a direction counts as seen where the data know it better than its 
 PRIOR_SHARE = 0.02  # a parameter with more than this share in unseen directions is not measured
 PRIOR_HALF = 0.5  # share of its prior's variance from which a parameter that is held near zero counts as unmeasured
 ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
-ROUNDS = 3  # of leaving out gross errors and fitting again
+ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
+ALIKE = 0.1  # change of a log variance below which sizes count as settled
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,8 @@ class FitResult:
         model: the model with fitted parameters.
         layout: order of the unknowns.
         unknowns: (u,) fitted values in usual sizes.
-        covariance: (u, u) of the unknowns in their own units; what the prior holds has the prior's.
+        covariance: (u, u) of the unknowns in their own units; what the prior holds has the prior's. Wider than the
+            noise says where the fit leaves more than noise.
         information: what is known of the unknowns in usual sizes, (u, u): by the rows, and by what an effect is
             defined without; no prior on unseen directions.
         prediction: of all rows, masked ones included.
@@ -42,7 +46,8 @@ class FitResult:
         chi2: weighted sum of squares over the rows used.
         freedom: degrees of freedom.
         rank: number of directions that the data see.
-        unseen: (u, m) directions, in usual sizes, that only the prior holds.
+        unseen: (u, m) directions, in units of `sizes`, that only the prior holds.
+        prior: how large the unknowns may be, and how much wider than stated the rows scatter.
         iterations: evaluations of the derivative.
         status: 'converged' or what kept it from converging.
     """
@@ -60,6 +65,7 @@ class FitResult:
     freedom: int
     rank: int
     unseen: np.ndarray
+    prior: Prior
     iterations: int
     status: str
 
@@ -69,9 +75,14 @@ class FitResult:
         return self.unknowns * self.layout.scale
 
     @property
+    def sizes(self) -> np.ndarray:
+        """How large each unknown may be, (u,) in usual sizes: those, or more where the rows ask for it."""
+        return self.prior.sizes(self.layout)
+
+    @property
     def std(self) -> np.ndarray:
-        """Standard errors of the unknowns in their own units, (u,); wider where the fit leaves more than noise."""
-        return np.sqrt(np.diag(self.covariance)) * np.sqrt(max(1.0, self.chi2 / max(self.freedom, 1)))
+        """Standard errors of the unknowns in their own units, (u,)."""
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def measured(self) -> np.ndarray:
@@ -106,22 +117,21 @@ def fit(
     layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
     evaluate = Evaluator(layout, problem, noise, coarse=coarse)
     unknowns = np.clip(layout.start(), layout.lower, layout.upper)
-    system = evaluate(unknowns)
-    kept = _without_outliers(system, problem, layout) if robust else problem.used.copy()
-    status, unseen = "nothing to fit", np.zeros((len(unknowns), 0))
-    for attempt in range(1 if lean or coarse else ROUNDS):
-        unseen = unseen_directions(_informed(system, kept, layout))
+    kept = _without_outliers(evaluate(unknowns), problem, layout) if robust else problem.used.copy()
+    status, prior, settled = "nothing to fit", usual_prior(layout), False
+    for attempt in range(1 + ROUNDS):
+        before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior)
+        if settled and _near(before, prior):
+            prior = before
+            break
         if len(unknowns):
-            prior = unseen @ unseen.T + np.diag(layout.held.astype(float))
             done = NEAR if coarse else DONE
             ended = descend(_equations(evaluate, kept, prior), unknowns, layout.lower, layout.upper, done)
             unknowns, status = ended.unknowns, ended.status
-        system = evaluate(unknowns)
-        again = inside(system.residual, problem.used, problem) if robust else kept
-        if (again == kept).all() and unseen_directions(_informed(system, kept, layout)).shape == unseen.shape:
-            break
-        kept = again if attempt < ROUNDS - 1 else kept
-    return _result(model, problem, evaluate, unknowns, unseen, kept, status)
+        again = inside(evaluate(unknowns).residual, problem.used, problem) if robust and not (lean or coarse) else kept
+        settled = bool((again == kept).all())
+        kept = again if attempt < ROUNDS else kept
+    return _result(model, problem, evaluate, unknowns, prior, kept, status)
 
 
 def residual_of(model: Model, problem: Problem, noise: Noise | None = None) -> FitResult:
@@ -146,10 +156,10 @@ def hold(term: Term) -> Term:
 
 
 def unseen_directions(information: np.ndarray) -> np.ndarray:
-    """Directions that the rows know no better than the usual size.
+    """Directions that the rows know no better than the size that the unknowns may have.
 
     Args:
-        information: J^T J in units of usual sizes, (u, u).
+        information: J^T J in units of those sizes, (u, u).
 
     Returns:
         (u, m), orthonormal columns.
@@ -160,18 +170,19 @@ def unseen_directions(information: np.ndarray) -> np.ndarray:
     return directions[:, strength < max(SEEN, ROUNDING * strength[-1])]
 
 
-def _informed(system: System, kept: np.ndarray, layout: Layout) -> np.ndarray:
-    """What is known of the unknowns: by the rows, and by what an effect is defined without; (u, u) in usual sizes."""
-    return system.information(kept) + np.diag(layout.held.astype(float))
+def _near(one: Prior, other: Prior) -> bool:
+    """Sizes so alike that no unknown would move by what matters."""
+    return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
 
 
-def _equations(evaluate: Evaluator, kept: np.ndarray, prior: np.ndarray) -> Equations:
+def _equations(evaluate: Evaluator, kept: np.ndarray, prior: Prior) -> Equations:
     """Normal equations of the rows that count and of the prior."""
 
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         residual, jacobian = evaluate(unknowns).stacked(kept)
-        pull = prior @ unknowns
-        return jacobian.T @ jacobian + prior, jacobian.T @ residual - pull, float(residual @ residual + unknowns @ pull)
+        pull = prior.weight * unknowns
+        normal = jacobian.T @ jacobian + np.diag(prior.weight)
+        return normal, jacobian.T @ residual - pull, float(residual @ residual + unknowns @ pull)
 
     return equations
 
@@ -192,20 +203,45 @@ def _without_outliers(system: System, problem: Problem, layout: Layout) -> np.nd
 
 
 def _result(
-    model: Model, problem: Problem, evaluate: Evaluator, unknowns: np.ndarray, unseen: np.ndarray, kept: np.ndarray,
+    model: Model, problem: Problem, evaluate: Evaluator, unknowns: np.ndarray, prior: Prior, kept: np.ndarray,
     status: str,
 ) -> FitResult:  # fmt: skip
     layout, noise, system = evaluate.layout, evaluate.noise, evaluate(unknowns)
     residual, _ = system.stacked(kept)
-    information = _informed(system, kept, layout)
-    covariance = np.linalg.pinv(information + unseen @ unseen.T, hermitian=True)
-    rank = len(unknowns) - unseen.shape[1]
+    empty = np.zeros((0, 0))
     result = FitResult(
-        model, layout, unknowns, covariance * np.outer(layout.scale, layout.scale), information, system.prediction,
-        system.residual @ np.linalg.inv(noise.whitener).T, problem.used & ~kept, noise, float(residual @ residual),
-        max(len(residual) - rank + int(layout.held.sum()), 1), rank, unseen, evaluate.calls, status,
+        model, layout, unknowns, empty, empty, system.prediction, system.residual @ np.linalg.inv(noise.whitener).T,
+        problem.used & ~kept, noise, 0.0, 1, 0, empty, prior, evaluate.calls, status,
     )  # fmt: skip
-    return replace(result, model=replace(model, terms=fitted_terms(result)))
+    return conclude(result, unknowns, system.information(kept), float(residual @ residual), len(residual))
+
+
+def conclude(fitted: FitResult, unknowns: np.ndarray, information: np.ndarray, chi2: float, count: float) -> FitResult:
+    """State what rows tell of the unknowns: values, covariance, directions that they do not see.
+
+    Args:
+        fitted: for the layout and the prior.
+        unknowns: (u,) in usual sizes.
+        information: J^T J of the rows in usual sizes, (u, u).
+        chi2: weighted sum of squares that is left of them.
+        count: number of their coordinates.
+
+    Returns:
+        The fit with all this.
+    """
+    layout, prior = fitted.layout, fitted.prior
+    left = inverse(information + np.diag(prior.weight))
+    freedom = max(count - len(unknowns) + float(np.diag(left) @ prior.weight), 1.0)
+    widening, informed = max(1.0, chi2 / freedom), information + np.diag(layout.held.astype(float))
+    # Small learned sizes make good values, but one parameter may be large where its fellows are not.
+    sizes = prior.sizes(layout)
+    covariance = widening * inverse(information + np.diag(widening / np.maximum(prior.variance, sizes**2)))
+    unseen = unseen_directions(informed * np.outer(sizes, sizes))
+    result = replace(
+        fitted, unknowns=unknowns, covariance=covariance * np.outer(layout.scale, layout.scale), information=informed,
+        chi2=chi2, freedom=round(freedom), rank=len(unknowns) - unseen.shape[1], unseen=unseen,
+    )  # fmt: skip
+    return replace(result, model=replace(result.model, terms=fitted_terms(result)))
 
 
 def fitted_terms(result: FitResult) -> tuple[Term, ...]:
