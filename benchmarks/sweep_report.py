@@ -1,206 +1,201 @@
-"""Figures and pictures of a sweep."""
+"""Tables and pictures of sweeps, one folder or two beside one another: `sweep_report.py OUT [BEFORE]`."""
 
 import itertools
+import json
+import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from ptt.effects import library
-from ptt.rig.draw import fault_names
+Row = dict[str, Any]
+Rows = list[Row]
+LEVELS = ("none", "single", "multi", "unknown")
+NOISE_FREE = "bench"  # name of the bench's own noise
+GOOD = ("exact", "declared", "fair")
+SURE = 0.9  # probability from which a statement has to be right in 95 of 100
+ROSY = 1.5  # times the printed held-out error that the re-measured one may be
+BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0])
 
-Rows = list[dict[str, Any]]
-NOTHING, UNKNOWN = "nothing", "unknown"
-METROLOGY = ("tracker-scale", "tracker-drift", "setup-jump")
+
+def judged(rows: Rows) -> Rows:
+    """Cases that can be judged: every fault counts; outside the library the fault that nobody knows does."""
+
+    def fair(row: Row) -> bool:
+        if row["level"] == "unknown":
+            return bool(set(row["outside"]) & set(row["counted"]))
+        return set(row["hidden"]) == set(row["counted"])
+
+    return [row for row in rows if fair(row)]
 
 
-def report(rows: Rows, level: str, out: Path, seconds: float) -> str:
-    """Write the table and the pictures of a sweep, and sum it up in words."""
-    good = [row for row in rows if "error" not in row]
-    lines = [f"{level}: {len(rows)} rigs in {seconds:.0f} s; diagnose {_median(good, 'seconds'):.2f} s (median)"]
-    lines += [f"  BROKEN seed {row['seed']} {list(row['hidden'])} {row['error']}" for row in rows if "error" in row]
-    flat = pd.DataFrame([{**row, "named": "; ".join(" = ".join(group) for group in row["named"])} for row in good])
-    flat.to_csv(out / f"{level}.csv", index=False)
-    if level == "none":
-        return "\n".join(lines + _silence(good))
-    counted = [row for row in good if _judged(row)]
-    which = "the fault outside the library" if level == "unknown" else "all faults"
-    lines.append(f"  {len(counted)} with {which} at 2 x noise or more, judged below")
-    lines += {"single": _single, "multi": _multi, "unknown": _unknown}[level](good, counted)
-    lines += _errors(counted)
+def is_right(row: Row) -> bool:
+    """Silent where nothing is hidden, 'unknown' where nobody knows it, all the names and no other elsewhere."""
+    if "error" in row:
+        return False
+    if row["level"] in ("none", "unknown"):
+        return bool(row["right"])
+    return row["outcome"] in GOOD and row["verdict"] == "missing"
+
+
+def wrong_names(row: Row) -> int:
+    """Names of what is not there and does the work of nothing that is."""
+    return sum(word in ("wrong", "partial") for word in row.get("words", {}).values())
+
+
+def first_right(row: Row) -> bool:
+    """Whether the first name is hidden, or stands for something hidden by the truth."""
+    named = row.get("named")
+    return bool(named) and row["words"].get(named[0][0]) in ("right", "fair")
+
+
+def summary(level: str, rows: Rows) -> str:
+    """One line on a family."""
+    counted = judged(rows)
+    broken = sum("error" in row for row in rows)
+    good = [row for row in counted if "error" not in row]
+    line = f"{level:<8}{len(rows):>4} rigs, {len(counted)} judged: right {share(map(is_right, counted))}"
+    line += f"; wrong names {mean(map(wrong_names, good)):.2f} a run"
     if level == "single":
-        draw_detection(good, out / "detection.png")
-        draw_confusion(good, out / "confusion.png")
-    return "\n".join(lines + _failures(good))
+        line += f"; first {share(map(first_right, counted))}"
+    if level == "unknown":
+        line += f"; leading variable {share(bool(row['leading'] and row['leading']['near']) for row in good)}"
+        silent = sum(row["verdict"] == "nothing-missing" for row in good)
+        line += f"; nothing-missing {silent}"
+    tools = [row["tool"] for row in rows if row.get("tool")]
+    line += f"; worse {sum(tool['worse'] for tool in tools)}/{len(tools)}"
+    line += f"; {np.median([row['seconds'] for row in good] or [np.nan]):.2f} s; broken {broken}"
+    return line
 
 
-def _judged(row: dict[str, Any]) -> bool:
-    """Every fault counts; beside a fault outside the library small known ones may stand."""
-    if row["level"] == "unknown":
-        return any(name in row["counted"] for name in fault_names("unknown"))
-    return set(row["hidden"]) == set(row["counted"])
+def share(hits: Iterable[bool]) -> str:
+    """3/4 = 75 %."""
+    values = list(hits)
+    return f"{sum(values)}/{len(values)} = {100.0 * sum(values) / max(len(values), 1):.0f} %"
 
 
-def _silence(rows: Rows) -> list[str]:
-    silent = [row["verdict"] == "nothing-missing" for row in rows]
-    machine = [any(_base(group[0]) not in METROLOGY for group in row["named"]) for row in rows]
-    drift = [{_base(group[0]) for group in row["named"]} == {"tracker-drift"} for row in rows]
-    unknown = [row["verdict"] == "unknown" for row in rows]
-    lines = [f"  nothing-missing {_share(silent)}; only tracker-drift {_share(drift)}"]
-    lines.append(f"  a machine effect {_share(machine)}; unknown {_share(unknown)}")
-    loud = [row for row in rows if row["verdict"] != "nothing-missing"]
-    words = [f"{row['protocol']}: {row['verdict']} {row['named']} {row['reasons']}" for row in loud]
-    return lines + [f"  seed {row['seed']} {word}" for row, word in zip(loud, words, strict=True)]
+def mean(values: Iterable[float]) -> float:
+    """Mean of any number of values, 0 of none."""
+    numbers = list(values)
+    return sum(numbers) / max(len(numbers), 1)
 
 
-def _single(rows: Rows, counted: Rows) -> list[str]:
-    first = [bool(row["named"]) and row["named"][0][0] in row["hidden"] for row in counted]
-    right = [hit or row["outcome"] in ("exact", "declared") for hit, row in zip(first, counted, strict=True)]
-    clean = [row["outcome"] in ("exact", "declared") for row in counted]
-    apart = [row for row in counted if not row["rivals"]]
-    alone = [row["named"] == [[next(iter(row["hidden"]))]] for row in apart]
-    lines = [f"  right effect first {_share(first)}; or in a declared group of at most 3, confirmed {_share(right)}"]
-    lines.append(f"  the same, and nothing else added {_share(clean)}")
-    lines.append(f"  named alone where the truth says it can be told {_share(alone)}")
-    lines.append(f"  verdict 'unknown' in spite of it {_share([row['verdict'] == 'unknown' for row in counted])}")
-    lines += _by(counted, clean, "protocol")
-    small = [row for row in rows if not row["counted"]]
-    if small:
-        words = pd.Series([row["outcome"] for row in small]).value_counts()
-        lines.append(f"  below 2 x noise: {', '.join(f'{count} {word}' for word, count in words.items())}")
+def table(rows: Rows, key: Callable[[Row], str], before: Rows = ()) -> list[str]:
+    """Right, wrong names and broken, group by group; the same of `before` beside it."""
+    groups = sorted({key(row) for row in rows})
+    lines = []
+    for name in groups:
+        cells = [_cell([row for row in side if key(row) == name]) for side in (rows, before) if side]
+        lines.append(f"    {name:<24}" + "   before ".join(cells))
     return lines
 
 
-def _multi(rows: Rows, counted: Rows) -> list[str]:
-    exact = [row["outcome"] == "exact" for row in counted]
-    right = [row["outcome"] in ("exact", "declared") for row in counted]
-    fair = [row["outcome"] in ("exact", "declared", "fair") for row in counted]
-    lines = [f"  all found and nothing else {_share(exact)}; declared groups of at most 3 counted {_share(right)}"]
-    lines.append(f"  names that the truth confirms as fair counted, too {_share(fair)}")
-    lines.append(f"  verdict 'unknown' in spite of it {_share([row['verdict'] == 'unknown' for row in counted])}")
-    everyone = [row["outcome"] in ("exact", "declared", "silent") for row in rows]
-    lines.append(f"  all rigs, small faults free to be named or not {_share(everyone)}")
-    return lines + _by(counted, right, "protocol")
+def _cell(rows: Rows) -> str:
+    return f"{share(map(is_right, rows)):<18} wrong names {mean(map(wrong_names, rows)):.2f}"
 
 
-def _unknown(rows: Rows, counted: Rows) -> list[str]:
-    unknown = [row["verdict"] == "unknown" for row in counted]
-    place = [row["verdict"] == "unknown" and row["place"] for row in counted]
-    lines = [f"  verdict 'unknown' {_share(unknown)}; and the right variable first {_share(place)}"]
-    for name in fault_names("unknown"):
-        hits = [hit for hit, row in zip(place, counted, strict=True) if name in row["hidden"]]
-        lines.append(f"    {name} {_share(hits)}")
-    return lines
+def report(rows: Rows, before: Rows = ()) -> list[str]:
+    """All tables of one family."""
+    level = rows[0]["level"]
+    counted, earlier = judged(rows), judged(list(before))
+    lines = [summary(level, rows)] + ([f"  before: {summary(level, list(before))}"] if before else [])
+    lines += ["  by noise", *table(counted, lambda row: row["noise"], earlier)]
+    if level != "none":
+        lines += ["  by fault", *table(counted, lambda row: row["faults"][0], earlier)]
+    if level == "multi":
+        lines += ["  by number", *table(counted, lambda row: str(len(row["faults"])), earlier)]
+    for title, key in (("by protocol", "protocol"), ("by path", "path"), ("by repeats", "repeats")):
+        lines += [f"  {title}", *table(counted, lambda row, key=key: str(row.get(key)), earlier)]
+    lines += ["  by rows", *table(counted, _length, earlier)]
+    return [*lines, *trust(rows), *failures(counted)]
 
 
-def _errors(rows: Rows) -> list[str]:
-    after = [row["tool"]["after"] for row in rows if row["tool"]["after"] is not None]
-    lines = [
-        f"  held-out error at the end / noise, median: {_median(rows, 'heldout'):.3f} of the true noise, "
-        f"{_median(rows, 'heldout_seen'):.3f} of the noise reported"
-    ]
+def _length(row: Row) -> str:
+    edges = (24, 50, 100, 200, 400, 800, 10**6)
+    low = max(edge for edge in edges if edge <= max(row["rows"], 24))
+    return f"from {low:>4}"
+
+
+def trust(rows: Rows) -> list[str]:
+    """Whether what is printed can be believed: probabilities, deviations, held-out errors."""
+    said = [statement for row in rows for statement in row.get("statements", [])]
+    sure = [hit for chance, hit in said if chance >= SURE]
+    pulls = np.array([value for row in rows for _, value in row.get("pulls", [])])
+    rosy = [row["tool"]["rosy"] for row in rows if (row.get("tool") or {}).get("rosy")]
+    lines = [f"  statements of {SURE:.0%} and more: right {share(sure)}"] if said else []
+    if len(pulls):
+        far = [f"{name} {value:.1f}" for row in rows for name, value in row.get("pulls", []) if abs(value) > 5.0]
+        lines.append(f"  {len(pulls)} pulls: within 2 sigma {np.mean(np.abs(pulls) <= 2.0):.1%}; beyond 5: {far}")
+    if rosy:
+        worst = f"median {np.median(rosy):.2f}, worst {max(rosy):.2f}"
+        lines.append(f"  re-measured / printed held-out: {worst}; above {ROSY}: {sum(one > ROSY for one in rosy)}")
+    after = [row["tool"]["after"] for row in rows if row.get("tool") and row["tool"]["after"] is not None]
     if after:
         quarter = np.percentile(after, [50, 90, 100])
-        lines.append(
-            f"  true tool error after compensation / noise: median {quarter[0]:.2f}, 90 % below {quarter[1]:.2f}, "
-            f"worst {quarter[2]:.2f}"
-        )
+        words = ", ".join(f"{value:.2f}" for value in quarter)
+        lines.append(f"  tool error after compensation / noise: median, 90 % and worst {words}")
     return lines
 
 
-def _failures(rows: Rows) -> list[str]:
+def failures(rows: Rows) -> list[str]:
+    """Every case that is not right, in one line."""
     lines = ["  not right:"]
     for row in rows:
-        if row["level"] == "unknown":
-            wrong = row["verdict"] != "unknown" or not row["place"]
-        else:
-            wrong = row["outcome"] not in ("exact", "declared", "silent") or row["verdict"] == "unknown"
-        if wrong:
-            hidden = ", ".join(f"{name} {size:.1f}x" for name, size in row["hidden"].items())
-            named = "; ".join(" = ".join(group) for group in row["named"]) or NOTHING
-            counts = "" if _judged(row) else " (small)"
-            extra = f" depends {row['depends'][:1]}" if "depends" in row else f" {row['reasons'][:1] or ''}"
-            line = (
-                f"    seed {row['seed']} {row['protocol']}: {row['outcome']}, {row['verdict']}{counts}: hidden {hidden}"
-            )
-            lines.append(f"{line} -> {named}; held-out {row['heldout']:.2f}{extra}")
+        if is_right(row) and not (row.get("tool") or {}).get("worse"):
+            continue
+        hidden = ", ".join(f"{name} {size:.1f}x" for name, size in row["hidden"].items())
+        place = f"    seed {row['seed']} {row['protocol']} {row['path']} {row['rows']} rows {row['noise']}: {hidden}"
+        if "error" in row:
+            lines.append(f"{place} BROKEN {row['error']}")
+            continue
+        named = "; ".join(" = ".join(group) for group in row["named"]) or "nothing"
+        worse = " WORSE" if (row.get("tool") or {}).get("worse") else ""
+        lines.append(f"{place} -> {row['verdict']}, {row['outcome']}: {named}{worse}; depends {row['depends'][:1]}")
     return lines
 
 
-def draw_detection(rows: Rows, path: Path) -> None:
-    """How often a fault is named against the size that it leaves."""
+def draw_reliability(said: list[tuple[float, bool]], place: Path) -> None:
+    """Stated probability against how often it was so."""
     import matplotlib.pyplot as plt
 
-    size = np.array([next(iter(row["hidden"].values())) for row in rows])
-    hit = np.array([row["outcome"] in ("exact", "declared") for row in rows], dtype=float)
-    edges = np.array([0.1, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 8.0, 16.0, 1000.0])
-    figure, axes = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
-    for low, high in itertools.pairwise(edges):
-        here = (size >= low) & (size < high)
+    chance, hit = (np.array(values, dtype=float) for values in zip(*said, strict=True))
+    figure, axes = plt.subplots(figsize=(5.0, 4.6), layout="constrained")
+    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linestyle="--", linewidth=1)
+    for low, high in itertools.pairwise(BINS):
+        here = (chance >= low) & (chance < high) if high < 1.0 else chance >= low
         if here.any():
-            share, count = hit[here].mean(), int(here.sum())
-            half = 1.96 * np.sqrt(max(share * (1 - share), 0.25 / count) / count)
-            middle = np.exp(np.log(size[here]).mean())
-            bars = [[share - max(share - half, 0.0)], [min(share + half, 1.0) - share]]
-            axes.errorbar(middle, share, yerr=bars, fmt="o", color="#1f5a96", capsize=3)
-            axes.annotate(str(count), (middle, share), textcoords="offset points", xytext=(6, -12), fontsize=8)
-    axes.axvline(2.0, color="0.6", linestyle="--", linewidth=1)
-    axes.annotate("counts from here on", (2.0, 0.05), textcoords="offset points", xytext=(4, 0), fontsize=8)
-    axes.set(xscale="log", ylim=(-0.03, 1.05), xlabel="what the fault leaves, frame out / noise of one reading (rms)")
-    axes.set(ylabel="share named right and alone", title=f"One hidden effect, {len(rows)} rigs")
-    axes.xaxis.set_major_formatter("{x:g}")
+            right, count = hit[here].mean(), int(here.sum())
+            # Half-width of a proportion's 95 % interval, with two successes and two failures added (Agresti-Coull).
+            agreed = (hit[here].sum() + 2.0) / (count + 4.0)
+            half = 1.96 * np.sqrt(agreed * (1.0 - agreed) / (count + 4.0))
+            bars = [[max(right - max(agreed - half, 0.0), 0.0)], [max(min(agreed + half, 1.0) - right, 0.0)]]
+            axes.errorbar(chance[here].mean(), right, yerr=bars, fmt="o", color="#1f5a96", capsize=3)
+            axes.annotate(str(count), (chance[here].mean(), right), textcoords="offset points", xytext=(6, -12))
+    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="probability stated", ylabel="share that was so")
+    axes.set_title(f"{len(said)} statements")
     axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=150)
+    figure.savefig(place, dpi=150)
     plt.close(figure)
 
 
-def draw_confusion(rows: Rows, path: Path) -> None:
-    """Hidden effect against the effect that was named first."""
-    import matplotlib.pyplot as plt
-
-    first = [_base(row["named"][0][0]) if row["named"] else NOTHING for row in rows]
-    truth = [next(iter(row["hidden"])) for row in rows]
-    seen = [name for name in library() if name in truth]  # in the order of the causal chain
-    across = seen + sorted(set(first) - set(seen) - {NOTHING}) + [NOTHING]
-    table = pd.crosstab(pd.Categorical(truth, seen), pd.Categorical(first, across), dropna=False).to_numpy()
-    share = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
-    figure, axes = plt.subplots(figsize=(0.42 * len(across) + 3.0, 0.36 * len(seen) + 2.6), layout="constrained")
-    axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
-    for (line, column), count in np.ndenumerate(table):
-        if count:
-            dark = share[line, column] > 0.5
-            axes.text(column, line, count, ha="center", va="center", fontsize=8, color="w" if dark else "k")
-    axes.set_xticks(range(len(across)), across, rotation=60, ha="right", rotation_mode="anchor", fontsize=8)
-    axes.set_yticks(range(len(seen)), seen, fontsize=8)
-    axes.set_xticks(np.arange(len(across)) - 0.5, minor=True)
-    axes.set_yticks(np.arange(len(seen)) - 0.5, minor=True)
-    axes.grid(which="minor", color="0.85", linewidth=0.6)
-    axes.tick_params(which="both", length=0)
-    axes.set(xlabel="named first", ylabel="hidden", title=_title(rows))
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+def load(folder: Path) -> dict[str, Rows]:
+    """Families of a folder."""
+    places = {level: folder / f"{level}.json" for level in LEVELS}
+    return {level: json.loads(place.read_text()) for level, place in places.items() if place.exists()}
 
 
-def _title(rows: Rows) -> str:
-    large = sum(bool(row["counted"]) for row in rows)
-    return f"{len(rows)} rigs with one hidden effect; {large} leave at least 2 x noise"
+def main() -> None:
+    """Command line."""
+    folder = Path(sys.argv[1])
+    families = load(folder)
+    before = load(Path(sys.argv[2])) if len(sys.argv) > 2 else {}
+    for level, rows in families.items():
+        print("\n".join(report(rows, before.get(level, []))))
+    said = [tuple(one) for rows in families.values() for row in rows for one in row.get("statements", [])]
+    if said:
+        draw_reliability(said, folder / "reliability.png")
 
 
-def _by(rows: Rows, hits: list[bool], key: str) -> list[str]:
-    groups: dict[str, list[bool]] = {}
-    for row, hit in zip(rows, hits, strict=True):
-        groups.setdefault(row[key], []).append(hit)
-    return ["    " + ", ".join(f"{name} {_share(group)}" for name, group in groups.items())]
-
-
-def _share(hits: list[bool]) -> str:
-    return f"{sum(hits)}/{len(hits)} = {100.0 * sum(hits) / max(len(hits), 1):.1f} %"
-
-
-def _median(rows: Rows, key: str) -> float:
-    return float(np.median([row[key] for row in rows])) if rows else float("nan")
-
-
-def _base(key: str) -> str:
-    return key.partition("[")[0]
+if __name__ == "__main__":
+    main()

@@ -68,7 +68,7 @@ def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
     assert spec.kind == "three-ptt"
     half = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)
     home = float(mechanism.home().mean())
-    low, high = (end - home for end in spec.slider_travel_mm)
+    low, high = (end - home for end in spec.common_travel)
     across = torch.linspace(-half, half, GRID, dtype=torch.float64)
     heights = torch.linspace(low, high, 9, dtype=torch.float64)
     found = workspace_map(mechanism, across, across, heights)

@@ -1,6 +1,7 @@
 """One family of errors; every message says what is wrong, where, and what to do about it."""
 
 from collections.abc import Sequence
+from typing import Any
 
 
 class PttError(Exception):
@@ -61,3 +62,23 @@ class WorkspaceError(InputError):
         """
         self.rows = tuple(rows)
         super().__init__(what, where=where, fix=fix)
+
+
+class SetupError(PttError):
+    """A set-up mistake that makes everything after it worthless.
+
+    Attributes:
+        check: what was found, a `ptt.check.Check`.
+    """
+
+    exit_code = 3
+
+    def __init__(self, what: str, check: Any) -> None:
+        """Compose the message and keep the findings.
+
+        Args:
+            what: findings and cures.
+            check: the whole result.
+        """
+        self.check = check
+        super().__init__(what)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, NonNegativeFlo
 from ptt.errors import MachineError
 from ptt.files import read_text, write_text
 
+Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
 
@@ -29,7 +30,7 @@ class ThreePttSpec(_Frozen):
     platform_radius_mm: PositiveFloat
     link_length_mm: PositiveFloat
     slider_azimuth_deg: Triple = (0.0, 120.0, 240.0)
-    slider_travel_mm: tuple[float, float]
+    slider_travel_mm: Pair | tuple[Pair, Pair, Pair]
     screw_lead_mm: PositiveFloat | None = None
     sliders: Literal["above", "below"] = "above"
     joint_height_mm: float = 0.0
@@ -39,9 +40,27 @@ class ThreePttSpec(_Frozen):
     reflector_mm: Triple = (0.0, 0.0, 0.0)
     platform_mass_kg: NonNegativeFloat = 0.0
 
+    @property
+    def travel_ends(self) -> tuple[Pair, Pair, Pair]:
+        """Least and greatest height of each slider, mm."""
+        first = self.slider_travel_mm[0]
+        if isinstance(first, tuple):
+            return self.slider_travel_mm  # type: ignore[return-value]
+        return (self.slider_travel_mm,) * 3  # type: ignore[return-value]
+
+    @property
+    def common_travel(self) -> Pair:
+        """Heights that every slider reaches, mm; the first is the larger one where there are none."""
+        return max(low for low, _ in self.travel_ends), min(high for _, high in self.travel_ends)
+
+    @property
+    def whole_travel(self) -> Pair:
+        """Least and greatest height that any slider reaches, mm."""
+        return min(low for low, _ in self.travel_ends), max(high for _, high in self.travel_ends)
+
     @pydantic.model_validator(mode="after")
     def _check_geometry(self) -> "ThreePttSpec":
-        if self.slider_travel_mm[0] >= self.slider_travel_mm[1]:
+        if any(low >= high for low, high in self.travel_ends):
             raise ValueError("slider_travel_mm: the lower end must come first and be smaller than the upper end")
         if abs(self.base_radius_mm - self.platform_radius_mm) >= self.link_length_mm:
             raise ValueError("link_length_mm: the links are too short to reach from the sliders to the platform")

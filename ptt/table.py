@@ -146,6 +146,8 @@ def read_table(
     mapping: Mapping | str | Path | None = None,
     purpose: str = "run",
     ask: Ask | None = None,
+    judge_scale: bool = True,
+    judge_order: bool = True,
 ) -> Table:
     """Read a tracker CSV, or an export of tracker or robot software.
 
@@ -160,6 +162,8 @@ def read_table(
         mapping: saved answers on columns and units; a path that does not exist yet is written with what was understood.
         purpose: 'run' (readings needed), 'targets' (poses wanted) or 'sliders' (commands to send: b1..bk or q1..qk).
         ask: who answers what is ambiguous: (question, choices) -> choice; None makes that an error.
+        judge_scale: whether readings that look like another unit than the targets are refused; `ptt.check` names more.
+        judge_order: whether time that goes back is refused where nobody said what to do about it.
 
     Returns:
         The table; `table.understood` says what was made of the files.
@@ -169,7 +173,10 @@ def read_table(
     """
     answers = _answers(mapping)
     request = Request(purpose, answers, ask)
-    tables = [_read_one(each, joints, joint_prefix, targets, set_values or {}, request) for each in (path, *also)]
+    tables = [
+        _read_one(each, joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order)
+        for each in (path, *also)
+    ]
     if isinstance(mapping, str | Path) and not Path(mapping).exists():
         save_mapping(tables[0].understood.mapping, mapping)
     return concat_tables(tables)
@@ -188,6 +195,8 @@ def _read_one(
     targets: str | Path | None,
     set_values: Dictionary[str, float | str],
     request: Request,
+    judge_scale: bool,
+    judge_order: bool,
 ) -> Table:
     export = read_any(path, request)
     if targets is not None:
@@ -198,14 +207,14 @@ def _read_one(
     values = {name: float(value) for name, value in set_values.items() if name != "order"}
     export, moved = replace(export, columns=set_columns(export, values)), list[str]()
     if request.purpose == "run":
-        order = set_values.get("order")
+        order = set_values.get("order", None if judge_order else "rows")
         export, moved = in_travel_order(export, None if order is None else str(order))
     arrays, warnings = table_fields(export, joints, prefix, request.purpose)
     constants = [f"{name} set to {value:g} in every row" for name, value in values.items()]
     understood = replace(export.understood, lines=(*export.understood.lines, *constants, *moved, *warnings))
     digests = (sha256(path),) * len(arrays["run_label"])
     table = Table(**arrays, joint_prefix=prefix, understood=understood, run_sha256=digests)
-    hint = scale_hint(table.target, table.measured)
+    hint = scale_hint(table.target, table.measured) if judge_scale else None
     if hint:
         raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)} or convert them")
     return table

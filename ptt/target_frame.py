@@ -124,7 +124,7 @@ def _require_frame(frame: RunFrame, table: Table, here: np.ndarray, where: str) 
         raise TableError(
             f"targets and slider commands disagree by {frame.left:.0f} mm (median)",
             where=where,
-            fix="are x and y swapped, or is it another machine?",
+            fix="`ptt check` names mistakes in the set-up; where it finds none, is it another machine?",
         )
     alone = here & (table.role != "base") if table.command is None else here & np.isnan(table.command).all(axis=1)
     if frame.source == "unknown" and np.isfinite(table.target[alone]).any():

@@ -250,7 +250,7 @@ def joint_limits(file: "MachineFile", joints: int) -> Tensor:
     """
     spec = file.machine
     if spec.kind == "three-ptt":
-        return _tensor([spec.slider_travel_mm] * joints)
+        return _tensor(spec.travel_ends)
     return torch.deg2rad(_tensor([joint.limits_deg or (-180.0, 180.0) for joint in spec.joint]))
 
 

@@ -39,10 +39,10 @@ def target_frame() -> pd.DataFrame:
     return pd.read_csv(DATA / "targets.csv", nrows=40, dtype=str)
 
 
-def error_line(result) -> str:
+def error_line(result, code=2) -> str:
     """The only line on standard error."""
     lines = result.stderr.splitlines()
-    assert result.exit_code == 2, (result.stdout, result.stderr)
+    assert result.exit_code == code, (result.stdout, result.stderr)
     assert len(lines) == 1 and lines[0].startswith("error: "), result.stderr
     assert result.stdout == ""
     return lines[0]
@@ -180,10 +180,10 @@ def test_bad_runs_are_refused_with_one_clear_line(fault, verb, run_frame, tmp_pa
             run_alone("train", [str(run), "--machine", MACHINE, "--out", str(tmp_path / "out"), "--json"])
         printed = capsys.readouterr()
         line = printed.err
-        assert ended.value.code == 2 and line.count("\n") == 1 and printed.out == ""
+        assert ended.value.code == (3 if "metres" in fault else 2) and line.count("\n") == 1 and printed.out == ""
         assert not (tmp_path / "out").exists()
     else:
-        line = error_line(invoke("evaluate", run, "--model", MACHINE, "--json"))
+        line = error_line(invoke("evaluate", run, "--model", MACHINE, "--json"), 3 if "metres" in fault else 2)
     assert "run.csv" in line and all(word in line for word in words), line
 
 
@@ -205,7 +205,8 @@ TARGET_FAULTS = {
 def test_bad_targets_are_refused_with_one_clear_line(fault, target_frame, tmp_path):
     spoil, words = TARGET_FAULTS[fault]
     targets = write(tmp_path / "targets.csv", spoil(target_frame))
-    line = error_line(invoke("predict", targets, "--model", MACHINE, "--out", tmp_path / "out.csv"))
+    made = invoke("predict", targets, "--model", MACHINE, "--out", tmp_path / "out.csv")
+    line = error_line(made, 3 if fault == "metres" else 2)
     assert "targets.csv" in line and all(word in line for word in words), line
     assert not (tmp_path / "out.csv").exists()
 
@@ -279,12 +280,12 @@ def test_readings_are_seen_in_another_encoding_too(run_frame, tmp_path):
         common.refuse_readings(tmp_path / "wide.csv")
 
 
-@pytest.mark.parametrize("verb", ["compare", "diagnose"])
-def test_swapped_targets_are_refused(verb, run_frame, tmp_path):
-    swapped = run_frame.assign(x_cmd=run_frame["y_cmd"], y_cmd=run_frame["x_cmd"])
-    line = error_line(invoke(verb, write(tmp_path / "swap.csv", swapped), "--model", MACHINE))
-    assert "swap.csv: targets and slider commands disagree by " in line
-    assert line.endswith("mm (median); are x and y swapped, or is it another machine?")
+def test_swapped_targets_are_named(run_frame, tmp_path):
+    swapped = write(tmp_path / "swap.csv", run_frame.assign(x_cmd=run_frame["y_cmd"], y_cmd=run_frame["x_cmd"]))
+    line = error_line(invoke("fit", swapped, "--model", MACHINE), code=3)
+    assert "swap.csv: axes-swapped: targets and commands differ by " in line and "x and y of the targets" in line
+    said = json.loads(invoke("diagnose", swapped, "--model", MACHINE, "--json").stdout)
+    assert said["verdict"] == "setup" and said["setup"][0]["mistake"] == "axes-swapped"
 
 
 def test_no_verdict_on_a_handful_of_readings(run_frame, tmp_path):

@@ -174,3 +174,22 @@ def test_payload_hangs_on_the_tool_wherever_the_reflector_sits() -> None:
     view = build_view(file, make_table(None, q, payload_kg=np.full(10, 3.0)))
     seen = place_mounts(view, np.zeros(10, dtype=int), rig.reflector_mm[None]).axis_force()
     torch.testing.assert_close(seen, torch.tensor(felt), rtol=1e-5, atol=1e-2)
+
+
+def test_stated_errors_hold_the_true_amplitudes() -> None:
+    """The truth is the rig's own torque times compliance, spread over the levers of the poses driven."""
+    pulls = []
+    for seed, name in enumerate(("ur10", "kuka_iiwa", "ur10", "kuka_iiwa")):
+        random = np.random.default_rng(seed)
+        file = arm(name)
+        rig = sagging(file, random)
+        q = random.uniform(-2.0, 2.0, (220, len(file.machine.joint)))
+        problem = build_problem(file, make_table(None, q, read(rig, q, seed)))
+        (term,) = fit(Model(file) + make_effect(library(), "self-weight"), problem).model.terms
+        basis = term.effect.basis(problem.view, {}).numpy()
+        sag = torques(rig, q) * rig.faults.compliance
+        true = sum(np.linalg.lstsq(basis[:, joint], sag[:, joint], rcond=1e-9)[0] for joint in range(q.shape[1]))
+        assert term.std is not None and term.measured is not None
+        pulls.append(((term.theta.numpy() - true) / term.std.numpy())[term.measured.numpy()])
+    every = np.abs(np.concatenate(pulls))
+    assert len(every) > 100 and every.max() < 5.0 and (every < 2.0).mean() > 0.9, (len(every), every.max())

@@ -242,3 +242,15 @@ def test_factory_builds_the_drawing():
     assert isinstance(machine, ThreePtt)
     assert machine.joints == 3
     assert machine.limits().tolist() == [[150.0] * 3, [420.0] * 3]
+
+
+def test_every_slider_has_its_own_travel():
+    ends = ((150.0, 420.0), (160.0, 410.0), (100.0, 500.0))
+    drawn = drawing(slider_travel_mm=ends)
+    limits = ThreePtt.from_spec(drawn).limits()
+    torch.testing.assert_close(limits, torch.tensor(ends, dtype=torch.float64).T)
+    assert drawn.common_travel == (160.0, 410.0)
+    assert drawn.whole_travel == (100.0, 500.0)
+    assert drawing().travel_ends == ((150.0, 420.0),) * 3
+    with pytest.raises(ValueError, match="lower end"):
+        drawing(slider_travel_mm=((150.0, 420.0), (420.0, 150.0), (0.0, 1.0)))

@@ -25,6 +25,12 @@ COUNTS = 2.0  # times the noise of one reading that a fault must leave to count
 UNSEEN = 25.0  # sum of squares in noise units, over a whole run, below which nobody can tell: five sigma
 MICRO = 1e3  # um per mm
 READINGS = ["x_meas", "y_meas", "z_meas"]
+CONTEXT = ("time_s", "payload_kg", "temp_c", "feed_mm_s", "repeat")
+GROUPS = {
+    "std": ["x_std", "y_std", "z_std"],
+    "direction": ["dir1", "dir2", "dir3"],
+    "torque": ["tau1", "tau2", "tau3"],
+}
 
 
 @dataclass(frozen=True)
@@ -89,7 +95,7 @@ class Truth:
             model = Model(self.problem.file)
             for key in sorted(chosen):
                 model = model + make_effect(self.known, *parse_key(key))
-            self._left[chosen] = fit(model, self.problem, robust=False, noise=self.noise)
+            self._left[chosen] = fit(model, self.problem, robust=False, noise=self.noise, lean=True, coarse=True)
         return self._left[chosen]
 
     def left(self, keys: Iterable[str]) -> float:
@@ -154,17 +160,20 @@ def reading_noise(rig: Rig, place: np.ndarray) -> Noise:
     return Noise(covariance + np.diag(own) / MICRO**2, "truth")
 
 
-def table_of(frame: pd.DataFrame) -> Table:
+def table_of(frame: pd.DataFrame, absent: Iterable[str] = ()) -> Table:
     """A simulated run as a table, as reading its file would give it.
 
     Args:
         frame: of a `RunResult`.
+        absent: columns that nobody wrote down.
 
     Returns:
         The table.
     """
     codes, labels = pd.factorize(frame["run"])
-    context = {name: _numbers(frame, name) for name in ("time_s", "payload_kg", "temp_c", "feed_mm_s", "repeat")}
+    context = {name: _numbers(frame, name) for name in CONTEXT if name not in {*absent}}
+    groups = {key: names for key, names in GROUPS.items() if names[0] in frame}
+    context |= {key: _numbers(frame, names) for key, names in groups.items()}
     table = make_table(
         _numbers(frame, ["x_cmd", "y_cmd", "z_cmd"]),
         _numbers(frame, ["b1_cmd", "b2_cmd", "b3_cmd"]),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Also, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
 
 if TYPE_CHECKING:
     from ptt.commands.common import Opened, Progress
@@ -30,6 +30,7 @@ def add(
     map_: Map = None,
     effects: Effects = None,
     plots: Plots = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Add effects to a model, refit everything jointly, and show the error fall step by step."""
@@ -37,7 +38,7 @@ def add(
     from ptt.effects.registry import library, make_effect, parse_key
     from ptt.ladder.climb import climb
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     known = opened.library or library()
     new = [make_effect(known, *parse_key(text)) for text in effect]
     with progress() as tell:

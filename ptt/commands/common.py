@@ -32,6 +32,7 @@ import typer
 from ptt.commands.output import Progress, note, plain, progress, show, tell_notes
 
 if TYPE_CHECKING:
+    from ptt.check import Check
     from ptt.effects.registry import Library
     from ptt.machine import MachineFile
     from ptt.model import Model
@@ -54,12 +55,13 @@ Map = Annotated[Path | None, typer.Option("--map", metavar="FILE.toml", help="Sa
 Effects = Annotated[
     list[Path] | None, typer.Option("--effects", metavar="FILE.py", help="Effects of your own; the file is run.")
 ]
+Anyway = Annotated[bool, typer.Option("--anyway", help="Go on although the set-up looks mistaken.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else; never ask.")]
 
 __all__ = [
-    "Also", "Effects", "Json", "Map", "ModelPath", "Opened", "Progress", "Reading", "Run", "Set", "Targets", "note",
-    "open_library", "open_model", "open_problem", "open_run", "parse_settings", "plain", "progress", "read_rows",
-    "refuse_readings", "show", "tell_notes",
+    "Also", "Anyway", "Effects", "Json", "Map", "ModelPath", "Opened", "Progress", "Reading", "Run", "Set", "Targets",
+    "check_rows", "note", "open_library", "open_model", "open_problem", "open_run", "parse_settings", "plain",
+    "progress", "read_rows", "refuse_readings", "show", "tell_notes",
 ]  # fmt: skip
 
 
@@ -74,6 +76,7 @@ class Reading:
         map_: saved answers on columns and units.
         effects: Python files with effects of the user's own.
         json: whether a program, not a person, is listening.
+        anyway: whether to go on although the set-up looks mistaken.
     """
 
     also: Sequence[Path] | None = None
@@ -82,6 +85,7 @@ class Reading:
     map_: Path | None = None
     effects: Sequence[Path] | None = None
     json: bool = False
+    anyway: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,7 @@ class Opened:
         problem: the same, seen through the machine.
         files: the run files, in the order given.
         library: effects by name, the user's own included.
+        check: what was found in the set-up.
     """
 
     compensator: "Compensator"
@@ -101,6 +106,7 @@ class Opened:
     problem: "Problem"
     files: tuple[str, ...] = field(default=())
     library: "Library | None" = None
+    check: "Check | None" = None
 
     @property
     def model(self) -> "Model":
@@ -128,24 +134,61 @@ def open_run(run: Path, model: Path, reading: Reading) -> Opened:
 
     Raises:
         InputError: whatever cannot be read or used.
+        SetupError: a mistake in the set-up that makes the rest worthless, unless `reading.anyway`.
     """
     from dataclasses import replace
 
+    from ptt.errors import SetupError
     from ptt.of_run import for_runs
     from ptt.taken import set_up_lines
     from ptt.target_frame import kept_frame
 
     library = open_library(reading)
     compensator = open_model(model, library)
-    table = read_rows(run, compensator.model.file, reading)
+    file = compensator.model.file
+    table = read_rows(run, file, reading, checked=True)
+    setup = check_rows(file, table, reading)
     files = tuple(str(path) for path in (run, *(reading.also or ())))
-    problem = open_problem(compensator.model.file, table)
+    try:
+        problem = open_problem(file, table)
+    except Exception as error:
+        if not setup.sure:
+            raise
+        raise SetupError(f"{_told(table, setup)}; nothing more can be said before that ({error})", setup) from error
     fitting, lines = for_runs(compensator.model, problem)
     for line in (*set_up_lines(problem), *lines):
         note(line)
     targets = kept_frame(fitting.file.targets, problem.stated_in)  # for targets to come
     fitting = replace(fitting, file=replace(fitting.file, targets=targets))
-    return Opened(replace(compensator, model=fitting), table, problem, files, library)
+    return Opened(replace(compensator, model=fitting), table, problem, files, library, setup)
+
+
+def check_rows(file: "MachineFile", table: "Table", reading: Reading) -> "Check":
+    """Look for set-up mistakes before any physics; what is not sure is a note.
+
+    Args:
+        file: the machine.
+        table: a run or targets.
+        reading: whether a mistake that is sure is a note as well, and whether the order of the rows was said.
+
+    Returns:
+        What was found.
+
+    Raises:
+        SetupError: a mistake that is sure.
+    """
+    from ptt.check import check_setup
+    from ptt.errors import SetupError
+
+    ordered = any(text.startswith("order=") for text in reading.set_ or ())
+    setup = check_setup(file, table, ordered=ordered, units_said=states_units(reading.map_))
+    if setup.sure and not reading.anyway:
+        raise SetupError(f"{_told(table, setup)}. `ptt check` writes cured files, --anyway goes on", setup)
+    for finding in setup.findings:
+        if finding.mistake == "target-frame":
+            continue  # found, said and followed by whoever sees the run through its machine
+        note(f"set-up: {'' if finding.sure else 'perhaps '}{finding.mistake}: {finding.words}; {finding.fix}")
+    return setup
 
 
 def open_library(reading: Reading) -> "Library":
@@ -170,7 +213,15 @@ def open_model(path: Path, library: "Library | None" = None) -> "Compensator":
     return load_compensator(path, library)
 
 
-def read_rows(path: Path, file: "MachineFile | None", reading: Reading, purpose: str = "run") -> "Table":
+def read_rows(
+    path: Path,
+    file: "MachineFile | None",
+    reading: Reading,
+    purpose: str = "run",
+    *,
+    checked: bool = False,
+    ordered: bool = True,
+) -> "Table":
     """Read a table for a machine, and tell what was understood of it.
 
     Args:
@@ -178,6 +229,8 @@ def read_rows(path: Path, file: "MachineFile | None", reading: Reading, purpose:
         file: the machine; None where none is known.
         reading: how.
         purpose: 'run', 'targets' or 'sliders'.
+        checked: whether the set-up is checked after, which finds other units by itself.
+        ordered: whether time that goes back is refused until the order of the rows was said.
 
     Returns:
         The table.
@@ -198,10 +251,12 @@ def read_rows(path: Path, file: "MachineFile | None", reading: Reading, purpose:
         mapping=reading.map_,
         purpose=purpose,
         ask=_asker(reading),
+        judge_scale=not checked,
+        judge_order=ordered,
     )
     for line in table.understood.lines:
         note(line)
-    if file is not None:
+    if file is not None and not checked:
         _check_unit(table, file, reading)
     return table
 
@@ -223,6 +278,11 @@ def open_problem(file: "MachineFile", table: "Table") -> "Problem":
 
     _check_commands(file, table)
     return build_problem(file, table)
+
+
+def _told(table: "Table", setup: "Check") -> str:
+    told = "; ".join(f"{item.mistake}: {item.words}. Cure: {item.fix}" for item in setup.sure)
+    return f"{table.source}: {told}"
 
 
 def parse_settings(pairs: Sequence[str]) -> dict[str, float | str]:
@@ -298,12 +358,13 @@ def _check_unit(table: "Table", file: "MachineFile", reading: Reading) -> None:
         else sum(math.hypot(joint.a_mm, joint.d_mm) for joint in spec.joint)
     )
     hint = unit_hint(table, size)
-    if hint and not _states_units(reading.map_):
+    if hint and not states_units(reading.map_):
         fix = f"{scale_fix(hint)}, or give their unit in a file for --map"
         raise TableError(hint, where=table.source, fix=fix)
 
 
-def _states_units(path: Path | None) -> bool:
+def states_units(path: Path | None) -> bool:
+    """Whether a person said in a file for --map which units the columns are in."""
     if path is None or not path.exists():
         return False
     from ptt.readers import load_mapping

@@ -46,7 +46,7 @@ def compare(
     from ptt.compare.comparison import compare_run
     from ptt.compare.text import format_comparison
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway=True))
     aside = opened.compensator.network is not None
     if aside:
         note("the compensator's network is left aside: the physics alone is compared")
@@ -64,7 +64,10 @@ def compare(
         note(f"{len(pictures)} pictures in {plots}: {', '.join(picture.name for picture in pictures)}")
     if result.without_values:
         note(f"not fitted yet, so left out: {', '.join(result.without_values)}; `ptt fit` fits them")
-    show(result.to_dict() | opened.set_up | {"network_left_aside": aside}, format_comparison(result), json)
+    setup = opened.check.to_dict()["findings"] if opened.check else []
+    data = result.to_dict() | opened.set_up | {"network_left_aside": aside, "setup": setup}
+    first = f"{opened.check}\n\n" if setup else ""
+    show(data, first + format_comparison(result), json)
 
 
 def _noise_of(opened: Opened) -> "Noise | None":

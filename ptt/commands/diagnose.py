@@ -7,6 +7,7 @@ import typer
 
 from ptt.commands.common import (
     Also,
+    Anyway,
     Effects,
     Json,
     Map,
@@ -44,14 +45,21 @@ def diagnose(
     steps: Steps = 12,
     measure_next: Next = None,
     chunk_rows: ChunkRows = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
+    from ptt.check import setup_verdict
     from ptt.chunks import CHUNK
     from ptt.diagnosis.long import choose_diagnosis
     from ptt.diagnosis.verdict import diagnose as learn_whole
+    from ptt.errors import SetupError
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    try:
+        opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
+    except SetupError as error:
+        show(setup_verdict(error.check), f"verdict: setup\n\n{error.check}", json)
+        return
     if opened.compensator.network is not None:
         note("the compensator's network is left aside: the physics alone is diagnosed")
     learn = choose_diagnosis(opened.table.rows, chunk_rows)

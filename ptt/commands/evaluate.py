@@ -8,6 +8,7 @@ import typer
 
 from ptt.commands.common import (
     Also,
+    Anyway,
     Effects,
     Json,
     Map,
@@ -65,6 +66,7 @@ def evaluate(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Say how much error is gone: BEFORE and AFTER as measured, or one run and a model on held-out rows."""
@@ -74,7 +76,7 @@ def evaluate(
     from ptt.evaluate import GOALS
 
     goals = GOALS if goal is None else _goals(goal)
-    reading = Reading(also, targets, set_, map_, effects, json)
+    reading = Reading(also, targets, set_, map_, effects, json, anyway)
     if after is not None:
         data = replace(_measured(run, after, model, frame, z_datum, reading), goals=goals).to_dict()
     elif model is None:

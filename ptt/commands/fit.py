@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ptt.commands.add import Plots
-from ptt.commands.common import Also, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
 
 Out = Annotated[Path | None, typer.Option("--out", metavar="M2.toml", help="Where the refitted model is written.")]
 
@@ -21,6 +21,7 @@ def fit(
     map_: Map = None,
     effects: Effects = None,
     plots: Plots = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Refit the effects of a model to a run, and say what the run can and cannot tell of them."""
@@ -28,7 +29,7 @@ def fit(
     from ptt.commands.common import open_run, progress
     from ptt.ladder.climb import climb
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
         ladder = climb(opened.model, noisy(opened, tell), [], progress=tell)
     finish(ladder, opened, "fit", out, plots, json)

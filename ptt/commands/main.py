@@ -15,8 +15,8 @@ from ptt.commands.output import tell_notes
 from ptt.errors import InputError, PttError
 
 VERBS = (
-    "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso", "plan",
-    "challenge", "dexterity", "effects", "report", "studio",
+    "check", "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso",
+    "plan", "challenge", "dexterity", "effects", "report", "studio",
 )  # fmt: skip
 HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
 

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ptt.commands.common import (
+    Anyway,
     Effects,
     Json,
     Map,
     ModelPath,
     Reading,
     Set,
+    check_rows,
     note,
     open_library,
     open_model,
@@ -55,6 +57,7 @@ def predict(
     map_: Map = None,
     effects: Effects = None,
     limit_mm: Limit = 5.0,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> int:
     """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker.
@@ -67,9 +70,10 @@ def predict(
     from ptt.training.train import correction_of
 
     refuse_readings(out)
-    reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
+    reading = Reading(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
     compensator = open_model(model, open_library(reading))
-    table = read_rows(targets, compensator.model.file, reading, "targets")
+    table = read_rows(targets, compensator.model.file, reading, "targets", checked=True)
+    check_rows(compensator.model.file, table, reading)
     frames = target_frames(compensator.model.file, table)
     for frame in frames:
         if frame.source not in ("base", "unknown"):

@@ -1,7 +1,7 @@
 """`ptt remove`: take effects out of a model, refit, and show whether the error rises."""
 
 from ptt.commands.add import EffectNames, Out, Plots
-from ptt.commands.common import Also, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
 
 
 def remove(
@@ -15,6 +15,7 @@ def remove(
     map_: Map = None,
     effects: Effects = None,
     plots: Plots = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Take effects out of a model, refit the others jointly, and show what that does to the error."""
@@ -22,7 +23,7 @@ def remove(
     from ptt.commands.common import open_run, progress
     from ptt.ladder.climb import descend
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
+    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
         ladder = descend(opened.model, noisy(opened, tell), effect, progress=tell)
     finish(ladder, opened, "remove", out, plots, json)

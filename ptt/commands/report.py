@@ -7,6 +7,7 @@ import typer
 
 from ptt.commands.common import (
     Also,
+    Anyway,
     Effects,
     Json,
     Map,
@@ -45,12 +46,13 @@ def report(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Write one HTML page that needs nothing else: data, error, verdict, ladder, parameters, before and after."""
     from ptt.report.html import write_report
 
-    reading = Reading(also, targets, set_, map_, effects, json)
+    reading = Reading(also, targets, set_, map_, effects, json, anyway)
     opened = open_run(run, model, reading)
     machine = _with_network(opened, compensator)
     with progress() as tell:

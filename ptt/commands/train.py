@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ptt.commands.common import Also, Effects, Json, Map, Reading, Run, Set, Targets, open_run, progress, show
+from ptt.commands.common import Also, Anyway, Effects, Json, Map, Reading, Run, Set, Targets, open_run, progress, show
 
 if TYPE_CHECKING:
     from ptt.training.train import Training
@@ -31,6 +31,7 @@ def train(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Fit the effects of a machine file, train the RBF on what is left, and write both as a compensator folder."""
@@ -39,7 +40,7 @@ def train(
     from ptt.training.train import train as train_model
 
     require_folder(out)
-    opened = open_run(run, machine, Reading(also, targets, set_, map_, effects, json))
+    opened = open_run(run, machine, Reading(also, targets, set_, map_, effects, json, anyway))
     protocol = PROTOCOLS[hold_out.value](opened.problem)
     with progress() as tell:
         training = train_model(opened.model, opened.problem, protocol=protocol, progress=tell)

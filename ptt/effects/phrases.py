@@ -39,6 +39,7 @@ class Phrase:
         minus: what a value below zero does.
         who: the subject, where it is no joint.
         arm: the same two on a serial arm, where they differ.
+        arm_who: the subject there.
         times: the size said, as a multiple of the value.
     """
 
@@ -47,6 +48,7 @@ class Phrase:
     minus: str
     who: str = ""
     arm: tuple[str, str] | None = None
+    arm_who: str = ""
     times: float = 1.0
 
     def along(self, axis: str) -> "Phrase":
@@ -104,17 +106,11 @@ def said(phrase: Phrase, value: float, error: float, unit: str, usual: float, jo
         The words.
     """
     factor, shown = SHOWN.get(unit, (1.0, unit))
+    factor *= phrase.times
     plus, minus = phrase.on(kind)
-    size = abs(value) * factor * phrase.times
-    return Said(
-        phrase.who,
-        joint,
-        plus if value >= 0.0 else minus,
-        size,
-        error * factor * phrase.times,
-        shown,
-        abs(value) / usual,
-    )
+    who = phrase.arm_who or phrase.who if kind == "serial" else phrase.who
+    text = plus if value >= 0.0 else minus
+    return Said(who, joint, text, abs(value) * factor, error * factor, shown, abs(value) / usual)
 
 
 def compose(parts: Sequence[Said], noun: str) -> str:

@@ -81,12 +81,10 @@ class JointErrorMap(Effect):
     called: ClassVar[str] = "encoder or gear"
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
-        """How far each joint runs ahead and behind at the most over its range, and where."""
-        low, high = view.travel_limits.T
+        """How far each joint runs ahead and behind at the most where it went, and where."""
+        low, high = view.q.amin(dim=0), view.q.amax(dim=0)
         places = low + torch.linspace(0.0, 1.0, PLACES, dtype=theta.dtype)[:, None] * (high - low)
-        shift = self.shift(theta, view.at(q=places))
-        spread = self.basis(view.at(q=places), {}).square() @ std.nan_to_num().square()
-        return farthest(self, shift, spread.sqrt(), places)
+        return farthest(self, self.shift(theta, view.at(q=places)), places)
 
     def needs(self, view: View) -> str | None:
         """More coordinates than harmonics."""
@@ -148,13 +146,12 @@ class SelfWeight(Effect):
         return torch.cat([lever[:, None, joint, link] * mine for lever in levers(view)], dim=-1)
 
 
-def farthest(effect: Effect, shift: Tensor, spread: Tensor, places: Tensor) -> tuple[Said, ...]:
+def farthest(effect: Effect, shift: Tensor, places: Tensor) -> tuple[Said, ...]:
     """Where each joint is farthest ahead and farthest behind.
 
     Args:
         effect: for the usual size.
         shift: (n, k) rad.
-        spread: its standard errors, (n, k) rad.
         places: joint values, (n, k) rad.
 
     Returns:
@@ -166,10 +163,8 @@ def farthest(effect: Effect, shift: Tensor, spread: Tensor, places: Tensor) -> t
             if right * float(shift[row, joint]) > 0.0:
                 where = f"at q = {float(torch.rad2deg(places[row, joint])):.0f} deg"
                 ahead, behind = (f"run{{s}} up to {{what}} {side} {where}" for side in ("ahead", "behind"))
-                value, error = float(shift[row, joint]), float(spread[row, joint])
-                parts.append(
-                    said(Phrase("", ahead, behind), value, error, "rad", effect.parameters[0].usual, joint + 1)
-                )
+                value, usual = float(shift[row, joint]), effect.parameters[0].usual
+                parts.append(said(Phrase("", ahead, behind), value, float("nan"), "rad", usual, joint + 1))
     return tuple(parts)
 
 

@@ -86,9 +86,16 @@ class FrameGrowth(Effect):
             "grows {what} with warmth",
             "shrinks {what} with warmth",
             "the base radius",
-            arm=("grows {what} along x with warmth", "shrinks {what} along x with warmth"),
+            arm=("grow {what} with warmth", "shrink {what} with warmth"),
+            arm_who="the lengths along x",
         ),
-        Phrase("link", "grow {what} with warmth", "shrink {what} with warmth", "the links"),
+        Phrase(
+            "link",
+            "grow {what} with warmth",
+            "shrink {what} with warmth",
+            "the links",
+            arm_who="the lengths along z",
+        ),
     )
     card: ClassVar[Card] = Card(
         cause="Frame and links grow as they warm; each with its own material.",

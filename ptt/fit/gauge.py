@@ -14,7 +14,7 @@ from ptt.model import Model, Term
 from ptt.noise import Noise
 from ptt.problem import Problem
 
-UNTOLD = 1.0  # chi-squared below which no reading tells a change as large as the values themselves
+UNTOLD = 9.0  # chi-squared, three standard errors, below which readings do not tell a change as large as the values
 PART = 0.2  # share of the largest from which a term has a part in an ambiguity
 MOTION = 0.05  # the same of a motion of the tracker: a turn about a pivot far above the tool moves it little else
 LIKE_FRAME = 0.1  # share of a pattern that no motion of the tracker may leave, if it is one
@@ -62,17 +62,22 @@ def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise) -> tuple[Tol
     unknowns[own], moved = _fewest(values[own], free)
     error = np.full(len(values), np.nan)
     error[own] = _errors(information, moved)
-    names = _alike(linear, own, free, motions, few.frames)
     said = []
     for index, (term, theta) in enumerate(zip(terms, layout.thetas(unknowns), strict=True)):
         mine = layout.owner == index
-        if not np.abs(free[layout.owner[own] == index]).max(initial=0.0) > PART * np.abs(free).max():
-            said.append(Told(term))
-            continue
+        taking = _taking_part(free, layout.owner[own] == index)
         std = torch.full_like(theta, torch.nan) if term.std is None else term.std.clone()
-        std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[mine])
+        if taking.shape[1]:
+            std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[mine])
+        names = _alike(linear, own, taking, motions, few.frames)
         said.append(Told(replace(term, theta=theta, std=std), names))
     return tuple(said)
+
+
+def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Free directions, (u, m), in which the own values have a real part."""
+    _, strength, ways = np.linalg.svd(free[own], full_matrices=False)
+    return np.asarray(free @ ways[strength > PART].T)
 
 
 def _without_frames(linear: Linear, own: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

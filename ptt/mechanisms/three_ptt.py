@@ -39,7 +39,7 @@ class ThreePtt:
         above: whether the sliders are on the rails' upper side of the platform.
         side: +1 or -1, on which side of the plane c_1 c_2 c_3 (normal (c_2 - c_1) x (c_3 - c_1)) the platform is.
         joint_height_mm: how far the slider joint lies below the point whose height is read, already in `foot`.
-        travel_mm: least and greatest slider height, None where not known.
+        travel_mm: least and greatest height of each slider, None where not known.
     """
 
     foot: Tensor
@@ -49,7 +49,7 @@ class ThreePtt:
     above: bool
     side: float
     joint_height_mm: float = 0.0
-    travel_mm: tuple[float, float] | None = None
+    travel_mm: tuple[tuple[float, float], ...] | None = None
 
     joints: ClassVar[int] = LEGS
     slots: ClassVar[tuple[str, ...]] = SLOTS
@@ -87,7 +87,7 @@ class ThreePtt:
             platform_joint=spec.platform_radius_mm * radial,
             above=spec.sliders == "above",
             joint_height_mm=spec.joint_height_mm,
-            travel_mm=(spec.slider_travel_mm[0], spec.slider_travel_mm[1]),
+            travel_mm=spec.travel_ends,
             outer_axis=torch.stack((-azimuth.sin(), azimuth.cos(), torch.zeros(LEGS, dtype=torch.float64)), -1),
         )
 
@@ -101,7 +101,7 @@ class ThreePtt:
         *,
         above: bool = True,
         joint_height_mm: float = 0.0,
-        travel_mm: tuple[float, float] | None = None,
+        travel_mm: tuple[tuple[float, float], ...] | None = None,
         outer_axis: Tensor | Sequence[Sequence[float]] | None = None,
     ) -> ThreePtt:
         """Build a mechanism leg by leg.
@@ -113,7 +113,7 @@ class ThreePtt:
             platform_joint: (3, 3) mm, platform joint of each leg from the tool point.
             above: whether each slider is beyond the platform along its rail.
             joint_height_mm: how far the slider joint lies below the point whose height is read.
-            travel_mm: least and greatest slider height.
+            travel_mm: least and greatest height of each slider.
             outer_axis: (3, 3), outer axis of the universal joints; None takes the horizontal tangent of `rail_foot`.
 
         Returns:
@@ -222,8 +222,7 @@ class ThreePtt:
         Returns:
             (2, 3) mm, lower ends first, infinite where not known.
         """
-        ends = _tensor((-math.inf, math.inf) if self.travel_mm is None else self.travel_mm)
-        return ends.unsqueeze(-1).expand(2, LEGS)
+        return _tensor(((-math.inf, math.inf),) * LEGS if self.travel_mm is None else self.travel_mm).T
 
     def _forward(self, q: Tensor, geometry: Tensor | None) -> Tensor:
         """`forward` of one block."""

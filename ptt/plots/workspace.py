@@ -60,7 +60,7 @@ def _heights(spec: ThreePttSpec | SerialSpec, mechanism: Mechanism) -> list[floa
         top = _extent(spec)
         return [float(round(top * share)) for share in (0.2, 0.4, 0.6)]
     home = float(mechanism.home().mean())
-    low, high = (end - home for end in spec.slider_travel_mm)
+    low, high = (end - home for end in spec.common_travel)
     return [float(round(low + share * (high - low))) for share in (1 / 6, 1 / 2, 5 / 6)]
 
 

@@ -59,7 +59,7 @@ def drive_sliders(
     )
     nut, late, screw = nut[path.last], late[path.last], sent[path.last]
     lead = spec.screw_lead_mm or np.inf
-    span = faults.curve_span_mm or spec.slider_travel_mm
+    span = faults.curve_span_mm or spec.whole_travel
     error = drive.screw_error(faults, nut, screw, drawing.home, span, lead)
     error = error + _homing(rig, schedule) + _slip(rig, time)
     late = late - np.asarray(faults.following_s) * speed

@@ -32,6 +32,7 @@ class DrawnRig:
         protocol: how it is measured.
         room: (3,) mm, half size of the workspace about p = 0.
         absent: columns of the run that nobody wrote down.
+        notes: what was drawn besides, in words, such as the kind of path.
     """
 
     rig: Rig
@@ -40,6 +41,7 @@ class DrawnRig:
     protocol: Protocol
     room: Array = field(default_factory=HALF_SIZE.copy, compare=False)
     absent: tuple[str, ...] = ()
+    notes: Mapping[str, str] = field(default_factory=dict, compare=False)
 
 
 def draw_rig(

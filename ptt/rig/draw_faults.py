@@ -137,7 +137,7 @@ def _bend(random: Random) -> dict[str, Any]:
 
 
 def _screw_growth(random: Random, spec: ThreePttSpec) -> dict[str, Any]:
-    end = spec.slider_travel_mm[int(random.integers(2))]
+    end = spec.whole_travel[int(random.integers(2))]
     return {"growth_um_per_m_k": [log_uniform(random, 11.0, 12.0)] * 3, "fixed_end_mm": [end] * 3}
 
 

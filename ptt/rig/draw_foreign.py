@@ -68,7 +68,8 @@ def draw_foreign(
     content = {"seed": seed, "conditions": {"dwell_s": dwell, **conditions}, "tracker": tracker}
     rig = parse_rig({"machine": {"kind": "three-ptt", **_dump(spec)}, **content})
     absent = STATIC if protocol in ("path", "volume") and random.random() < 0.4 else ()
-    return DrawnRig(replace(rig, machine=file), plan.targets, {}, protocol, foreign.room, absent)
+    notes = {"noise": kind, "path": plan.path, "repeats": plan.repeats}
+    return DrawnRig(replace(rig, machine=file), plan.targets, {}, protocol, foreign.room, absent, notes)
 
 
 def _draw_rows(random: Random) -> int:

@@ -88,7 +88,7 @@ def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
 
 def _random_guides(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
     random = np.random.default_rng([faults.straightness_seed, 101])
-    low, high = faults.straightness_span_mm or spec.slider_travel_mm
+    low, high = faults.straightness_span_mm or spec.whole_travel
     order = np.arange(1, faults.straightness_waves + 1)
     weight = random.normal(size=(3, 2, len(order), 2)) / order[:, None]
     fine = (np.arange(400) + 0.5) / 400

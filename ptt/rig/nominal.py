@@ -24,7 +24,7 @@ class Drawing:
         platform_radius: mm.
         link: mm.
         side: +1 where the sliders are above the platform, -1 where below.
-        travel: mm, lowest and highest slider height.
+        travel: (2, 3) mm, lowest and highest height of each slider.
     """
 
     outward: Array
@@ -36,7 +36,7 @@ class Drawing:
     platform_radius: float
     link: float
     side: float
-    travel: tuple[float, float]
+    travel: Array
 
 
 def draw_machine(spec: ThreePttSpec) -> Drawing:
@@ -64,7 +64,7 @@ def draw_machine(spec: ThreePttSpec) -> Drawing:
         platform_radius=spec.platform_radius_mm,
         link=spec.link_length_mm,
         side=side,
-        travel=spec.slider_travel_mm,
+        travel=np.transpose(spec.travel_ends),
     )
 
 

@@ -209,7 +209,10 @@ def _send(sliders: pd.DataFrame, command: Array, pose: Array, held: Array, rows:
     missing = [column for column in SLIDER if column not in sliders]
     if missing:
         raise TableError(f"column {missing[0]} is missing", where="sliders", fix="give b1, b2, b3")
-    values, poses = _numbers(sliders, SLIDER, "sliders"), int(pose.sum())
+    values, moves = _numbers(sliders, SLIDER, "sliders"), pose | ~held
+    if len(values) == int(moves.sum()):  # datum visits among them
+        pose = moves
+    poses = int(pose.sum())
     if len(values) not in (rows, poses):
         raise TableError(
             f"{len(values)} rows of sliders for {rows} targets", where="sliders", fix=f"give a row per row of {where}"

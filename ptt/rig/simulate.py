@@ -118,9 +118,10 @@ def _settle(rig: Rig, drawing: Drawing, schedule: Schedule) -> tuple[Array, Arra
     lost = ~np.isfinite(schedule.command).all(1)
     command = np.where(lost[:, None], nominal_sliders(drawing, schedule.target), schedule.command)
     _refuse(rig, schedule, np.isfinite(command), "is out of reach")
-    low, high = rig.spec.slider_travel_mm
+    low, high = np.transpose(rig.spec.travel_ends)
     inside = (command >= low) & (command <= high)
-    _refuse(rig, schedule, inside, f"takes a slider out of its travel, {low:g} to {high:g} mm")
+    ends = ", ".join(f"{low:g} to {high:g}" for low, high in dict.fromkeys(rig.spec.travel_ends))
+    _refuse(rig, schedule, inside, f"takes a slider out of its travel, {ends} mm")
     tool = schedule.target.copy()
     blind = ~np.isfinite(tool).all(1)
     if blind.any():

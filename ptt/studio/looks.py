@@ -161,8 +161,8 @@ def draw_machine(problem: "Problem") -> Drawing:
     azimuth = np.radians(spec.slider_azimuth_deg)
     corner = spec.platform_radius_mm * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
     foot, rail = mechanism.foot.numpy() + corner, mechanism.rail.numpy()
-    ends = np.asarray(spec.slider_travel_mm)
-    rails = foot[:, None] + ends[None, :, None] * rail[:, None]
+    ends = np.asarray(spec.travel_ends)
+    rails = foot[:, None] + ends[:, :, None] * rail[:, None]
     sliders = foot[None] + q[:, :, None] * rail[None]
     platform = p[:, None] + corner[None]
     return Drawing(rails, np.stack([sliders, platform], axis=2), platform)

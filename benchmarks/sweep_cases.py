@@ -1,0 +1,181 @@
+"""Cases of a sweep: which faults are hidden in which rig, under which noise; everything follows from the seed."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ptt.challenge.challenge import bench
+from ptt.challenge.hide import FAULTS, hide_faults
+from ptt.challenge.truth import COUNTS, READINGS, Truth, find_truth, off_frame, reading_noise, rms_length
+from ptt.effects import library
+from ptt.rig import RunResult, simulate
+from ptt.rig.draw import PROTOCOLS, DrawnRig, Protocol, draw_rig
+from ptt.rig.draw_foreign import draw_foreign
+from ptt.rig.draw_noise import NOISES, draw_noise
+from ptt.rig.schedule import TARGET
+
+RIGS, SIZES = 3, 6  # how many are drawn until every fault can be seen
+AGAIN = 1_000_000  # between the seeds of two attempts
+VISIBLE = (COUNTS, 30.0)  # sizes of a fault, times the noise of one reading, that a sweep of visible faults draws
+MOST_FAULTS = 5
+# Faults that poses in a volume show are also hidden in runs of several loads and temperatures, and those that a path
+# shows also in one at several speeds.
+ALSO: dict[str, tuple[Protocol, ...]] = {"volume": ("volume", "payload", "warmup"), "path": ("path", "speed")}
+# The library has these, and hardly a run tells them from others: hidden alone, never among several.
+AMBIGUOUS = ("joint-offset", "tracker-scale")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One rig to be drawn.
+
+    Attributes:
+        seed: of everything.
+        level: single, multi, unknown or none.
+        protocol: how it is measured.
+        faults: names of what is hidden.
+        noise: kind of noise; None is the bench's own.
+        foreign: drawing, path and length by seed; else the bench and its own paths.
+        rows: about how many, None lets the seed choose.
+        visible: draw sizes anew until every fault is of a size in VISIBLE.
+    """
+
+    seed: int
+    level: str
+    protocol: Protocol
+    faults: tuple[str, ...]
+    noise: str | None = None
+    foreign: bool = True
+    rows: int | None = None
+    visible: bool = True
+
+
+def names_of(level: str, kinds: str = "all") -> tuple[str, ...]:
+    """Faults of a level: effects of the library, or kinds outside it that are shown, unseen or both."""
+    if level != "unknown":
+        return tuple(name for name, fault in FAULTS.items() if fault.section != "odd")
+    wanted = {"shown": (False,), "unseen": (True,), "all": (False, True)}[kinds]
+    return tuple(name for name, fault in FAULTS.items() if fault.section == "odd" and fault.unseen in wanted)
+
+
+def protocols_of(name: str) -> tuple[Protocol, ...]:
+    """Runs in which a fault is hidden."""
+    own = FAULTS[name].protocols
+    return tuple(dict.fromkeys(also for protocol in own for also in ALSO.get(protocol, (protocol,))))
+
+
+def plan(
+    level: str, count: int, start: int, *, kinds: str = "all", noise: str | None = None, **shared: Any
+) -> list[Case]:
+    """Spread cases evenly over faults, runs and noises.
+
+    Args:
+        level: single, multi, unknown or none.
+        count: how many.
+        start: first seed.
+        kinds: shown, unseen or all, of the faults outside the library.
+        noise: kind of noise for all of them, None goes through all kinds of a foreign sweep.
+        **shared: foreign, rows, visible of every case.
+
+    Returns:
+        The cases.
+    """
+    cases = []
+    for number in range(start, start + count):
+        random = np.random.default_rng([number, 61])
+        protocol, faults = _hide(level, number, random, kinds)
+        through = list(NOISES)[(number + number // len(NOISES)) % len(NOISES)] if shared.get("foreign", True) else None
+        cases.append(Case(number, level, protocol, faults, noise or through, **shared))
+    return cases
+
+
+def _hide(level: str, number: int, random: np.random.Generator, kinds: str) -> tuple[Protocol, tuple[str, ...]]:
+    if level == "none":
+        return PROTOCOLS[number % len(PROTOCOLS)], ()
+    if level == "multi":
+        protocol = PROTOCOLS[number % len(PROTOCOLS)]
+        return protocol, _several(random, protocol, 2 + number // len(PROTOCOLS) % (MOST_FAULTS - 1))
+    names = names_of(level, kinds)
+    name = names[number % len(names)]
+    runs = protocols_of(name)
+    protocol = runs[number // len(names) % len(runs)]
+    more = _several(random, protocol, number // 2 % 3) if level == "unknown" else ()
+    return protocol, (name, *more)
+
+
+def _several(random: np.random.Generator, protocol: Protocol, count: int) -> tuple[str, ...]:
+    """Effects for one run, each once, one of them of the kind that only this run shows."""
+    fitting = [name for name in names_of("multi") if protocol in protocols_of(name) and name not in AMBIGUOUS]
+    special = [name for name in fitting if len(protocols_of(name)) == 1]
+    first = [special[random.integers(len(special))]] if special and count else []
+    picked = {
+        FAULTS[name].called: name for name in [*random.permutation(fitting).tolist(), *first]
+    }  # the last one stays
+    rest = [name for name in random.permutation(list(picked.values())).tolist() if name not in first]
+    return tuple(first + rest[: count - len(first)])
+
+
+def draw(case: Case) -> tuple[DrawnRig, Truth]:
+    """Draw the rig of a case, and work out its truth.
+
+    Where visible faults are wanted, sizes are drawn anew until each fault alone is of a size in VISIBLE, and the rig
+    with them where its path cannot show one; what comes nearest is taken in the end.
+    """
+    best: tuple[float, DrawnRig] | None = None
+    for attempt in range(RIGS if case.visible and case.faults else 1):
+        seed = case.seed + AGAIN * attempt
+        off, drawn = _hide_visibly(_sound(case, seed), case, seed)
+        if best is None or off < best[0]:
+            best = off, drawn
+        if off == 0.0:
+            break
+    assert best is not None
+    return best[1], find_truth(best[1], library())
+
+
+def _hide_visibly(sound: DrawnRig, case: Case, seed: int) -> tuple[float, DrawnRig]:
+    """How far sizes are from VISIBLE at the worst, as a logarithm, and the rig."""
+    if not (case.visible and case.faults):
+        return 0.0, hide_faults(sound, case.faults, seed)
+    still = simulate(sound.rig, sound.targets, noise=False)
+    noise = reading_noise(sound.rig, still.truth).total
+    tried = [_best_size(sound, still, noise, name, seed) for name in case.faults]
+    seen = [name for name, (off, _) in zip(case.faults, tried, strict=True) if off == 0.0]
+    # Of several those that this run cannot show are left out; what the case is about stays.
+    enough = len(seen) > 1 if case.level == "multi" else case.faults[0] in seen
+    drawn = sound
+    for name, (_, own) in zip(case.faults, tried, strict=True):
+        if name in seen or not enough:
+            drawn = hide_faults(drawn, [name], own)
+    return 0.0 if enough else max(off for off, _ in tried), drawn
+
+
+def _best_size(sound: DrawnRig, still: RunResult, noise: float, name: str, seed: int) -> tuple[float, int]:
+    """How far the most visible of a few draws of a fault is from VISIBLE, as a logarithm, and its seed."""
+    best = (np.inf, seed)
+    for attempt in range(SIZES):
+        own = seed + AGAIN // 100 * attempt
+        size = max(_size(hide_faults(sound, [name], own), still) / noise, 1e-6)
+        best = min(best, (max(0.0, float(np.log(VISIBLE[0] / size)), float(np.log(size / VISIBLE[1]))), own))
+        if best[0] == 0.0:
+            break
+    return best
+
+
+def _size(drawn: DrawnRig, still: RunResult) -> float:
+    """What one fault leaves in the readings once the frame is out, mm."""
+    frame = simulate(drawn.rig, drawn.targets, noise=False).frame
+    shift = frame[READINGS].to_numpy(float) - still.frame[READINGS].to_numpy(float)
+    read = np.isfinite(shift).all(axis=1) & (frame["role"] != "base").to_numpy()
+    return rms_length(off_frame(shift[read], frame[TARGET].to_numpy(float)[read]))
+
+
+def _sound(case: Case, seed: int) -> DrawnRig:
+    if case.foreign:
+        return draw_foreign(seed, case.protocol, noise=case.noise, rows=case.rows)
+    drawn = draw_rig("none", seed, bench(), case.protocol, rows=case.rows or 300)
+    if case.noise is None:
+        return drawn
+    tracker = type(drawn.rig.tracker).model_validate(drawn.rig.tracker.model_dump() | draw_noise(case.noise, seed))
+    return replace(drawn, rig=replace(drawn.rig, tracker=tracker), notes={"noise": case.noise})

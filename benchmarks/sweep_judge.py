@@ -1,0 +1,208 @@
+"""What a diagnosis is worth once the truth is known: names, verdict, statements, parameters, commands."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from ptt.challenge.hide import FAULTS
+from ptt.challenge.score import judge, remeasure
+from ptt.challenge.truth import MICRO, Truth
+from ptt.model import Model
+from ptt.rig import simulate
+from ptt.rig.draw import DrawnRig
+from ptt.rig.motion import travel_direction
+from ptt.rig.odd_schema import Odd
+
+GROUP = 3  # effects in a declared group, at most
+ALIKE = 0.9  # correlation with a true variable from which another says the same of this run
+WORSE = 0.25  # of the noise of one reading by which a compensated tool may miss by more than before
+ODD: TypeAdapter[Any] = TypeAdapter(Odd)
+# Parameters that a rig holds in the library's own form: effect -> parameter -> key of the rig and factor.
+SAME: dict[str, dict[str, tuple[str, float]]] = {
+    "homing-offset": {"offset_mm": ("homing_mm", 1.0)},
+    "homing-slip": {"slip_mm": ("slip_mm", 1.0)},
+    "lead-scale": {"scale": ("scale_um_per_m", 1e-6)},
+    "backlash": {"gap_mm": ("backlash_mm", 1.0)},
+    "windup": {"height_mm": ("windup_um", 1e-3)},
+    "following-error": {"lag_s": ("following_s", 1.0)},
+    "screw-growth": {"growth_per_k": ("growth_um_per_m_k", 1e-6)},
+    "axis-compliance": {"compliance_mm_per_n": ("compliance_um_per_n", 1e-3)},
+    "tower-position": {"radial_mm": ("tower_radial_mm", 1.0), "tangential_mm": ("tower_tangential_mm", 1.0)},
+    "tower-tilt": {"radial_rad": ("lean_radial_mrad", 1e-3), "tangential_rad": ("lean_tangential_mrad", 1e-3)},
+    "link-length": {"length_mm": ("link_mm", 1.0)},
+    "joint-clearance": {"clearance_mm": ("clearance_um", 1e-3)},
+    "link-compliance": {"compliance_mm_per_n": ("link_compliance_um_per_n", 1e-3)},
+    "platform-twist": {
+        "radial_rad": ("platform_axis_radial_mrad", 1e-3),
+        "upward_rad": ("platform_axis_vertical_mrad", 1e-3),
+    },
+    "column-bend": {"sway_mm_per_kg": ("column_bend_um_per_kg", 1e-3)},
+    "frame-growth": {"radius_per_k": ("frame_um_per_m_k", 1e-6), "link_per_k": ("link_um_per_m_k", 1e-6)},
+    "tracker-scale": {"scale": ("scale_ppm", 1e-6)},
+}
+
+
+def fitted_model(result: Any) -> Model:
+    """The model of a diagnosis's steps."""
+    model = getattr(result, "model", None)
+    return model if model is not None else result.path.end.fitted.model
+
+
+def judge_names(named: Sequence[Sequence[str]], truth: Truth, drawn: DrawnRig) -> dict[str, Any]:
+    """Names against what is hidden.
+
+    Args:
+        named: for each step the effects that fit equally well, the pick first.
+        truth: what is hidden.
+        drawn: the rig.
+
+    Returns:
+        `outcome` in one word; `words`, each pick's right, fair, kin, partial or wrong; `explained`, whether a fault
+        outside the library is done away with by the names, so that nobody could tell.
+    """
+    picks = list(dict.fromkeys(group[0] for group in named))
+    must, may = {fault.name for fault in truth.faults if fault.counts}, set(truth.hidden)
+    judgement = judge(picks, truth)
+    kin = {name for key in drawn.truth for name in FAULTS[key].kin}
+    words = {
+        key: "kin" if word in ("wrong", "partial") and key.partition("[")[0] in kin else word
+        for key, word in judgement.named.items()
+    }
+    open_ = [name for name, word in judgement.faults.items() if word == "missed"]
+    return {
+        "outcome": _outcome(named, picks, must, may, right=judgement.right),
+        "words": words,
+        "explained": not any(name in open_ for name in may if not _library_has(name, truth)),
+    }
+
+
+def _outcome(named: Sequence[Sequence[str]], picks: list[str], must: set[str], may: set[str], *, right: bool) -> str:
+    if not picks:
+        return "silent" if not must else "missed"
+    if _fits(picks, must, may):
+        return "exact"
+    small = [group if len(group) <= GROUP else group[:1] for group in named]
+    if right and any(_fits(choice, must, may) for choice in itertools.product(*small)):
+        return "declared"
+    if right:
+        return "fair"
+    if must and must <= set(picks):
+        return "extra"
+    return "missed" if set(picks) <= may else "wrong"
+
+
+def _fits(picks: Any, must: set[str], may: set[str]) -> bool:
+    return must <= set(picks) <= may and len(set(picks)) == len(picks)
+
+
+def _library_has(name: str, truth: Truth) -> bool:
+    return next(fault.known for fault in truth.faults if fault.name == name)
+
+
+def verdict_right(verdict: str, truth: Truth, explained: bool) -> bool | None:
+    """Whether a verdict is right; None where what is hidden is too small for anyone to say."""
+    odd = [fault for fault in truth.faults if not fault.known]
+    if any(fault.counts for fault in odd):
+        return verdict == "unknown" or (explained and verdict == "missing")
+    if any(fault.counts for fault in truth.faults):
+        return verdict == "missing" if not odd else verdict in ("missing", "unknown")
+    return verdict == "nothing-missing" if not truth.faults else None
+
+
+def statements(result: Mapping[str, Any], words: Mapping[str, str], right: bool | None) -> list[tuple[float, bool]]:
+    """Each probability that is stated, and whether what it is stated of is so."""
+    said = []
+    for candidate in result["candidates"]:
+        key = candidate["effect"]
+        if candidate.get("probability") is not None and key in words:
+            said.append((float(candidate["probability"]), words[key] in ("right", "fair")))
+    chance = (result.get("verdict_probability") or {}).get(result["verdict"])
+    return [*said, (float(chance), right)] if chance is not None and right is not None else said
+
+
+def leading(depends_on: Sequence[Any], drawn: DrawnRig) -> dict[str, Any] | None:
+    """Whether what a rest follows first is what the fault outside the library follows; None without such a fault."""
+    odd = [key for key in drawn.truth if FAULTS[key].section == "odd"]
+    if not odd:
+        return None
+    leads = ODD.validate_python(drawn.truth[odd[0]]).leads
+    first = depends_on[0].on if depends_on else None
+    return {"on": first, "leads": list(leads), "right": first in leads, "near": _near(first, leads, drawn)}
+
+
+def _near(first: str | None, leads: Sequence[str], drawn: DrawnRig) -> bool:
+    """Whether a variable runs with a true one through this run so closely that it says the same."""
+    if first is None or first in leads:
+        return first in leads
+    values = _variables(drawn)
+    if first not in values:
+        return False
+    return any(_correlation(values[first], values[name]) > ALIKE for name in leads if name in values)
+
+
+def _correlation(one: np.ndarray, two: np.ndarray) -> float:
+    if one.std() < 1e-12 or two.std() < 1e-12:
+        return 0.0
+    return float(abs(np.corrcoef(one, two)[0, 1]))
+
+
+def _variables(drawn: DrawnRig) -> dict[str, np.ndarray]:
+    frame = simulate(drawn.rig, drawn.targets, noise=False).frame
+    frame = frame[frame["role"] != "base"]
+    sent = frame[["b1_cmd", "b2_cmd", "b3_cmd"]].to_numpy(float)
+    ways = travel_direction(sent)
+    columns = {"payload": "payload_kg", "temperature": "temp_c", "time": "time_s"}
+    columns |= {axis: f"{axis}_cmd" for axis in "xyz"}
+    values = {name: frame[column].to_numpy(float) for name, column in columns.items()}
+    values |= {f"b{leg + 1}": sent[:, leg] for leg in range(3)}
+    return values | {f"direction{leg + 1}": ways[:, leg] for leg in range(3)}
+
+
+def pulls(result: Mapping[str, Any], truth: Truth, drawn: DrawnRig) -> list[tuple[str, float]]:
+    """(parameter, (stated - true) / std) of every parameter that is stated with its deviation."""
+    found = []
+    flipped = {"backlash"} & {FAULTS[key].called for key in drawn.truth if FAULTS[key].section == "controller"}
+    for candidate in result["candidates"]:
+        effect = candidate["effect"]
+        true = next((fault.values for fault in truth.faults if fault.name == effect), None)
+        for item in candidate["parameters"] if true is not None and effect in SAME else ():
+            name, _, number = item["name"].partition(" ")
+            value = _true_value(SAME[effect], name, number, true)
+            if value is not None and item["std"]:
+                value = -value if effect in flipped else value  # what the controller adds is a gap below zero
+                found.append((f"{effect} {name}", float((item["value"] - value) / item["std"])))
+    return found
+
+
+def _true_value(same: Mapping[str, tuple[str, float]], name: str, number: str, true: Mapping[str, Any]) -> float | None:
+    key, factor = same.get(name, ("", 0.0))
+    if key not in true:
+        return None
+    values = np.atleast_1d(true[key])
+    index = int(number) - 1 if number.isdigit() else 0
+    return factor * float(values[index]) if index < len(values) else None
+
+
+def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | None) -> dict[str, Any]:
+    """What commands of the model do on the rig, without noise: times the noise, beside the held-out error printed."""
+    noise = MICRO * truth.noise.total
+    tool = remeasure(model, drawn).to_dict()
+    before = tool["before"]["total"]
+    after = None if tool["after"] is None else tool["after"]["total"]
+    found: dict[str, Any] = {"before": before / noise, "after": None if after is None else after / noise}
+    found["worse"] = after is not None and after > before + WORSE * noise
+    if after is not None and printed_um:
+        found["rosy"] = float(np.hypot(after, noise) / printed_um)
+    return found
+
+
+def printed_heldout(result: Mapping[str, Any]) -> float | None:
+    """The held-out error that a reader is shown last, um."""
+    steps = len(result["suggested"])
+    if not steps:
+        return None
+    value = result["candidates"][steps - 1]["heldout_rms_um"]["after"]
+    return None if value is None else float(value)

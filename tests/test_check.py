@@ -1,0 +1,156 @@
+"""Set-up mistakes are named with a proof and undone; sound set-ups are left alone."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
+from ptt.check import MISTAKES, check_setup
+from ptt.check.machine import describe_machine
+from ptt.commands.main import run_alone
+from ptt.machine import MachineFile, load_machine, parse_machine
+from ptt.table import Table, make_table, read_table, write_table
+
+DATA = Path(__file__).parent.parent / "data" / "sealed_one"
+
+
+@pytest.fixture(scope="module")
+def sound() -> tuple[MachineFile, Table]:
+    return load_machine(DATA / "machine.toml"), read_table(DATA / "run.csv")
+
+
+def run_verb(verb: str, *arguments: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        run_alone(verb, [str(argument) for argument in arguments])
+    return int(ended.value.code or 0)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
+def test_every_mistake_is_named_and_cured_on_foreign_machines(case: object) -> None:
+    """Two drawn machines each, run with everything; the benchmark does it on twenty and with fewer columns."""
+    for seed in (0, 5):
+        have = case.have[0]  # type: ignore[attr-defined]
+        tried = try_case(case, have, seed)  # type: ignore[arg-type]
+        assert tried.shows
+        assert tried.named, (seed, str(tried.found))
+        assert tried.cured, (seed, str(tried.found))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_sound_set_ups_with_faults_are_not_accused(seed: int) -> None:
+    file, table = draw_run(20_000 + seed, faults=seed % 4, rows=None if seed % 2 else 20)
+    for have in (table, table.replace(target=np.full_like(table.target, np.nan)), table.replace(command=None)):
+        assert check_setup(file, have).findings == ()
+
+
+def test_the_sample_runs_are_sound(sound: tuple[MachineFile, Table]) -> None:
+    assert check_setup(*sound).findings == ()
+    root = DATA.parent
+    for run, machine in (("experiment1.csv", "machine.toml"), ("volume.csv", "machine.toml")):
+        assert check_setup(load_machine(root / machine), read_table(root / run)).findings == ()
+
+
+def test_what_is_the_same_thing_is_said_as_one(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    found = check_setup(file, table.replace(measured=table.measured * [1.0, 1.0, -1.0]))
+    (only,) = found.findings
+    assert only.mistake == "axis-sign"
+    assert "z negated" in only.words
+    assert "swapped" in only.words
+    assert only.before_um is not None and only.after_um is not None
+    assert only.before_um > 1000.0 * only.after_um
+
+
+def test_a_blunder_of_the_drawing_is_cured_in_its_text() -> None:
+    text = (
+        '[machine] # ours\nkind = "three-ptt"\nbase_radius_mm = 100\nplatform_radius_mm = 200\nlink_length_mm = 300\n'
+    )
+    drawing = parse_machine(text + "slider_travel_mm = [150, 420]\n")
+    run = read_table(DATA / "run.csv")
+    found = check_setup(drawing, run)
+    assert [item.mistake for item in found.findings] == ["radii-interchanged"]
+    assert "# ours" in found.file.text
+    assert parse_machine(found.file.text).machine.base_radius_mm == 200.0  # type: ignore[union-attr]
+
+
+def test_sixty_readings_of_one_pose_are_no_unit_mistake(sound: tuple[MachineFile, Table]) -> None:
+    random = np.random.default_rng(3)
+    pose = np.tile([10.0, 20.0, -5.0], (60, 1))
+    table = make_table(pose, None, pose + random.normal(0.0, 0.004, (60, 3)))
+    assert check_setup(sound[0], table).findings == ()
+
+
+def test_compensated_commands_are_no_mistake(sound: tuple[MachineFile, Table]) -> None:
+    """Commands that a compensation moved by up to a millimetre lie beside the targets' own."""
+    file, table = sound
+    assert table.command is not None
+    away = np.sin(table.target / 20.0)
+    assert check_setup(file, table.replace(command=table.command + away)).findings == ()
+
+
+def test_two_mistakes_are_both_named(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    assert table.command is not None
+    broken = table.replace(
+        measured=table.measured / 25.4, command=table.command[:, [1, 0, 2]], temp_c=table.temp_c + 273.15
+    )
+    found = check_setup(file, broken)
+    assert {item.mistake for item in found.sure} == {"unit-scale", "slider-order", "temperature-unit"}
+    assert found.table is not None
+    assert (agreement(found.file, found.table) < 1.5 * agreement(file, table)).all()
+
+
+def test_check_writes_json_and_cured_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = read_table(DATA / "run.csv")
+    write_table(run.replace(measured=run.measured / 25.4), tmp_path / "inch.csv")
+    code = run_verb(
+        "check", tmp_path / "inch.csv", "--model", DATA / "machine.toml", "--out-run", tmp_path / "cured.csv",
+        "--out-model", tmp_path / "cured.toml", "--json",
+    )  # fmt: skip
+    said = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert said["ok"] is False
+    assert said["findings"][0]["mistake"] == "unit-scale"
+    assert set(said["findings"][0]) == {"mistake", "words", "fix", "rms_um", "sure"}
+    np.testing.assert_allclose(read_table(tmp_path / "cured.csv").measured, run.measured, rtol=1e-12)
+    assert load_machine(tmp_path / "cured.toml") == load_machine(DATA / "machine.toml")
+
+
+def test_verbs_refuse_what_is_sure_and_go_on_anyway(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], sound: tuple[MachineFile, Table]
+) -> None:
+    broken = tmp_path / "broken.csv"
+    write_table(sound[1].replace(measured=sound[1].measured * [1.0, 1.0, -1.0]), broken)
+    given = (broken, "--model", DATA / "machine.toml", "--json")
+    assert run_verb("diagnose", *given) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["verdict"] == "setup"
+    assert said["suggested"] == []
+    assert said["setup"][0]["mistake"] == "axis-sign"
+    assert run_verb("fit", *given) == 3
+    assert "axis-sign" in capsys.readouterr().err
+    assert run_verb("fit", *given, "--anyway") == 0
+    assert run_verb("compare", broken, "--model", DATA / "machine.toml") == 0
+    assert capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_machine_file_alone_is_described_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_verb("check", DATA / "machine.toml", "--drawing", tmp_path / "bench.png") == 0
+    assert "b1 = 282.843" in capsys.readouterr().out  # sqrt(300^2 - 100^2)
+    assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_reach_of_a_machine_stays_within_the_travel(sound: tuple[MachineFile, Table]) -> None:
+    """On the axis every slider stands at z + sqrt(L^2 - (R - r)^2), so travel ends are the reach but for a step."""
+    said = describe_machine(sound[0])
+    drop = np.sqrt(300.0**2 - 100.0**2)
+    assert said.reach_mm[1] == pytest.approx(150.0 - drop, abs=3.0)
+    assert said.reach_mm[2] == pytest.approx(420.0 - drop, abs=3.0)
+
+
+def test_names_are_those_of_the_contract() -> None:
+    assert len(MISTAKES) == 20
+    used = {name for case in CASES for name in case.names}
+    assert used <= set(MISTAKES)
