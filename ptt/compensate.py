@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from ptt.chain import Shifts
-from ptt.correct.commands import Commands, sent_rows
+from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
+from ptt.correct.doubt import NetworkError, command_sigma, doubtful
 from ptt.correct.task import Task, first_order, nearest_commands, settle
 from ptt.effects import Effect
 from ptt.effects.dated import Place, at_place, is_dated
@@ -18,7 +19,7 @@ from ptt.model import Model
 from ptt.table import Table
 from ptt.target_frame import in_base, target_frames
 
-__all__ = ["LIMIT_MM", "Commands", "Correction", "Reversal", "compensate", "missing_context"]
+__all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "compensate", "missing_context"]
 
 LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; what goes beyond this is a mistake in drawing, frame or network
 
@@ -38,6 +39,7 @@ def compensate(
     inside: Inside | None = None,
     reversal: Reversal | None = None,
     limit: float = LIMIT_MM,
+    network: NetworkError | None = None,
     progress: Progress | None = None,
 ) -> Commands:
     """Invert drive, geometry and structure of a model, never its metrology.
@@ -57,6 +59,7 @@ def compensate(
         reversal: 'software', the default, puts the reversal compensation into the commands, 'none' leaves it out.
             What the machine file says its controller compensates is never put in.
         limit: largest correction that is sent, mm of tool: physics, network and reversal together.
+        network: what the network that made the correction leaves, where that is known.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -71,6 +74,11 @@ def compensate(
     task = _prepare(model, targets, correction, (steady, turning), limit)
     solved, status, shift = settle(task)
     sent = sent_rows(status)
+    in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(task.wanted.numpy())
+    sigma = np.full(len(sent), np.nan)
+    if sent.any():
+        sigma, promised = command_sigma(model, task, [*steady, *turning], solved.q, in_domain, network)
+        status[sent & doubtful(sigma, shift, promised)] = UNCERTAIN
     blank = torch.as_tensor(np.where(sent[:, None], 0.0, np.nan))  # shape: (n, 1)
     simple = first_order(task, solved.height) + blank
     gap = (task.mechanism.forward(simple) - task.mechanism.forward(solved.height)).norm(dim=1)
@@ -80,7 +88,7 @@ def compensate(
         (solved.q + blank).numpy(),
         (solved.q - solved.height + blank).numpy(),
         status,
-        np.ones(len(sent), dtype=bool) if inside is None else inside(task.wanted.numpy()),
+        in_domain,
         shift,
         (simple + (solved.q - solved.height)).numpy(),
         gap.numpy(),
@@ -88,6 +96,7 @@ def compensate(
         np.where(sent, solved.missed.norm(dim=1).numpy(), np.nan),
         nearest,
         distance,
+        np.where(sent, sigma, np.nan),
     )
 
 

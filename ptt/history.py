@@ -9,6 +9,7 @@ from typing import Any
 
 from ptt.errors import MachineError
 from ptt.files import sha256
+from ptt.fit.kept import keep_covariance
 from ptt.ladder.climb import Ladder, Step
 from ptt.machine import MachineFile
 from ptt.model import Model, write_model
@@ -66,7 +67,9 @@ def record(ladder: Ladder, command: str, files: Sequence[str | Path], *, date: s
     head = {"date": stamp, "command": command, "files": sources}
     entries = [_entry(before, step, ladder, head) for before, step in pairwise(ladder.steps)]
     written = write_model(ladder.model, [item["sha256"] for item in sources])
-    return replace(written, history=(*ladder.model.file.history, *entries))
+    last = ladder.steps[-1]
+    covariance = keep_covariance(last.fitted, 1e-3 * float(last.heldout_rms_um["total"]))
+    return replace(written, history=(*ladder.model.file.history, *entries), covariance=covariance)
 
 
 def read_entries(file: MachineFile) -> tuple[Entry, ...]:

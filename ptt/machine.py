@@ -149,6 +149,22 @@ class TargetsSpec(_Frozen):
         return self
 
 
+class CovarianceSpec(_Frozen):
+    """What a fit left uncertain, parameters and tracker frame together; written and read by `ptt.fit.kept`.
+
+    Attributes:
+        of: names of the parameters.
+        root: square root of the covariance, packed.
+        values: digest of the parameter values that it belongs to.
+        heldout_mm: error of rows that the fit had not seen.
+    """
+
+    of: tuple[str, ...]
+    root: str
+    values: str
+    heldout_mm: float | None = None
+
+
 class ParameterEntry(_Frozen):
     """A fitted parameter: value and standard deviation, a number or one per leg, joint or knot."""
 
@@ -174,6 +190,7 @@ class _Document(_Frozen):
     targets: TargetsSpec = TargetsSpec()
     effect: tuple[EffectEntry, ...] = ()
     history: tuple[dict[str, Any], ...] = ()
+    covariance: CovarianceSpec | None = None
 
 
 @dataclass(frozen=True)
@@ -187,6 +204,7 @@ class MachineFile:
         effect: fitted effects, none for a bare machine.
         history: one entry per step that led here, oldest first.
         targets: the frame in which targets are stated.
+        covariance: what the last fit left uncertain.
         text: the text it was read from, so that a person's comments survive a rewrite.
         source: the file's name for messages.
     """
@@ -197,6 +215,7 @@ class MachineFile:
     effect: tuple[EffectEntry, ...] = ()
     history: tuple[dict[str, Any], ...] = ()
     targets: TargetsSpec = field(default_factory=TargetsSpec)
+    covariance: CovarianceSpec | None = None
     text: str = field(default="", repr=False, compare=False)
     source: str = field(default="machine.toml", compare=False)
 
@@ -239,7 +258,7 @@ def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
         raise _explain(error, where) from None
     return MachineFile(
         document.machine, document.controller, document.tracker, document.effect, document.history, document.targets,
-        text, where,
+        document.covariance, text, where,
     )  # fmt: skip
 
 
@@ -253,7 +272,7 @@ def format_machine(file: MachineFile) -> str:
         TOML text that `parse_machine` reads back to an equal value.
     """
     document = tomlkit.parse(file.text) if file.text else _bare(file)
-    for key in ("effect", "history"):
+    for key in ("effect", "covariance", "history"):
         document.pop(key, None)
     if file.text and file.targets != _Document.model_validate(tomllib.loads(file.text)).targets:
         document.pop("targets", None)
@@ -261,6 +280,8 @@ def format_machine(file: MachineFile) -> str:
             document["targets"] = _section(file.targets)
     if file.effect:
         document["effect"] = _effects(file.effect)
+    if file.covariance is not None:
+        document["covariance"] = _section(file.covariance)
     if file.history:
         document["history"] = _tables(file.history)
     return tomlkit.dumps(document)

@@ -225,7 +225,7 @@ def test_predict_writes_the_documented_columns_without_loss(tmp_path):
     result = CliRunner().invoke(app, args)
     assert result.exit_code == 0 and "exact inversion" in result.stdout and "J_a at p - dp/2" in result.stdout
     frame, given = (pd.read_csv(path, dtype=str) for path in (out, DATA / "targets.csv"))
-    added = ["b1", "b2", "b3", "reversal1", "reversal2", "reversal3", "in_domain", "status", "shift_um"]
+    added = ["b1", "b2", "b3", "reversal1", "reversal2", "reversal3", "in_domain", "status", "shift_um", "sigma_um"]
     assert list(frame) == [*given, *added]
     pd.testing.assert_frame_equal(frame[["name", "role"]], given[["name", "role"]])
     places = ["x_cmd", "y_cmd", "z_cmd"]

@@ -88,6 +88,7 @@ def predict(
             inside=None if network is None else lambda wanted: network.inside(wanted if posture is None else posture),
             reversal=None if reversal is None else reversal.value,
             limit=limit_mm,
+            network=compensator.error,
             progress=tell,
         )
     write_text(out, _frame(table, commands).to_csv(index=False, lineterminator="\n"))
@@ -131,6 +132,7 @@ def _frame(table: "Table", commands: "Commands") -> "pd.DataFrame":
     frame["in_domain"] = commands.in_domain
     frame["status"] = commands.status
     frame["shift_um"] = 1e3 * commands.shift
+    frame["sigma_um"] = 1e3 * commands.sigma
     if not commands.sent.all():
         for joint in range(commands.q.shape[1]):
             frame[f"nearest{joint + 1}"] = commands.nearest[:, joint]
@@ -139,6 +141,7 @@ def _frame(table: "Table", commands: "Commands") -> "pd.DataFrame":
 
 
 def _summary(commands: "Commands", out: Path, network: bool, limit_mm: float) -> dict[str, Any]:
+    known = commands.sent & (commands.sigma >= 0.0)
     return {
         "rows": len(commands.q),
         "out": str(out),
@@ -150,6 +153,7 @@ def _summary(commands: "Commands", out: Path, network: bool, limit_mm: float) ->
         "form": "exact inversion",
         "first_order_difference_um": _largest_um(commands.first_order_gap, commands.sent),
         "largest_shift_um": _largest_um(commands.shift, commands.sent),
+        "largest_sigma_um": _largest_um(commands.sigma, commands.sent) if known.any() else None,
         "reversal": commands.reversal_note,
         "largest_reversal_um": _largest_um(abs(commands.reversal).max(axis=1), commands.sent),
     }
@@ -166,6 +170,12 @@ def _warnings(table: "Table", commands: "Commands") -> list[str]:
         kinds = [_rows_with(table, commands, status) for status in commands.counts if status not in SENT]
         count = f"{int((~commands.sent).sum())} of {len(commands.q)} rows are not sent"
         lines.append(f"{table.source}: {count}: {'; '.join(kind for kind in kinds if kind)}")
+    unsure = _rows_with(table, commands, "uncertain")
+    if unsure:
+        lines.append(
+            f"{table.source}: {unsure}: sent, but the fit leaves more open there than its held-out error says;"
+            " measure near them"
+        )
     outside = int((~commands.in_domain).sum())
     if outside:
         lines.append(f"{outside} of {len(commands.q)} targets lie outside the network's training domain: physics only")
@@ -188,7 +198,8 @@ def _text(data: dict[str, Any]) -> str:
         [
             f"{data['out']}: {data['rows']} rows ({counts})"
             + (f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"),
-            f"  largest static correction {data['largest_shift_um']:.1f} um",
+            f"  largest static correction {data['largest_shift_um']:.1f} um"
+            + ("" if data["largest_sigma_um"] is None else f", uncertain by {data['largest_sigma_um']:.1f} um at most"),
             f"  sent: {data['form']}; the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2) would put the tool "
             f"at most {data['first_order_difference_um']:.3f} um elsewhere",
             f"  reversal: {data['reversal']} (largest part {data['largest_reversal_um']:.1f} um)",

@@ -28,6 +28,7 @@ class Commands:
         nearest: for rows that are not sent, the corrected command of the last place that works on the straight way
             from the nearest target that is sent, (n, k); NaN elsewhere, and where not even that works.
         nearest_gap: how far that place is from the target, (n,) mm.
+        sigma: what parameters and network leave uncertain of where the tool will be, (n,) mm; NaN where nothing tells.
     """
 
     q: np.ndarray
@@ -41,6 +42,7 @@ class Commands:
     missed: np.ndarray
     nearest: np.ndarray
     nearest_gap: np.ndarray
+    sigma: np.ndarray
 
     @property
     def sent(self) -> np.ndarray:

@@ -1,15 +1,17 @@
 """The folder that train.py writes: model.toml, rbf.safetensors, compensator.json. Never pickle."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from nets import GaussianRbf, NetsError, load_rbf, save_rbf
 from ptt import __version__
+from ptt.correct.doubt import NetworkError
 from ptt.effects import Library
 from ptt.errors import InputError
 from ptt.files import sha256, write_text
+from ptt.fit.kept import keep_covariance
 from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import load_machine, save_machine
 from ptt.model import Model, read_model, write_model
@@ -34,6 +36,14 @@ class Compensator:
     model: Model
     network: GaussianRbf | None
     notes: dict[str, Any]
+
+    @property
+    def error(self) -> NetworkError | None:
+        """What the network leaves of held-out rows, and what is left without it; None without a network."""
+        held = self.notes.get("heldout_rms_um", {})
+        if self.network is None or not {"physics", "rbf"} <= set(held):
+            return None
+        return NetworkError(1e-3 * float(held["rbf"]["total"]), 1e-3 * float(held["physics"]["total"]))
 
     @property
     def space(self) -> Space:
@@ -73,7 +83,10 @@ def require_folder(folder: str | Path) -> None:
 
 
 def _write(place: Path, training: Training, inputs: list[str]) -> None:
-    save_machine(write_model(training.physics.model, [sha256(name) for name in inputs]), place / MODEL)
+    fitted = training.physics.fitted
+    covariance = None if fitted is None else keep_covariance(fitted, 1e-3 * training.heldout_um["physics"]["total"])
+    written = write_model(training.physics.model, [sha256(name) for name in inputs])
+    save_machine(replace(written, covariance=covariance), place / MODEL)
     digest = save_rbf(training.rbf.network, place / NETWORK)
     domain = training.rbf.network.domain
     network = training.rbf.network

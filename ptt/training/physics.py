@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.chain import predict
 from ptt.fit.outliers import inside
-from ptt.fit.solve import fit, residual_of
+from ptt.fit.solve import FitResult, fit, residual_of
 from ptt.model import Model
 from ptt.noise import DEFAULT_SIGMA, Noise
 from ptt.problem import Problem
@@ -22,6 +22,7 @@ class Physics:
         outliers: rows left out as gross errors, (n,) bool.
         noise: the noise floor that weighted the fit.
         status: 'converged', 'nothing to fit', or what kept it from converging.
+        fitted: the fit itself; None where nothing of the machine was fitted.
     """
 
     model: Model
@@ -29,6 +30,7 @@ class Physics:
     outliers: np.ndarray
     noise: Noise
     status: str
+    fitted: FitResult | None = None
 
 
 def fit_physics(model: Model, problem: Problem, *, lean: bool = False) -> Physics:
@@ -45,7 +47,7 @@ def fit_physics(model: Model, problem: Problem, *, lean: bool = False) -> Physic
     if not model.terms:
         return keep_physics(model, problem)
     found = fit(model, problem, lean=lean)
-    return Physics(found.model, found.residual, found.outliers, found.noise, found.status)
+    return Physics(found.model, found.residual, found.outliers, found.noise, found.status, found)
 
 
 def keep_physics(model: Model, problem: Problem) -> Physics:

@@ -1,0 +1,130 @@
+"""What a fit leaves uncertain at a target: kept in the file, right in size, and a status where it is too much."""
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptt.compensate import NetworkError, compensate
+from ptt.correct.doubt import doubtful
+from ptt.effects.registry import library, make_effect
+from ptt.fit.kept import kept_covariance
+from ptt.history import record
+from ptt.ladder.climb import Ladder, climb
+from ptt.machine import MachineFile, TrackerSpec, format_machine, load_machine, parse_machine
+from ptt.model import Model, read_model
+from ptt.problem import build_problem
+from ptt.rig import parse_rig, simulate, write_run
+from ptt.table import make_table, read_table
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+SIGMA = 0.004
+FILE = replace(load_machine(DATA / "machine.toml"), text="", tracker=TrackerSpec(sigma_mm=SIGMA))
+DRIVE = {"homing_mm": [0.3, -0.2, 0.1], "scale_um_per_m": [80.0, -60.0, 40.0]}
+EFFECTS = ("homing-offset", "lead-scale", "link-length")
+
+
+def path_of(place: np.ndarray) -> pd.DataFrame:
+    return pd.DataFrame(place, columns=["x_cmd", "y_cmd", "z_cmd"])
+
+
+def learn(
+    folder: Path, place: np.ndarray, drive: dict, effects: tuple[str, ...], file: MachineFile = FILE, seed: int = 1
+):
+    """The rig's run of some targets, what is fitted to it, and the model as a file keeps it."""
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 3, "drive": drive})
+    truth = simulate(rig, path_of(place), noise=False).frame
+    names = ["x_meas", "y_meas", "z_meas"]
+    truth[names] += np.random.default_rng(seed).normal(0.0, SIGMA, (len(truth), 3))
+    write_run(truth, folder / "run.csv")
+    problem = build_problem(file, read_table(folder / "run.csv"))
+    ladder = climb(Model(file), problem, [make_effect(library(), name) for name in effects])
+    model = read_model(parse_machine(format_machine(record(ladder, "add", [folder / "run.csv"]))))
+    return rig, problem, ladder, model
+
+
+def went(rig, place: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Where the rig's tool really is, (n, 3) mm."""
+    return simulate(rig, path_of(place), sliders=pd.DataFrame(q, columns=["b1", "b2", "b3"]), noise=False).truth
+
+
+def shown(problem, ladder: Ladder, place: np.ndarray) -> np.ndarray:
+    """Where the fitted tracker frame shows places of the base frame, (n, 3) mm."""
+    fitted = ladder.steps[-1].fitted
+    motion = fitted.values[-6:] if fitted.layout.frames else np.zeros(6)
+    moved = place + motion[:3] + np.cross(motion[3:], place)
+    return moved @ problem.rotation[0].T + problem.shift[0]
+
+
+@pytest.mark.parametrize("frame", ["trusted", "fitted"])
+def test_errors_of_the_rig_are_as_large_as_stated(tmp_path, frame):
+    """Twelve noises, targets inside and outside the measured volume: the error over sigma scatters about one."""
+    file = replace(FILE, tracker=TrackerSpec(frame=frame, sigma_mm=SIGMA))
+    random = np.random.default_rng(2)
+    measured, wanted = (random.uniform(-half, half, (30, 3)).round(4) for half in (30.0, 60.0))
+    pulls = []
+    for seed in range(12):
+        rig, problem, ladder, model = learn(tmp_path, measured, DRIVE, EFFECTS, file, seed)
+        commands = compensate(model, make_table(wanted))
+        assert (commands.sigma > 0.0).all()
+        error = went(rig, wanted, commands.q) - shown(problem, ladder, wanted)
+        pulls.append(np.square(error).sum(axis=1) / commands.sigma**2)
+        spread = commands.sigma
+    assert 0.6 < np.mean(pulls) < 1.5
+    far = np.linalg.norm(wanted, axis=1)
+    assert spread[far > 70].mean() > 2.0 * spread[far < 30].mean()  # what is far from the readings is known less
+
+
+def test_commands_between_the_heights_of_a_raster_are_uncertain(tmp_path):
+    """32 poses at two heights tell nothing of a screw between them, however small the held-out error is."""
+    height = np.arange(150.0, 421.0, 15.0)
+    curve = np.random.default_rng(1).normal(0.0, 80.0, (3, len(height))).round(1)
+    drive = {"map_height_mm": height.tolist(), "map_um": curve.tolist()}
+    side = [-12.0, -4.0, 4.0, 12.0]
+    place = {z: np.array(list(product(side, side, [z]))) for z in (-30.0, 0.0, 30.0)}
+    grid = np.concatenate([place[-30.0], place[30.0]])
+    rig, problem, ladder, model = learn(tmp_path, grid, drive, ("screw-error-map",))
+    on, between = (compensate(model, make_table(wanted)) for wanted in (grid, place[0.0]))
+    error = [
+        1e3 * np.linalg.norm(went(rig, wanted, commands.q) - shown(problem, ladder, wanted), axis=1).mean()
+        for wanted, commands in ((grid, on), (place[0.0], between))
+    ]
+    assert ladder.steps[-1].heldout_rms_um["total"] < 30.0 and error[0] < 20.0 and error[1] > 60.0
+    assert on.counts["ok"] == len(grid) and between.counts["uncertain"] == len(place[0.0])
+    assert between.sent.all() and np.isfinite(between.q).all()  # sent, and said
+
+
+def test_what_is_kept_reads_back_and_belongs_to_its_values(tmp_path):
+    place = np.random.default_rng(4).uniform(-50, 50, (60, 3)).round(4)
+    _, _, ladder, model = learn(tmp_path, place, DRIVE, EFFECTS)
+    kept, fitted = kept_covariance(model), ladder.steps[-1].fitted
+    assert kept is not None and kept.heldout == pytest.approx(1e-3 * ladder.steps[-1].heldout_rms_um["total"])
+    back = dict(zip(kept.names, np.sqrt(np.square(kept.root).sum(axis=1)), strict=True))
+    np.testing.assert_allclose([back[name] for name in fitted.layout.names], fitted.std, rtol=1e-4)
+    text = format_machine(model.file)
+    assert format_machine(parse_machine(text)) == text
+    first, *others = model.file.effect
+    edited = {"offset_mm": first.parameters["offset_mm"].model_copy(update={"value": 0.4})}
+    other = read_model(replace(model.file, effect=(first.model_copy(update={"parameters": edited}), *others)))
+    assert kept_covariance(other) is None
+    commands = compensate(other, make_table(place))
+    assert np.isnan(commands.sigma).all() and (commands.status == "ok").all()
+
+
+def test_a_network_is_sure_within_its_domain_only():
+    wanted = np.random.default_rng(0).uniform(-40, 40, (50, 3))
+    commands = compensate(
+        read_model(FILE), make_table(wanted), correction=lambda p: p + 0.1, inside=lambda p: p[:, 0] > 0.0,
+        network=NetworkError(inside=0.008, outside=0.14),
+    )  # fmt: skip
+    np.testing.assert_array_equal(commands.status == "uncertain", wanted[:, 0] <= 0.0)
+    np.testing.assert_allclose(commands.sigma, np.where(wanted[:, 0] > 0.0, 0.008, 0.14))
+
+
+def test_where_nothing_is_promised_a_command_must_correct_more_than_is_uncertain():
+    sigma, shift = np.array([0.01, 0.2, np.nan]), np.array([0.1, 0.1, 0.1])
+    np.testing.assert_array_equal(doubtful(sigma, shift, None), [False, True, False])
+    np.testing.assert_array_equal(doubtful(sigma, shift, 0.005), [True, True, False])
