@@ -48,11 +48,11 @@ def _log(random: Random, low: float, high: float) -> float:
 
 
 def _white(random: Random) -> dict[str, Any]:
-    return {"white_mm": _log(random, 0.002, 0.012)}
+    return {"white_mm": _log(random, 0.0015, 0.007)}
 
 
 def _heavy(random: Random) -> dict[str, Any]:
-    return {"white_mm": _log(random, 0.003, 0.008), "heavy_dof": float(random.uniform(2.5, 6.0))}
+    return {"white_mm": _log(random, 0.002, 0.005), "heavy_dof": float(random.uniform(2.5, 6.0))}
 
 
 def _range(random: Random) -> dict[str, Any]:
@@ -62,7 +62,7 @@ def _range(random: Random) -> dict[str, Any]:
     return {
         "station_mm": np.round(station, 1).tolist(),
         "radial_um": float(random.uniform(0.5, 2.0)),
-        "sideways_um_per_m": _log(random, 3.0, 9.0),
+        "sideways_um_per_m": _log(random, 2.0, 6.0),
     }
 
 
@@ -73,20 +73,20 @@ def _anisotropic(random: Random) -> dict[str, Any]:
     return {
         "station_mm": np.round(station, 1).tolist(),
         "radial_um": float(random.uniform(0.4, 1.0)),
-        "sideways_um_per_m": _log(random, 1.0, 3.0),
+        "sideways_um_per_m": _log(random, 0.6, 1.6),
     }
 
 
 def _quantised(random: Random) -> dict[str, Any]:
     """Readings kept to a few digits; below a third of a digit of noise, repeats would all be alike."""
-    quantum = float(random.choice([1.0, 5.0, 10.0, 20.0]))
-    return {"quantum_um": quantum, "white_mm": 1e-3 * max(quantum * float(random.uniform(0.35, 1.0)), 2.0)}
+    quantum = float(random.choice([1.0, 2.0, 5.0, 10.0]))
+    return {"quantum_um": quantum, "white_mm": 1e-3 * max(quantum * float(random.uniform(0.35, 0.8)), 1.5)}
 
 
 def _wander(random: Random) -> dict[str, Any]:
-    """Air and stand: from a third of the white noise to three times it, over half a minute to an hour and a half."""
-    white = _log(random, 0.002, 0.007)
-    share, slow = _log(random, 0.3, 3.0), _log(random, 30.0, 5000.0)
+    """Air and stand: a third to two and a half times the white noise, over half a minute to an hour and a half."""
+    white = _log(random, 0.0015, 0.004)
+    share, slow = _log(random, 0.3, 2.5), _log(random, 30.0, 5000.0)
     return {"white_mm": white, "wander_um": 1e3 * white * share, "wander_s": slow}
 
 
@@ -97,13 +97,13 @@ def _outliers(random: Random) -> dict[str, Any]:
 
 def _axes(random: Random) -> dict[str, Any]:
     """One axis up to six times as noisy as another."""
-    return {"white_mm": 0.001, "axis_um": np.round(np.exp(random.uniform(np.log(2.0), np.log(12.0), 3)), 3).tolist()}
+    return {"white_mm": 0.001, "axis_um": np.round(np.exp(random.uniform(np.log(1.5), np.log(9.0), 3)), 3).tolist()}
 
 
 def _mixed(random: Random) -> dict[str, Any]:
     """Some of all."""
     drawn = {**_anisotropic(random), "heavy_dof": float(random.uniform(3.0, 8.0)), "quantum_um": 1.0}
-    drawn |= {"wander_um": _log(random, 1.0, 6.0), "wander_s": _log(random, 60.0, 2000.0)}
+    drawn |= {"wander_um": _log(random, 1.0, 4.0), "wander_s": _log(random, 60.0, 2000.0)}
     return {**drawn, "outlier_share": float(random.uniform(0.0, 0.03))}
 
 
