@@ -18,7 +18,7 @@ from ptt.design.selection import log_volume, select_poses
 from ptt.effects.registry import library
 from ptt.errors import InputError
 from ptt.fit.indices import observability_indices, project_off
-from ptt.machine import load_machine
+from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.dexterity import condition_number
 from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, singular_families
@@ -128,3 +128,14 @@ def test_dexterity_of_an_arm_is_told_and_drawn(tmp_path: Path, monkeypatch: pyte
     assert "singular by joint 4" in result.output and "singular by joints 2 and 3" in result.output
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert arm_dexterity.deciding_pairs(iiwa()) == ((1, 2), (3, 5))
+
+
+@pytest.mark.parametrize("joints", ["joint = [{ alpha_deg = 90 }, {}]", "joint = [{ a_mm = 300 }, { a_mm = 200 }]"])
+def test_an_arm_that_moves_in_two_directions_only_can_be_driven(joints: str) -> None:
+    """A mount of two axes and a flat arm are singular nowhere that matters; the flat arm stretched out is."""
+    from ptt.design.space import build_space, can_drive
+
+    text = f'[machine]\nkind = "serial"\nconvention = "standard"\ntool_mm = [400, 0, 0]\n{joints}\n'
+    space = build_space(parse_machine(text))
+    q = torch.tensor([[0.3, 0.7], [-1.0, -0.9], [0.5, 1e-4]], dtype=torch.float64)
+    assert can_drive(space, q).tolist() == [True, True, "a_mm" not in joints]

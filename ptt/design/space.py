@@ -9,10 +9,10 @@ from torch import Tensor
 from ptt.errors import WorkspaceError
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
-from ptt.mechanisms.dexterity import condition_number, singularities
+from ptt.mechanisms.dexterity import singularities
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.mechanisms.workspace import NEAR_CONDITION
+from ptt.mechanisms.workspace import NEAR_CONDITION, unevenness
 from ptt.view import joint_limits
 
 MARGIN = 0.01  # share of the travel that is left alone at either end
@@ -119,7 +119,7 @@ def can_drive(space: Space, q: Tensor) -> np.ndarray:
         if isinstance(mechanism, ThreePtt):
             near = _margin(mechanism, p[good]) < SAFE * _margin(mechanism, mechanism.forward(mechanism.home()[None]))
         else:
-            near = condition_number(mechanism.jacobian(q[good])) > NEAR_CONDITION
+            near = unevenness(mechanism, q[good]) > NEAR_CONDITION
         inside[good[near]] = False
     return inside.numpy()
 

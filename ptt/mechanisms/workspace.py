@@ -1,19 +1,25 @@
 """Where a mechanism can go: the status of targets, and maps of its dexterity."""
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.dexterity import condition_number, singularities
+from ptt.mechanisms.dexterity import condition_number, singular_values, singularities
 from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.serial_inverse import spread
 from ptt.mechanisms.three_ptt import ThreePtt
 
 OK, OUT_OF_TRAVEL, OUT_OF_REACH, NEAR_SINGULAR = "ok", "out of travel", "out of reach", "near singular"
 
 NEAR_CONDITION = 50.0
 """Other mechanisms count as near singular where a joint moves this many times further in one direction than another."""
+
+FLAT = 1e-9
+"""Share of the strongest direction below which an arm does not move its tool there at all, rounding of angles left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,4 +105,30 @@ def near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:
     """
     if isinstance(mechanism, ThreePtt):
         return singularities(mechanism, p).near
-    return condition_number(mechanism.jacobian(q)) > NEAR_CONDITION
+    return unevenness(mechanism, q) > NEAR_CONDITION
+
+
+def unevenness(mechanism: Mechanism, q: Tensor) -> Tensor:
+    """How much further the joints move the tool in one direction than in another of those that they move it in at all.
+
+    Args:
+        mechanism: the machine; of two axes, or with all axes alike, it moves its tool in two directions everywhere.
+        q: (n, k) mm or rad, joint values.
+
+    Returns:
+        (n,), infinite at a singularity up to rounding, NaN where q is.
+    """
+    jacobian = mechanism.jacobian(q)
+    ways = _ways(mechanism) if isinstance(mechanism, Serial) else 3
+    if ways == 3:
+        return condition_number(jacobian)
+    values = singular_values(jacobian)
+    least = values[..., ways - 1]
+    return torch.where(least <= FLAT * values[..., 0], torch.inf, values[..., 0] / least)
+
+
+@functools.lru_cache(maxsize=64)
+def _ways(arm: Serial) -> int:
+    """Number of directions in which an arm can move its tool point, at the best of many poses."""
+    values = singular_values(arm.jacobian(spread(arm, 256)))
+    return max(int((values > FLAT * values[:, :1]).sum(dim=-1).max()), 1)
