@@ -265,7 +265,34 @@ def test_one_slider_is_one_slider_whatever_the_frame(tmp_path):
         r"Slider 2 stands 250 um lower than b says: homing \(sliders against each other; .*tracker's z\)", fitted
     )
     (trusted,) = say(hide(tmp_path, faults, frame="trusted"), "homing-offset")
-    assert trusted == "Slider 2 stands 250 um lower than b says: homing."
+    mended = "To set right: raise slider 2 by 250 um (18 deg of its screw)."
+    assert trusted == f"Slider 2 stands 250 um lower than b says: homing. {mended}"
+    assert fitted.endswith(mended)
+
+
+@pytest.mark.parametrize(("section", "key", "name"), [
+    ("drive", "homing_mm", "homing-offset"), ("geometry", "link_mm", "link-length"),
+    ("geometry", "tower_radial_mm", "tower-position"), ("geometry", "tower_tangential_mm", "tower-position"),
+    ("geometry", "lean_radial_mrad", "tower-tilt"), ("geometry", "lean_tangential_mrad", "tower-tilt"),
+])  # fmt: skip
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_turned_as_told_is_right(tmp_path, section, key, name, sign):
+    """The rig is mended by the side and the number that were said, and is then as good as drawn."""
+    size = (1.5 if "mrad" in key else 0.3) * sign
+    (words,) = say(hide(tmp_path, fault(section, key, 2, size)), name)
+    told = re.search(rf"To set right: (.*?) (?:slider|link|tower) 2 ?(.*?) by {N} (um|mrad)", words)
+    assert told, words
+    less = {
+        "lower",
+        "shorten",
+        "move inward",
+        "move clockwise",
+        "shim the head of inward",
+        "shim the head of clockwise",
+    }
+    turned = float(told[3]) * (1e-3 if told[4] == "um" else 1.0)
+    left = size - turned if f"{told[1]} {told[2]}".strip() in less else size + turned
+    assert abs(left) < 0.02 * abs(size)
 
 
 def test_two_towers_are_two_towers(tmp_path):

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import torch
 
 from ptt.effects.base import family
-from ptt.effects.phrases import compose, listed
+from ptt.effects.phrases import Said, compose, listed, remedies
 from ptt.fit.gauge import Told, sparsest
 from ptt.model import Term
 from ptt.noise import Noise
@@ -40,13 +40,11 @@ def sentence(told: Told, view: View) -> str:
         For example 'slider 2 stands 250 um lower than b says: homing (sliders against each other; what they have in
         common cannot be told from the tracker's z)'.
     """
-    effect, theta = told.term.effect, told.term.theta
-    std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
-    noun = effect.arm_noun if family(view) == "serial" else effect.noun
-    body = compose(effect.say(theta, std, view), noun)
+    parts, noun = _said(told, view)
+    body = compose(parts, noun)
     if not body:
-        return f"{effect.key} explains a part"
-    return f"{body}: {effect.cause(theta, view)}{_gauge(told, noun)}"
+        return f"{told.term.effect.key} explains a part"
+    return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}"
 
 
 def _gauge(told: Told, noun: str) -> str:
@@ -73,7 +71,28 @@ def sentences(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[str
         One for each term.
     """
     known = [term for term in terms if len(term.theta)]
-    return [_upper(sentence(told, problem.view)) + "." for told in sparsest(known, problem, noise)]
+    words = []
+    for told in sparsest(known, problem, noise):
+        set_right = remedy(told, problem.view)
+        words.append(f"{_upper(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
+    return words
+
+
+def remedy(told: Told, view: View) -> str:
+    """What has to be turned, moved or entered, and by how much; '' where nothing can be.
+
+    Args:
+        told: the effect in the gauge in which it is to be said.
+        view: of the machine.
+    """
+    parts, noun = _said(told, view)
+    return remedies(parts, noun)
+
+
+def _said(told: Told, view: View) -> tuple[tuple[Said, ...], str]:
+    effect, theta = told.term.effect, told.term.theta
+    std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
+    return effect.say(theta, std, view), effect.arm_noun if family(view) == "serial" else effect.noun
 
 
 def explain_step(

@@ -212,6 +212,7 @@ class Effect:
             One for each value that has a phrase.
         """
         kind, parts, start = family(view), [], 0
+        lead = view.lead if kind == "three-ptt" else None
         for parameter in (declared.on(kind) for declared in self.parameters):
             phrase = next((item for item in self.phrases if item.stem == parameter.stem), None)
             size = parameter.size(view.joints)
@@ -220,7 +221,7 @@ class Effect:
                 value, error = float(theta[start + index]), float(std[start + index])
                 own = phrase.along("xyz"[index]) if phrase and 1 < size <= 3 and not joint else phrase
                 assert own is not None
-                parts.append(said(own, value, error, parameter.unit, parameter.usual, joint, kind))
+                parts.append(said(own, value, error, parameter.unit, parameter.usual, joint, kind, lead))
             start += size
         return tuple(parts)
 

@@ -30,6 +30,8 @@ class HomingOffset(Effect):
             "stand{s} {what} higher than b says",
             "stand{s} {what} lower than b says",
             arm=("stand{s} {what} beyond q toward +", "stand{s} {what} beyond q toward -"),
+            mend=("lower {who} by {what}{turn}", "raise {who} by {what}{turn}"),
+            arm_mend=("add {what} to the zero of {who}", "take {what} off the zero of {who}"),
         ),
     )
     card: ClassVar[Card] = Card(
@@ -68,6 +70,8 @@ class HomingSlip(Sudden):
             "slip{s} up by {what}",
             "slip{s} down by {what}",
             arm=("slip{s} toward + by {what}", "slip{s} toward - by {what}"),
+            mend=("lower {who} by {what}{turn}", "raise {who} by {what}{turn}"),
+            arm_mend=("add {what} to the zero of {who}", "take {what} off the zero of {who}"),
         ),
     )
     card: ClassVar[Card] = Card(

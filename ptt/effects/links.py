@@ -29,7 +29,14 @@ class LinkLength(ThreePttEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("length", "mm", 0.1, "link too long", True),)
     noun: ClassVar[str] = "link"
     called: ClassVar[str] = "link length"
-    phrases: ClassVar[tuple[Phrase, ...]] = (Phrase("length", "{is_} {what} too long", "{is_} {what} too short"),)
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase(
+            "length",
+            "{is_} {what} too long",
+            "{is_} {what} too short",
+            mend=("shorten {who} by {what}", "lengthen {who} by {what}"),
+        ),
+    )
     card: ClassVar[Card] = Card(
         cause="A link is longer or shorter between its joint centres than drawn.",
         equation="dL_i = l_i; J_i dp = L_i dL_i/w_i",

@@ -31,7 +31,7 @@ class Phrase:
     """What it means that one parameter is above or below zero.
 
     `{what}` is the size with its unit, `{axis}` x, y or z of a vector's component; `{s}`, `{es}`, `{is_}`, `{has}` are
-    the verb for one or several joints.
+    the verb for one or several joints. What sets it right has `{who}`, `{what}` and `{turn}`, how far a screw turns.
 
     Attributes:
         stem: of the parameter.
@@ -41,6 +41,8 @@ class Phrase:
         arm: the same two on a serial arm, where they differ.
         arm_who: the subject there.
         times: the size said, as a multiple of the value.
+        mend: what sets a value above and one below zero right, as in 'shorten {who} by {what}'; '' for nothing.
+        arm_mend: the same on a serial arm.
     """
 
     stem: str
@@ -50,6 +52,8 @@ class Phrase:
     arm: tuple[str, str] | None = None
     arm_who: str = ""
     times: float = 1.0
+    mend: tuple[str, str] = ("", "")
+    arm_mend: tuple[str, str] = ("", "")
 
     def along(self, axis: str) -> "Phrase":
         """The phrase of one component of a vector."""
@@ -74,6 +78,7 @@ class Said:
         error: its standard error; NaN where none is known.
         unit: as said.
         worth: size in usual sizes, which tells what matters most.
+        mend: what sets it right; '' for nothing.
     """
 
     who: str
@@ -83,6 +88,7 @@ class Said:
     error: float
     unit: str
     worth: float
+    mend: str = ""
 
     @property
     def sure(self) -> bool:
@@ -90,7 +96,10 @@ class Said:
         return self.size > SIGNIFICANT * np.nan_to_num(self.error)
 
 
-def said(phrase: Phrase, value: float, error: float, unit: str, usual: float, joint: int = 0, kind: str = "") -> Said:
+def said(
+    phrase: Phrase, value: float, error: float, unit: str, usual: float, joint: int = 0, kind: str = "",
+    lead: float | None = None,
+) -> Said:  # fmt: skip
     """Say one value.
 
     Args:
@@ -101,16 +110,43 @@ def said(phrase: Phrase, value: float, error: float, unit: str, usual: float, jo
         usual: usual size.
         joint: number of the joint, from 1; 0 where it belongs to none.
         kind: mechanism family.
+        lead: of the screws, mm; None where it is not known.
 
     Returns:
         The words.
     """
     factor, shown = SHOWN.get(unit, (1.0, unit))
     factor *= phrase.times
-    plus, minus = phrase.on(kind)
-    who = phrase.arm_who or phrase.who if kind == "serial" else phrase.who
-    text = plus if value >= 0.0 else minus
-    return Said(who, joint, text, abs(value) * factor, error * factor, shown, abs(value) / usual)
+    side, arm = int(value < 0.0), kind == "serial"
+    who = phrase.arm_who or phrase.who if arm else phrase.who
+    mend = (phrase.arm_mend if arm else phrase.mend)[side]
+    turn = "" if lead is None else f" ({abs(value) / lead * 360.0:.2g} deg of its screw)"
+    return Said(
+        who, joint, phrase.on(kind)[side], abs(value) * factor, error * factor, shown, abs(value) / usual,
+        mend.replace("{turn}", turn),
+    )  # fmt: skip
+
+
+def worth_saying(parts: Sequence[Said]) -> list[Said]:
+    """What is beyond chance and not small beside the rest, the largest first."""
+    most = max((part.worth for part in parts), default=0.0)
+    sure = [part for part in parts if part.sure and part.worth > SMALL * most]
+    return sorted(sure, key=lambda part: -part.worth)
+
+
+def remedies(parts: Sequence[Said], noun: str) -> str:
+    """What sets right all that is worth saying.
+
+    Args:
+        parts: what can be said.
+        noun: 'slider', 'tower', 'link', 'joint'.
+
+    Returns:
+        For example 'raise slider 2 by 250 um (18 deg of its screw)'; '' where nothing can be turned.
+    """
+    worth = [part for part in worth_saying(parts) if part.mend][:MOST]
+    each = [part.mend.format(who=f"{noun} {part.joint}", what=sizes_in_words([part])) for part in worth]
+    return listed(each) if each else ""
 
 
 def compose(parts: Sequence[Said], noun: str) -> str:
@@ -125,9 +161,8 @@ def compose(parts: Sequence[Said], noun: str) -> str:
     """
     if not parts:
         return ""
-    most = max(parts, key=lambda part: part.worth)
-    sure = [part for part in parts if part.sure and part.worth > SMALL * most.worth]
-    shown = sorted(sure or [most], key=lambda part: -part.worth)
+    sure = worth_saying(parts)
+    shown = sure or [max(parts, key=lambda part: part.worth)]
     few = f" (and {len(shown) - MOST} smaller ones)" if len(shown) > MOST else ""
     first = {part.text: index for index, part in reversed(list(enumerate(shown)))}
     shown = sorted(shown[:MOST], key=lambda part: (part.who, first[part.text], part.joint))

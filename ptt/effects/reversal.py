@@ -43,7 +43,15 @@ class Backlash(Effect):
     reverses: ClassVar[bool] = True
     called: ClassVar[str] = "backlash"
     phrases: ClassVar[tuple[Phrase, ...]] = (
-        Phrase("gap", "lose{s} {what} on reversal", "compensate{s} {what} too much on reversal"),
+        Phrase(
+            "gap",
+            "lose{s} {what} on reversal",
+            "compensate{s} {what} too much on reversal",
+            mend=(
+                "raise the reversal compensation of {who} by {what}",
+                "lower the reversal compensation of {who} by {what}",
+            ),
+        ),
     )
     card: ClassVar[Card] = Card(
         cause="Play between nut and screw, or a loose thrust bearing: after a reversal the slider waits for the gap.",

@@ -37,6 +37,7 @@ class LeadScale(Effect):
             "travel{s} {what} too far",
             "travel{s} {what} not far enough",
             arm=("turn{s} {what} too far", "turn{s} {what} not far enough"),
+            mend=("lower the counts per mm of {who} by {what}", "raise the counts per mm of {who} by {what}"),
         ),
     )
     card: ClassVar[Card] = Card(

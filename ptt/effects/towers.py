@@ -34,11 +34,17 @@ class TowerPosition(ThreePttEffect):
     noun: ClassVar[str] = "tower"
     called: ClassVar[str] = "tower position"
     phrases: ClassVar[tuple[Phrase, ...]] = (
-        Phrase("radial", "stand{s} {what} too far outward", "stand{s} {what} too far inward"),
+        Phrase(
+            "radial",
+            "stand{s} {what} too far outward",
+            "stand{s} {what} too far inward",
+            mend=("move {who} inward by {what}", "move {who} outward by {what}"),
+        ),
         Phrase(
             "tangential",
             "stand{s} {what} too far counter-clockwise (seen from above)",
             "stand{s} {what} too far clockwise (seen from above)",
+            mend=("move {who} clockwise by {what}", "move {who} counter-clockwise by {what}"),
         ),
     )
     card: ClassVar[Card] = Card(
@@ -74,11 +80,17 @@ class TowerTilt(ThreePttEffect):
     noun: ClassVar[str] = "tower"
     called: ClassVar[str] = "tower tilt"
     phrases: ClassVar[tuple[Phrase, ...]] = (
-        Phrase("radial", "lean{s} outward by {what}", "lean{s} inward by {what}"),
+        Phrase(
+            "radial",
+            "lean{s} outward by {what}",
+            "lean{s} inward by {what}",
+            mend=("shim the head of {who} inward by {what}", "shim the head of {who} outward by {what}"),
+        ),
         Phrase(
             "tangential",
             "lean{s} counter-clockwise (seen from above) by {what}",
             "lean{s} clockwise (seen from above) by {what}",
+            mend=("shim the head of {who} clockwise by {what}", "shim the head of {who} counter-clockwise by {what}"),
         ),
     )
     card: ClassVar[Card] = Card(
