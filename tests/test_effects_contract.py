@@ -12,7 +12,9 @@ from ptt.commands.effects import effects as verb
 from ptt.effects import Effect, Parameter, library
 from ptt.effects.bench import sample_view
 from ptt.effects.cards import RESIDUALS, TELLING, Card, card_of
+from ptt.effects.case import make_case
 from ptt.effects.contract import CHECKS, check_effect
+from ptt.effects.phrases import Phrase
 from ptt.effects.registry import load_effects, make_effect, parse_key
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
@@ -122,7 +124,21 @@ class Raises(Good):
         raise RuntimeError("not today")
 
 
+class SaysNothingOfTheSign(Good):
+    phrases = (Phrase("pull", "pulls {what}", "pulls {what}", "the hose"),)
+
+
+class SaysAnotherName(Good):
+    phrases = (Phrase("push", "pulls {what} toward +{axis}", "pulls {what} toward -{axis}", "the hose"),)
+
+
+class SaysTheSide(Good):
+    phrases = (Phrase("pull", "pulls {what} toward +{axis}", "pulls {what} toward -{axis}", "the hose"),)
+
+
 BROKEN = [
+    (SaysNothingOfTheSign, "words have a side"),
+    (SaysAnotherName, "units stated"),
     (NoUnit, "units stated"),
     (NoMeaning, "units stated"),
     (NoSize, "units stated"),
@@ -152,6 +168,7 @@ def test_contract_catches_a_broken_effect(cls, check):
 
 def test_contract_passes_a_good_effect():
     assert all(finding.passed for finding in check_effect(Good(), differentiate))
+    assert all(finding.passed for finding in check_effect(SaysTheSide(), differentiate))
 
 
 @pytest.mark.parametrize("name", library())
@@ -166,6 +183,15 @@ def test_every_effect_has_a_whole_card(name):
     assert all(len(pair) == 2 and all(pair) for pair in card.confused_with)
     assert name not in [what for what, _ in card.confused_with]
     assert (card.needs != "-") or not library()[name].requires
+
+
+@pytest.mark.parametrize("name", library())
+def test_every_effect_of_the_library_can_be_said(name):
+    effect = library()[name]()
+    kind = effect.mechanisms[0]
+    case = make_case(effect, kind, differentiate)
+    assert effect.say(case.theta, torch.full_like(case.theta, torch.nan), case.view)
+    assert effect.called and effect.cause(case.theta, case.view)
 
 
 def test_own_card_or_docstring():

@@ -8,78 +8,13 @@ import torch
 from torch import Tensor
 
 from ptt.effects.cards.card import Card
+from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.mechanisms.serial import Serial
 from ptt.view import View
 
 Stage = Literal["drive", "geometry", "structure", "metrology"]
 STAGES: tuple[Stage, ...] = ("drive", "geometry", "structure", "metrology")
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One parameter of an effect.
-
-    Attributes:
-        stem: name without its unit.
-        unit: unit on a 3-PTT; for an axis quantity `mm` becomes `rad` on a serial arm.
-        usual: size it usually has; scales the fit and holds what the data cannot see, bounds nothing.
-        meaning: one line.
-        per_joint: one value (or `count` values) for each joint or leg.
-        count: values, for each joint where `per_joint`.
-        onward: one value for each pair of a joint and a link that it carries, its own first; joint by joint.
-        lower: physical lower bound.
-        upper: physical upper bound.
-        role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
-            the fit).
-        axis: measured along the axis, so its unit follows the joint's.
-        usual_rad: usual size on a serial arm, where it differs.
-        held: kept near zero at its usual size by a prior, because the effect is defined without it; what data of
-            finite length leave of it is small.
-    """
-
-    stem: str
-    unit: str
-    usual: float
-    meaning: str
-    per_joint: bool = False
-    count: int = 1
-    lower: float = -float("inf")
-    upper: float = float("inf")
-    role: Literal["linear", "searched", "given"] = "linear"
-    axis: bool = False
-    usual_rad: float | None = None
-    held: bool = False
-    onward: bool = False
-
-    def size(self, joints: int) -> int:
-        """Number of values on a mechanism with k joints."""
-        if self.onward:
-            return joints * (joints + 1) // 2
-        return self.count * joints if self.per_joint else self.count
-
-    def on(self, kind: str) -> "Parameter":
-        """The parameter as it is on a mechanism family.
-
-        Args:
-            kind: 'three-ptt' or 'serial'.
-
-        Returns:
-            The same parameter with the unit and usual size of that family.
-        """
-        if kind == "three-ptt" or not self.axis:
-            return self
-        unit = (
-            self.unit.replace("mm", "rad").replace("N", "Nmm") if "N" in self.unit else self.unit.replace("mm", "rad")
-        )
-        values = {**self.__dict__, "unit": unit, "axis": False}
-        return Parameter(**(values | {"usual": self.usual if self.usual_rad is None else self.usual_rad}))
-
-    @property
-    def name(self) -> str:
-        """Key in files and JSON: stem and unit, as in `gap_mm` or `growth_per_k`."""
-        suffix = self.unit.lower().replace(" ", "").replace("/", "_per_").removeprefix("1_")
-        return self.stem if suffix in ("", "1") else f"{self.stem}_{suffix}"
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, flatten, linear_size, sizes
 from ptt.effects.bench import PER_ROW, bare, take
 from ptt.effects.case import Case, Differentiate, make_case
+from ptt.effects.phrases import compose
 
 UNITS = ("1", "mm", "rad", "s", "K", "kg", "N", "Nmm")
 CONTEXTS = ("payload", "temperature", "time", "speed", "direction")
@@ -82,6 +83,9 @@ def check_parameters(effect: Effect, kind: str) -> str:
             return f"usual size of {parameter.stem} is {parameter.usual:g}, not positive"
         if not parameter.lower < parameter.upper:
             return f"bounds of {parameter.stem} are {parameter.lower:g} and {parameter.upper:g}"
+    nameless = [phrase.stem for phrase in effect.phrases if phrase.stem not in {p.stem for p in effect.parameters}]
+    if nameless:
+        return f"a phrase says '{nameless[0]}', which is no parameter"
     strange = [name for name in effect.requires if name not in CONTEXTS]
     return f"requires '{strange[0]}', which is none of {', '.join(CONTEXTS)}" if strange else ""
 
@@ -208,6 +212,17 @@ def check_pure(case: Case) -> str:
     return "" if torch.equal(case.shift(own), first) else "answers differently the second time"
 
 
+def check_words(case: Case) -> str:
+    """What has a phrase can be said, and says another side below zero than above."""
+    unknown = torch.full_like(case.theta, torch.nan)
+    linear, other = linear_size(case.effect, case.view.joints), case.theta.clone()
+    other[:linear] = -other[:linear]
+    first, second = (compose(case.effect.say(theta, unknown, case.view), "joint") for theta in (case.theta, other))
+    if not first and not case.effect.phrases:
+        return ""
+    return "" if first and first != second else f"says '{first}' of either sign"
+
+
 def check_needs(case: Case) -> str:
     """The sample has all it needs, and a run without context is refused where it requires a context."""
     lacking = case.effect.needs(case.view)
@@ -228,6 +243,7 @@ CHECKS: dict[str, Callable[[Case], str]] = {
     "derivative by input": check_input,
     "nothing is changed": check_pure,
     "needs of the data": check_needs,
+    "words have a side": check_words,
 }
 
 

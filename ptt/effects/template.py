@@ -11,7 +11,7 @@ _TEXT = '''"""An effect of your own: use it with --effects FILE.py; test it with
 
 import torch
 
-from ptt.effects import Effect, Parameter
+from ptt.effects import Effect, Parameter  # and Phrase, for words
 
 
 class {class_name}(Effect):
@@ -29,6 +29,8 @@ class {class_name}(Effect):
     # count: so many values. lower, upper: physical bounds only.
     parameters = (Parameter("pull", "1", 1e-4, "sideways shift per mm of height, x and y", count=2),)
     requires = ()  # contexts that must vary in the data: "payload", "temperature", "time", "speed", "direction"
+    # What a value above and one below zero means, for the words of a diagnosis; who: the subject where it is no joint.
+    # phrases = (Phrase("pull", "pulls {{what}} toward +{{axis}}", "pulls {{what}} toward -{{axis}}", "the hose"),)
     # reverses = True  # where it depends on the way a joint came
     # follows_clock = True  # where it follows time or temperature
 
