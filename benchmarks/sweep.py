@@ -82,15 +82,15 @@ def examine(drawn: DrawnRig, truth: Truth, table: Any) -> dict[str, Any]:
     began = time.perf_counter()
     result = diagnose(Model(file), problem)
     seconds = time.perf_counter() - began
-    named = [list(group) for group in result.suggested]
     said = result.to_dict()
-    row: dict[str, Any] = {"verdict": result.verdict, "named": named, "seconds": seconds}
+    named, verdict = [list(group) for group in said["suggested"]], said["verdict"]
+    row: dict[str, Any] = {"verdict": verdict, "named": named, "seconds": seconds}
     row["noise_seen"] = said["noise_um"]["total"] / (MICRO * truth.noise.total)
-    row["depends"] = [[item.residual, item.on] for item in result.depends_on[:3]]
+    row["depends"] = [[item["residual"], item["on"]] for item in said["depends_on"][:3]]
     row |= judge_names(named, truth, drawn)
-    row["right"] = verdict_right(result.verdict, truth, row["explained"])
+    row["right"] = verdict_right(verdict, truth, row["explained"])
     row["statements"] = statements(said, row["words"], row["right"])
-    row["leading"] = leading(result.depends_on, drawn)
+    row["leading"] = leading(said["depends_on"], drawn)
     picks = {group[0] for group in named}
     row["pulls"] = pulls(said, truth, drawn) if picks == set(truth.hidden) else []
     if named:

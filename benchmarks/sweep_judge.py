@@ -123,13 +123,13 @@ def statements(result: Mapping[str, Any], words: Mapping[str, str], right: bool 
     return [*said, (float(chance), right)] if chance is not None and right is not None else said
 
 
-def leading(depends_on: Sequence[Any], drawn: DrawnRig) -> dict[str, Any] | None:
+def leading(depends_on: Sequence[Mapping[str, Any]], drawn: DrawnRig) -> dict[str, Any] | None:
     """Whether what a rest follows first is what the fault outside the library follows; None without such a fault."""
     odd = [key for key in drawn.truth if FAULTS[key].section == "odd"]
     if not odd:
         return None
     leads = ODD.validate_python(drawn.truth[odd[0]]).leads
-    first = depends_on[0].on if depends_on else None
+    first = depends_on[0]["on"] if depends_on else None
     return {"on": first, "leads": list(leads), "right": first in leads, "near": _near(first, leads, drawn)}
 
 

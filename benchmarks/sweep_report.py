@@ -1,6 +1,5 @@
 """Tables and pictures of sweeps, one folder or two beside one another: `sweep_report.py OUT [BEFORE]`."""
 
-import itertools
 import json
 import sys
 from collections.abc import Callable, Iterable
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sweep_pictures import draw_confusion, draw_detection, draw_reliability
 
 Row = dict[str, Any]
 Rows = list[Row]
@@ -16,7 +16,6 @@ NOISE_FREE = "bench"  # name of the bench's own noise
 GOOD = ("exact", "declared", "fair")
 SURE = 0.9  # probability from which a statement has to be right in 95 of 100
 ROSY = 1.5  # times the printed held-out error that the re-measured one may be
-BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0])
 
 
 def judged(rows: Rows) -> Rows:
@@ -61,6 +60,7 @@ def summary(level: str, rows: Rows) -> str:
         line += f"; first {share(map(first_right, counted))}"
     if level == "unknown":
         line += f"; leading variable {share(bool(row['leading'] and row['leading']['near']) for row in good)}"
+        line += f", to the letter {sum(bool(row['leading'] and row['leading']['right']) for row in good)}"
         silent = sum(row["verdict"] == "nothing-missing" for row in good)
         line += f"; nothing-missing {silent}"
     tools = [row["tool"] for row in rows if row.get("tool")]
@@ -155,30 +155,6 @@ def failures(rows: Rows) -> list[str]:
     return lines
 
 
-def draw_reliability(said: list[tuple[float, bool]], place: Path) -> None:
-    """Stated probability against how often it was so."""
-    import matplotlib.pyplot as plt
-
-    chance, hit = (np.array(values, dtype=float) for values in zip(*said, strict=True))
-    figure, axes = plt.subplots(figsize=(5.0, 4.6), layout="constrained")
-    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linestyle="--", linewidth=1)
-    for low, high in itertools.pairwise(BINS):
-        here = (chance >= low) & (chance < high) if high < 1.0 else chance >= low
-        if here.any():
-            right, count = hit[here].mean(), int(here.sum())
-            # Half-width of a proportion's 95 % interval, with two successes and two failures added (Agresti-Coull).
-            agreed = (hit[here].sum() + 2.0) / (count + 4.0)
-            half = 1.96 * np.sqrt(agreed * (1.0 - agreed) / (count + 4.0))
-            bars = [[max(right - max(agreed - half, 0.0), 0.0)], [max(min(agreed + half, 1.0) - right, 0.0)]]
-            axes.errorbar(chance[here].mean(), right, yerr=bars, fmt="o", color="#1f5a96", capsize=3)
-            axes.annotate(str(count), (chance[here].mean(), right), textcoords="offset points", xytext=(6, -12))
-    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="probability stated", ylabel="share that was so")
-    axes.set_title(f"{len(said)} statements")
-    axes.grid(alpha=0.3)
-    figure.savefig(place, dpi=150)
-    plt.close(figure)
-
-
 def load(folder: Path) -> dict[str, Rows]:
     """Families of a folder."""
     places = {level: folder / f"{level}.json" for level in LEVELS}
@@ -195,6 +171,9 @@ def main() -> None:
     said = [tuple(one) for rows in families.values() for row in rows for one in row.get("statements", [])]
     if said:
         draw_reliability(said, folder / "reliability.png")
+    if single := [row for row in families.get("single", []) if "error" not in row]:
+        draw_detection(single, folder / "detection.png")
+        draw_confusion(single, folder / "confusion.png")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import sweep
 import sweep_judge
+import sweep_pictures
 import sweep_report
 from sweep_cases import VISIBLE, Case, draw, names_of, plan
 
@@ -127,7 +127,7 @@ def test_leading_variables(hidden) -> None:
     other = leg % 3 + 1
 
     def first(on: str):
-        return sweep_judge.leading([SimpleNamespace(on=on)], drawn)
+        return sweep_judge.leading([{"on": on}], drawn)
 
     assert first(f"direction{leg}")["right"] and first("payload")["right"]
     assert not first("x")["near"] and not first(f"direction{other}")["right"]
@@ -273,9 +273,23 @@ def test_families_have_their_own_right() -> None:
     assert not sweep_report.is_right(odd | {"error": "x"})
 
 
-def test_a_reliability_picture_is_drawn(tmp_path: Path) -> None:
+def test_pictures_are_drawn(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     chance = random.random(200)
     said = [(float(p), bool(random.random() < p)) for p in chance] + [(1.0, True)]
-    sweep_report.draw_reliability(said, tmp_path / "r.png")
-    assert (tmp_path / "r.png").stat().st_size > 5000
+    sweep_pictures.draw_reliability(said, tmp_path / "r.png")
+    windup = {"words": {"windup": "wrong"}, "named": [["windup"]], "outcome": "wrong"}
+    rows = [row(), row(hidden={"backlash": 1.1}, counted=[], named=[], outcome="silent"), row(**windup)]
+    sweep_pictures.draw_detection(rows, tmp_path / "d.png")
+    sweep_pictures.draw_confusion(rows, tmp_path / "c.png")
+    assert min((tmp_path / f"{name}.png").stat().st_size for name in "rdc") > 5000
+
+
+def test_columns_nobody_wrote_down_are_not_there() -> None:
+    drawn = draw_foreign(1, path="walk", rows=30, noise="white")
+    rig = replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update={"report_std": True}))
+    frame = simulate(rig, drawn.targets).frame
+    bare, full = table_of(frame, ("payload_kg", "temp_c")), table_of(frame)
+    assert bare.payload_kg is None and bare.temp_c is None and bare.time_s is not None
+    assert full.payload_kg is not None
+    np.testing.assert_array_equal(full.std, frame[["x_std", "y_std", "z_std"]].to_numpy())
