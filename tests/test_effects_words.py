@@ -9,8 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
+from ptt.commands.main import app
 from ptt.diagnosis.words import explain_step, explain_verdict, sentences
 from ptt.effects import library
 from ptt.effects.phrases import figure
@@ -322,6 +324,19 @@ def test_a_gauge_moves_no_reading(tmp_path):
     assert told[0].alike == ("tracker z",)
     assert told[1].alike == ("tracker x", "tracker y", "tracker rotation about z")
     assert sum(float((one.term.theta.abs() > 10.0 * SIGMA).sum()) for one in told) == 3.0
+
+
+def test_add_prints_what_to_turn_and_no_digit_that_chance_would_make(tmp_path):
+    faults = fault("drive", "homing_mm", 2, -0.25) | {"controller": {"backlash_mm": [0.0, 0.0, 0.02]}}
+    problem = hide(tmp_path, faults)
+    machine = tmp_path / "machine.toml"
+    machine.write_text(format_machine(problem.file))
+    known = ["add", str(tmp_path / "run.csv"), "homing-offset", "--model", str(machine)]
+    outcome = CliRunner().invoke(app, [*known, "--out", str(tmp_path / "m.toml")])
+    assert outcome.exit_code == 0, outcome.output
+    (homing,) = (line for line in outcome.stdout.splitlines() if ": homing" in line)
+    assert re.search(r"To set right: raise slider 2 by 2[45]\d um \(1\d deg of its screw\)", homing)
+    assert "slider 1" not in homing  # what 20 um of over-compensation leave is far beyond the tracker's noise
 
 
 # Steps and verdicts.

@@ -76,7 +76,8 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
 
         plot_ladder(ladder, plots / "ladder.png")
     last = ladder.steps[-1].fitted
-    told = sentences(last.model.terms, opened.problem, last.noise)
+    widen = max(1.0, last.chi2 / max(last.freedom, 1)) ** 0.5
+    told = sentences(last.model.terms, opened.problem, last.noise, widen)
     words = "".join(f"{line}\n" for line in told) + "\n" if told else ""
     text = f"{format_ladder(ladder)}\n\n{words}{format_fit(ladder.report)}"
     show(ladder.to_dict() | opened.set_up, text, json)

@@ -59,20 +59,21 @@ def _gauge(told: Told, noun: str) -> str:
     return f" ({noun}s against each other; what they have in common cannot be told from {whose})"
 
 
-def sentences(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[str]:
+def sentences(terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0) -> list[str]:
     """Every fitted effect of a model in one sentence each, all in the gauge with the fewest parts off.
 
     Args:
         terms: fitted together.
         problem: the readings.
         noise: the noise floor.
+        widen: times the noise that the fit leaves, where it is more than that.
 
     Returns:
         One for each term.
     """
     known = [term for term in terms if len(term.theta)]
     words = []
-    for told in sparsest(known, problem, noise):
+    for told in sparsest(known, problem, noise, widen):
         set_right = remedy(told, problem.view)
         words.append(f"{_upper(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
     return words

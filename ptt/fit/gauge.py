@@ -33,7 +33,7 @@ class Told:
     alike: tuple[str, ...] = ()
 
 
-def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise) -> tuple[Told, ...]:
+def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0) -> tuple[Told, ...]:
     """Say terms in the gauge in which the fewest of their values are off.
 
     A homing offset of one slider is fitted as a third of it on each, because the tracker's z takes the rest. All values
@@ -44,6 +44,7 @@ def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise) -> tuple[Tol
         terms: fitted together, with values.
         problem: the readings.
         noise: the noise floor.
+        widen: times the noise that the fit leaves, where it is more than that.
 
     Returns:
         The terms in their order.
@@ -54,7 +55,7 @@ def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise) -> tuple[Tol
     linear = assemble(layout, values, few, noise)
     own = np.flatnonzero((layout.owner >= 0) & ~layout.held)
     information, motions = _without_frames(linear, own, layout.held)
-    information = information * (problem.table.rows / few.table.rows)
+    information = information * (problem.table.rows / few.table.rows / widen**2)
     free = _untold(information, values[own])
     if not free.shape[1]:
         return tuple(Told(term) for term in terms)
