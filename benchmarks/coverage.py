@@ -102,7 +102,7 @@ def score(name: str, seed: int, file: MachineFile, folder: Path) -> Score:
     truth = TRUTH[name](hidden, problem, fitted) / usual_sizes(effect, problem)
     own = np.arange(count)
     unseen = fitted.unseen[own]
-    onto = _onto_measured(unseen)
+    onto = onto_measured(unseen)
     sizes = fitted.sizes[own]
     error = onto @ ((fitted.unknowns[own] - truth) / sizes)
     scale = fitted.layout.scale * fitted.sizes
@@ -112,7 +112,7 @@ def score(name: str, seed: int, file: MachineFile, folder: Path) -> Score:
     return Score(error[chosen] / np.sqrt(variance[chosen]), fitted.unseen.shape[1], len(unobservable(fitted)))
 
 
-def _onto_measured(unseen: np.ndarray) -> np.ndarray:
+def onto_measured(unseen: np.ndarray) -> np.ndarray:
     """Projection of an effect's own parameters off what the fit does not see of them."""
     left, strength, _ = np.linalg.svd(unseen, full_matrices=True)
     gauge = left[:, : len(strength)][:, strength > 0.05]

@@ -148,6 +148,15 @@ def test_a_reversal_that_is_not_there_stops_at_its_bound() -> None:
     assert bool((height >= 0.0).all()) and float(height.max()) < 0.002
 
 
+def test_a_shape_is_searched_with_nothing_beside_it() -> None:
+    file, table = machine(frame="trusted"), empty_run()
+    truth = term("windup", build_view(file, table), [0.02, 0.01, 0.03], length=3.0)
+    run = measure(table, file, [truth])
+    still = replace(run, measured=(run.measured - PLACE) @ TRACKER)
+    found = fitted(["windup"], build_problem(file, still)).model.terms[0]
+    torch.testing.assert_close(found.theta[:3], truth.theta[:3], rtol=0.0, atol=3e-3)
+
+
 # --- what cannot be seen
 
 

@@ -151,7 +151,8 @@ def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    flat = columns.reshape(-1, columns.shape[-1])
+    """Basis of what columns (n, 3, P) span, (3 n, r); P is zero where the frame is trusted and nothing else known."""
+    flat = columns.reshape(3 * len(columns), columns.shape[-1])
     strength, directions = np.linalg.eigh(flat.T @ flat)
     seen = strength > max(SEEN, 1e-12 * strength.max(initial=0.0))
     return flat @ (directions[:, seen] / np.sqrt(strength[seen]))
