@@ -4,15 +4,19 @@ import numpy as np
 from scipy import linalg, stats
 
 from ptt.fit.stretches import confirmed_by_pose, in_a_row, shifted_stretches
+from ptt.noise import Noise
 from ptt.problem import Problem
 
 CHANCE = 1e-3  # chance that a sound table of readings loses one row to the rule
 EXCEPTIONS = 1.0 / 12.0  # share of rows beyond which far rows are no exceptions: trackers lose far fewer readings
+TAIL = 4.0  # squared: what a model misses is no bell curve, its ends lie up to twice as far out as those of noise
 ROUNDS = 8
 KNEE = 6.0  # squared distance, in units of the bulk, at which a row counts half (Cauchy)
 
 
-def inside(whitened: np.ndarray, used: np.ndarray, problem: Problem | None = None) -> np.ndarray:
+def inside(
+    whitened: np.ndarray, used: np.ndarray, problem: Problem | None = None, noise: Noise | None = None
+) -> np.ndarray:
     """Rows that noise can explain.
 
     A gross error is an exception: what one row in twelve has is the machine or the model, and so is what rows in a
@@ -23,6 +27,7 @@ def inside(whitened: np.ndarray, used: np.ndarray, problem: Problem | None = Non
         whitened: residual in units of noise, (n, 3), NaN where not observed.
         used: rows that may count, (n,) bool.
         problem: the readings, whose order tells what stands alone; None where it is not known.
+        noise: what the residual is in units of; without it nothing is left out as a stretch.
 
     Returns:
         (n,) bool, a part of `used`. Where all but one row in twelve lie wider than noise, so does the limit.
@@ -33,8 +38,8 @@ def inside(whitened: np.ndarray, used: np.ndarray, problem: Problem | None = Non
     if not far.any():
         return used.copy()
     apart = np.zeros_like(used)
-    if problem is not None:
-        for part in shifted_stretches(whitened, far, problem, _limit(squared[used])):
+    if problem is not None and noise is not None:
+        for part in shifted_stretches(whitened, far, problem, _limit(squared[used]), noise):
             apart[part] = True
     rest = used & ~apart
     gross = rest & (squared > _limit(squared[rest], EXCEPTIONS))
@@ -54,7 +59,8 @@ def _limit(squared: np.ndarray, exceptions: float = 0.5) -> float:
         return np.inf
     wide = np.sort(squared)[bulk - 1] / stats.chi2.ppf((bulk - 0.5) / count, 3)
     width = max(1.0, float(wide), float(np.median(squared)) / MEDIAN)
-    return float(stats.chi2.isf(CHANCE / count, 3)) * width
+    tail = 1.0 + (TAIL - 1.0) * min(width - 1.0, 1.0)
+    return float(stats.chi2.isf(CHANCE / count, 3)) * width * tail
 
 
 def linear_residual(

@@ -117,7 +117,7 @@ def fit(
     layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
     evaluate = Evaluator(layout, problem, noise, coarse=coarse)
     unknowns = np.clip(layout.start(), layout.lower, layout.upper)
-    kept = _without_outliers(evaluate(unknowns), problem, layout) if robust else problem.used.copy()
+    kept = _without_outliers(evaluate(unknowns), problem, layout, noise) if robust else problem.used.copy()
     status, prior, settled = "nothing to fit", usual_prior(layout), False
     for attempt in range(1 + ROUNDS):
         before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior)
@@ -128,7 +128,8 @@ def fit(
             done = NEAR if coarse else DONE
             ended = descend(_equations(evaluate, kept, prior), unknowns, layout.lower, layout.upper, done)
             unknowns, status = ended.unknowns, ended.status
-        again = inside(evaluate(unknowns).residual, problem.used, problem) if robust and not (lean or coarse) else kept
+        sifting = robust and not (lean or coarse)
+        again = inside(evaluate(unknowns).residual, problem.used, problem, noise) if sifting else kept
         settled = bool((again == kept).all())
         kept = again if attempt < ROUNDS else kept
     return _result(model, problem, evaluate, unknowns, prior, kept, status)
@@ -187,7 +188,7 @@ def _equations(evaluate: Evaluator, kept: np.ndarray, prior: Prior) -> Equations
     return equations
 
 
-def _without_outliers(system: System, problem: Problem, layout: Layout) -> np.ndarray:
+def _without_outliers(system: System, problem: Problem, layout: Layout, noise: Noise) -> np.ndarray:
     """Rows that remain after a robust fit of the linearised problem, (n,) bool."""
     width = system.jacobian.shape[-1]
     base = np.concatenate(
@@ -199,7 +200,7 @@ def _without_outliers(system: System, problem: Problem, layout: Layout) -> np.nd
     trusted = np.concatenate([system.base_residual.ravel(), np.zeros(int(layout.held.sum()))])
     whole, used = np.full_like(system.residual, np.nan), problem.used
     whole[used], _ = linear_residual(system.residual[used], system.jacobian[used], trusted, base)
-    return inside(whole, used, problem)
+    return inside(whole, used, problem, noise)
 
 
 def _result(

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from ptt.holdout import pose_groups
-from ptt.noise import SAME_FEED, SAME_LOAD
+from ptt.noise import SAME_FEED, SAME_LOAD, Noise
 from ptt.problem import Problem
 from ptt.same_pose import number_alike
 
 LEAST = 3  # rows from which a stretch is no chance: with one reading in twelve lost, one run in six has such three
+OWN_SIZE = 1.0  # mm: a machine is off by as much in all, but not from one row to the next; reflectors and knocks are
 SHARE = 0.25  # of all rows: a minority that the others outvote; of halves nobody can say which is right
 AGREE = 0.5  # share of their size by which two far readings may differ and still tell of the same place
 ALL = 0.9  # of the rows that are alike in something: where these are off, the likeness is the cause
@@ -116,22 +117,27 @@ def in_a_row(far: np.ndarray, problem: Problem) -> list[np.ndarray]:
     return [part for part in np.split(order, cuts) if len(part) >= LEAST and far[part[0]]]
 
 
-def shifted_stretches(whitened: np.ndarray, far: np.ndarray, problem: Problem, limit: float) -> list[np.ndarray]:
+def shifted_stretches(
+    whitened: np.ndarray, far: np.ndarray, problem: Problem, limit: float, noise: Noise
+) -> list[np.ndarray]:
     """Stretches that are off by one and the same way and are sound but for that.
 
-    A stretch that differs from all others by its load, speed, run or direction of arrival is left to the effects
-    that depend on those.
+    Steps of a machine's own size stay, for effects to explain, and so does a stretch that differs from all others by
+    its load, speed, run or direction of arrival.
 
     Args:
         whitened: residual in units of noise, (n, 3).
         far: rows beyond the limit, (n,) bool.
         problem: the readings.
         limit: squared distance that a sound row stays below.
+        noise: the unit of the residual.
 
     Returns:
         Row numbers of each; none where they are so many that nobody can say which rows are right.
     """
     together = [part for whole in in_a_row(far, problem) for part in _shifts(whole, whitened, limit)]
+    color = np.linalg.inv(noise.whitener).T
+    together = [part for part in together if np.linalg.norm(np.median(whitened[part] @ color, axis=0)) > OWN_SIZE]
     if not together:
         return []
     everyone = np.isin(np.arange(len(far)), np.concatenate(together))

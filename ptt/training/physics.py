@@ -66,7 +66,7 @@ def keep_physics(model: Model, problem: Problem) -> Physics:
     noise = problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
     terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
     residual = problem.measured - predict(terms, problem.view).reading.numpy()
-    gross = problem.used & ~inside(residual @ noise.whitener.T, problem.used, problem)
+    gross = problem.used & ~inside(residual @ noise.whitener.T, problem.used, problem, noise)
     return Physics(model, residual, gross, noise, "nothing to fit")
 
 
