@@ -411,7 +411,7 @@ def _print_case(case: Case, have: str, results: list[Tried]) -> None:
 def _print_misses(results: list[Tried]) -> None:
     for seed, item in enumerate(results):
         if item.shows and not (item.named and item.cured):
-            print(f"    seed {seed}: named {item.named}, cured {item.cured}: {item.found}")
+            print(f"    seed {seed}: named {item.named}, cured {item.cured}: {str(item.found)[:300]!r}")
 
 
 def _print_sound(count: int) -> None:

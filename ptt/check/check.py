@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ptt.check.arm import find_arm
 from ptt.check.context import find_noise, find_units
 from ptt.check.geometry import find_geometry
 from ptt.check.order import find_disorder
@@ -49,6 +50,8 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
     if isinstance(setup.file.machine, ThreePttSpec):
         steps += [find_shifted_rows, find_geometry, find_shifted_rows]
         steps += [find_reach] if units_said else [find_speck, find_reach]
+    else:
+        steps += [find_arm]
     steps.append(find_noise)
     for step in steps:
         found, after = step(setup)

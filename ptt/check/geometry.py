@@ -131,8 +131,13 @@ def _turned_round(plain: Judged) -> tuple[list[Finding], Setup]:
 
 
 def _choose_rows(setup: Setup) -> np.ndarray:
-    rows = np.flatnonzero(used_rows(setup.table))
-    return rows[:: max(1, -(-len(rows) // MOST_ROWS))]
+    """Rows spread over the run, those with a reading first: every second one may have none."""
+    used = used_rows(setup.table)
+    read = used & np.isfinite(setup.table.measured).all(axis=1)
+    rows = np.flatnonzero(read if read.any() else used)
+    if len(rows) <= MOST_ROWS:
+        return rows
+    return rows[np.unique(np.linspace(0, len(rows) - 1, MOST_ROWS).round().astype(int))]
 
 
 def _is_broken(agreement: Agreement) -> bool:

@@ -13,6 +13,7 @@ FEWEST = 8  # rows
 LEAST_ROWS = 3  # a block of fewer rows is gross errors
 FALL = 5.0
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
+MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 
 
@@ -102,13 +103,15 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
     if len(known) < FEWEST:
         return [], setup
     left, turn = _most_fitting(place[known], reading[known], setup.free)
-    findings, before = [], float(np.sqrt(np.mean(left**2) * 3.0))
+    findings, before, shifts = [], float(np.sqrt(np.mean(left**2) * 3.0)), list[np.ndarray]()
     for block in _bad_blocks(left):
         shift = np.median(left[block], axis=0)
         size = float(np.linalg.norm(shift))
         scatter = float(np.sqrt(np.median(((left[block] - shift) ** 2).sum(axis=1))))
         if size < BLOCK_SHIFT or scatter > ALIKE * size:
             continue
+        if not any(np.linalg.norm(shift - other) < ALIKE * size for other in shifts):
+            shifts.append(shift)
         rows = known[block]
         reading[rows] -= turn @ shift
         left[block] -= shift
@@ -120,7 +123,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         )
         fix = f"take ({at}) mm off rows {first} to {last}, or empty their readings"
         findings.append(Finding("wrong-reflector", words, fix, None, None, True, setup.table.source))
-    if not findings:
+    if not 0 < len(shifts) <= MOST_REFLECTORS:
         return [], setup
     kept = np.linalg.norm(left, axis=1)
     after = float(np.sqrt(np.mean(kept[kept <= TRIM * np.median(kept) + 1e-9] ** 2)))

@@ -53,10 +53,21 @@ def written(file: MachineFile, drawn: MachineFile) -> MachineFile:
     document = tomlkit.parse(file.text)
     for section in ("machine", "tracker"):
         before, after = (getattr(each, section).model_dump(mode="json") for each in (drawn, file))
-        for key, value in after.items():
-            if value != before.get(key):
-                document[section][key] = value
+        if before != after:
+            _update(document[section], before, after)
     return replace(file, text=tomlkit.dumps(document))
+
+
+def _update(node: Any, before: dict[str, Any], after: dict[str, Any]) -> None:
+    """Write what differs into a TOML table, table by table."""
+    for key, value in after.items():
+        if value == before.get(key):
+            continue
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            for place, (old, new) in enumerate(zip(before[key], value, strict=True)):
+                _update(node[key][place], old, new)
+        else:
+            node[key] = value
 
 
 def drawn(setup: Setup) -> ThreePttSpec:

@@ -1,0 +1,87 @@
+"""Set-up mistakes of serial arms, on arms whose truth comes from the virtual machine."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ptt.check import check_setup
+from ptt.machine import MachineFile, load_machine, parse_machine
+from ptt.rig.draw_arm import draw_arm
+from ptt.table import Table, make_table
+
+MACHINES = Path(__file__).parent.parent / "data" / "machines"
+Change = Callable[[Table], Table]
+
+
+def arm(name: str, fault: str = "link", seed: int = 1) -> tuple[MachineFile, Table]:
+    file = load_machine(MACHINES / f"{name}.toml")
+    run = draw_arm(file.machine, fault, seed)  # type: ignore[arg-type]
+    table = make_table(
+        None, run.q, run.readings, joint_prefix="q", temp_c=run.temp_c, payload_kg=run.payload_kg, time_s=run.time_s
+    )
+    return file, table
+
+
+def sent(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+    return lambda table: table.replace(command=change(np.asarray(table.command)))
+
+
+def read(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+    return lambda table: table.replace(measured=change(table.measured))
+
+
+def two_swapped(q: np.ndarray) -> np.ndarray:
+    order = np.arange(q.shape[1])
+    order[[1, 2]] = 2, 1
+    return q[:, order]
+
+
+def one_turned(q: np.ndarray) -> np.ndarray:
+    return q * np.where(np.arange(q.shape[1]) == 2, -1.0, 1.0)
+
+
+def one_zero(q: np.ndarray) -> np.ndarray:
+    return q + np.where(np.arange(q.shape[1]) == 1, np.pi / 2.0, 0.0)
+
+
+CASES = {
+    "two joints interchanged": (sent(two_swapped), {"joint-order"}),
+    "a joint turning the other way": (sent(one_turned), {"joint-sign"}),
+    "a zero off by 90 deg": (sent(one_zero), {"joint-sign"}),
+    "degrees in rad columns": (sent(np.degrees), {"angle-unit"}),
+    "radians in deg columns": (sent(np.radians), {"angle-unit"}),
+    "mirrored readings": (read(lambda p: p * [1.0, 1.0, -1.0]), {"axis-sign", "axes-swapped"}),
+    "readings in inches": (read(lambda p: p / 25.4), {"unit-scale"}),
+    "readings a row late": (read(lambda p: np.vstack([p[:1], p[:-1]])), {"row-shift"}),
+}
+
+
+@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
+@pytest.mark.parametrize("title", CASES)
+def test_mistakes_of_an_arm_are_named_and_cured(title: str, name: str) -> None:
+    change, names = CASES[title]
+    file, table = arm(name)
+    found = check_setup(file, change(table))
+    assert found.findings[0].mistake in names, str(found)
+    assert found.findings[0].sure
+    assert found.findings[0].after_um is not None
+    assert found.findings[0].after_um < 100.0
+    assert found.table is not None
+    assert check_setup(found.file, found.table).ok
+
+
+@pytest.mark.parametrize("fault", ["none", "link", "compliance", "backlash", "growth"])
+@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa", "assembly_robot"])
+def test_sound_arms_are_not_accused(name: str, fault: str) -> None:
+    assert check_setup(*arm(name, fault, 3)).findings == ()
+
+
+def test_a_zero_is_cured_in_the_text_of_the_machine_file() -> None:
+    file, table = arm("ur10")
+    found = check_setup(file, sent(one_zero)(table))
+    cured = parse_machine(found.file.text).machine
+    assert cured.kind == "serial"
+    assert cured.joint[1].theta_offset_deg == -90.0
+    assert "Universal Robots" in found.file.text
