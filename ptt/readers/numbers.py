@@ -36,6 +36,7 @@ def read_cells(raw: RawText, columns: list[Column]) -> dict[int, np.ndarray]:
         "index_col": False,
         "sep": r"\s+" if raw.delimiter == " " else raw.delimiter,
         "decimal": raw.decimal,
+        "thousands": raw.thousands or None,
         "dtype": dict.fromkeys(texts, str),
         "na_values": {index: [""] for index in numeric},
         "keep_default_na": False,

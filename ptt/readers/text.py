@@ -11,12 +11,22 @@ import numpy as np
 from ptt.errors import TableError
 from ptt.readers.columns import canonical
 from ptt.readers.mapping import Ask, Mapping, answer
+from ptt.readers.titles import meaning_of
 
 COMMENT_MARKS = ("#", "//", "%")
 DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "space"}
 
 _POINT_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_GROUPED = {
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d+"),
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d+"),
+    "'": re.compile(r"[+-]?[1-9]\d{0,2}('\d{3})+([.,]\d+)?"),
+    "\u2019": re.compile(r"[+-]?[1-9]\d{0,2}(\u2019\d{3})+([.,]\d+)?"),
+    "\u00a0": re.compile(r"[+-]?[1-9]\d{0,2}(\u00a0\d{3})+([.,]\d+)?"),
+    "\u202f": re.compile(r"[+-]?[1-9]\d{0,2}(\u202f\d{3})+([.,]\d+)?"),
+}
+PREAMBLE = 12  # lines that an export may have above its titles
 _EXCEL_HINT = re.compile(r"sep=.\s*")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
@@ -34,6 +44,7 @@ class RawText:
         header: cells of the title row, or None where the file has none.
         body: data lines.
         line: (n,) int, line numbers of `body` in the file, the first line is 1.
+        thousands: sign that groups thousands, '' where none does.
     """
 
     source: str
@@ -44,6 +55,7 @@ class RawText:
     header: tuple[str, ...] | None
     body: list[str]
     line: np.ndarray
+    thousands: str = ""
 
 
 def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> RawText:
@@ -66,6 +78,8 @@ def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> Raw
     if not body:
         raise TableError("the file is empty", where=source, fix="export it again; a header and two rows are the least")
     delimiter = _given_delimiter(mapping) or find_delimiter(_sample(body))
+    above = _preamble(body, delimiter)
+    comments, body, line = (*comments, *body[:above]), body[above:], line[above:]
     first = split_line(body[0], delimiter)
     known = sum(canonical(cell) is not None for cell in first)
     header = tuple(first) if known > 2 or not any(is_number(cell, delimiter) for cell in first) else None
@@ -73,8 +87,34 @@ def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> Raw
         body, line = body[1:], line[1:]
     if not body:
         raise TableError("only a header, no rows", where=source, fix="export it again with its readings")
-    decimal = mapping.decimal or find_decimal(_sample(body), delimiter, source, ask)
-    return RawText(source, encoding, delimiter, decimal, comments, header, body, line)
+    thousands, grouped = find_thousands(_sample(body), delimiter)
+    if thousands not in ",.":
+        joint = re.compile(rf"(?<=\d){thousands}(?=\d{{3}}(?!\d))")
+        body, thousands = [joint.sub("", text) for text in body], ""
+    decimal = mapping.decimal or grouped or find_decimal(_sample(body), delimiter, source, ask)
+    return RawText(source, encoding, delimiter, decimal, comments, header, body, line, thousands)
+
+
+def _preamble(body: Sequence[str], delimiter: str) -> int:
+    """How many lines of text stand above the row of titles: a project, a date, an operator."""
+    for place, line in enumerate(body[: PREAMBLE + 1]):
+        cells = split_line(line, delimiter)
+        if sum(is_number(cell, delimiter) for cell in cells) > 2:
+            return 0
+        if sum(meaning_of(cell) is not None for cell in cells) > 2:
+            return place
+    return 0
+
+
+def find_thousands(lines: Sequence[str], delimiter: str) -> tuple[str, str]:
+    """Sign that groups thousands and, where the same numbers tell it, the decimal sign; '' for what is not known."""
+    cells = [cell for line in lines for cell in split_line(line, delimiter)]
+    for sign, pattern in _GROUPED.items():
+        found = [cell for cell in cells if pattern.fullmatch(cell)]
+        if found:
+            tail = found[0].rsplit(sign, 1)[1]
+            return sign, next((mark for mark in ".," if mark != sign and mark in tail), "")
+    return "", ""
 
 
 def _read_bytes(path: str | Path) -> bytes:
@@ -155,13 +195,15 @@ def split_line(line: str, delimiter: str) -> list[str]:
         line = line.strip() if delimiter == " " else line
         cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
         return [cell.strip() for cell in cells]
-    cells = line.split() if delimiter == " " else line.split(delimiter)
+    cells = re.split("[ \t]+", line.strip(" \t")) if delimiter == " " else line.split(delimiter)
     return [cell.strip() for cell in cells]
 
 
 def is_number(cell: str, delimiter: str) -> bool:
     """Whether a cell reads as a number, with a decimal comma too where commas do not separate cells."""
-    return bool(_POINT_NUMBER.fullmatch(cell) or (delimiter != "," and _COMMA_NUMBER.fullmatch(cell)))
+    if _POINT_NUMBER.fullmatch(cell) or (delimiter != "," and _COMMA_NUMBER.fullmatch(cell)):
+        return True
+    return any(pattern.fullmatch(cell) for pattern in _GROUPED.values())
 
 
 def find_delimiter(lines: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""What a column title of a tracker or robot export means: English, German and Chinese words, units in brackets.
+"""What a column title of a tracker or robot export means: English, German, French and Chinese words, units in brackets.
 
 A title is cut into known words; when nothing unknown is left over, the words say which quantity it is. A title with an
 unknown word is never forced into a meaning: `measurement_rx` or `Goal roll` stay unread.
@@ -8,6 +8,7 @@ import re
 import unicodedata
 
 from ptt.readers.columns import Meaning, canonical, dimension_of
+from ptt.readers.words import FRENCH, GERMAN
 
 _UNIT_WORDS = {
     "mm": ("mm", "毫米", "millimeter", "millimetre", "millimeters", "millimetres"),
@@ -55,7 +56,7 @@ _WORDS = {
     "x": ("x",), "y": ("y",), "z": ("z",), "qx": ("qx",), "qy": ("qy",), "qz": ("qz",), "qw": ("qw",),
     "": ("coordinate", "coord", "position", "pos", "value", "angle", "坐标", "位置", "值", "角度", "角", "号", "第"),
 }  # fmt: skip
-_KIND_OF_WORD = {word: kind for kind, words in _WORDS.items() for word in words}
+_KIND_OF_WORD = {word: kind for some in (FRENCH, GERMAN, _WORDS) for kind, words in some.items() for word in words}
 _TOKEN = re.compile("|".join([*sorted(map(re.escape, _KIND_OF_WORD), key=len, reverse=True), r"\d+"]))
 _DRIVER_JOINTS = ("shoulderpanjoint", "shoulderliftjoint", "elbowjoint", "wrist1joint", "wrist2joint", "wrist3joint")
 DRIVER_NOTE = "unit as the robot's ROS driver writes it"

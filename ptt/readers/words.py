@@ -1,0 +1,35 @@
+"""Words of German and French column titles, beside the English and Chinese ones that `titles` holds."""
+
+GERMAN = {
+    "cmd": ("sollwert", "sollposition", "vorgabe"),
+    "meas": ("istwert", "istposition", "gemessen", "messwert"),
+    "std": ("standardabweichung",),
+    "joint": ("achse", "gelenk"),
+    "slider": ("schlitten", "läufer", "laeufer"),
+    "dir": ("richtung",),
+    "tau": ("drehmoment",),
+    "name": ("messpunkt",),
+    "run": ("lauf", "messlauf"),
+    "repeat": ("wiederholung", "zyklus"),
+    "time": ("zeitstempel", "uhrzeit"),
+    "payload": ("nutzlast", "traglast", "zuladung"),
+    "feed": ("vorschub", "geschwindigkeit"),
+    "": ("höhe", "hoehe", "winkel"),
+}
+FRENCH = {
+    "cmd": ("consigne", "cible", "théorique", "theorique", "commandé", "commande"),
+    "meas": ("mesuré", "mesure", "réel", "reel"),
+    "std": ("écarttype", "ecarttype"),
+    "joint": ("axe",),
+    "slider": ("chariot", "coulisseau", "curseur"),
+    "dir": ("sens",),
+    "tau": ("couple",),
+    "name": ("nomdupoint",),
+    "run": ("essai",),
+    "repeat": ("répétition",),
+    "time": ("temps", "heure", "horodatage"),
+    "payload": ("charge",),
+    "temp": ("température",),
+    "feed": ("vitesse", "avance"),
+    "": ("hauteur",),
+}

@@ -1,0 +1,77 @@
+"""Real exports: preambles above the titles, grouped thousands, German and French titles."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ptt.table import read_table
+
+ROWS = ((1.5, 2.25, -3.125, 1283.842, 999.5, 1001.25), (10.0, 20.5, -30.25, 1300.5, 2001.125, 998.0))
+HEAD = "x_cmd{0}y_cmd{0}z_cmd{0}x_meas{0}y_meas{0}z_meas\n"
+
+
+def grouped(value: float, thousands: str, decimal: str) -> str:
+    return f"{value:,.3f}".replace(",", "T").replace(".", "D").replace("T", thousands).replace("D", decimal)
+
+
+@pytest.mark.parametrize(
+    ("thousands", "decimal", "delimiter"),
+    [(",", ".", ";"), (",", ".", "\t"), (".", ",", ";"), ("'", ".", ";"), ("\u00a0", ",", ";"), ("\u202f", ",", "\t")],
+)
+def test_grouped_thousands(tmp_path: Path, thousands: str, decimal: str, delimiter: str) -> None:
+    lines = [delimiter.join(grouped(value, thousands, decimal) for value in row) for row in ROWS]
+    path = tmp_path / "run.csv"
+    path.write_text(HEAD.format(delimiter) + "\n".join(lines) + "\n", encoding="utf-8")
+    table = read_table(path)
+    np.testing.assert_array_equal(np.hstack([table.target, table.measured]), np.array(ROWS))
+
+
+def test_grouped_thousands_in_quotes_between_commas(tmp_path: Path) -> None:
+    lines = [",".join(f'"{value:,.3f}"' for value in row) for row in ROWS]
+    path = tmp_path / "run.csv"
+    path.write_text(HEAD.format(",") + "\n".join(lines) + "\n")
+    table = read_table(path)
+    np.testing.assert_array_equal(np.hstack([table.target, table.measured]), np.array(ROWS))
+
+
+@pytest.mark.parametrize("above", ["Project: press 4\nDate: 2026-03-01\n", "Leica AT960;;;;;\nOperator;M. Weber;;;;\n"])
+def test_lines_above_the_titles(tmp_path: Path, above: str) -> None:
+    lines = [";".join(f"{value}" for value in row) for row in ROWS]
+    path = tmp_path / "run.csv"
+    path.write_text(above + HEAD.format(";") + "\n".join(lines) + "\n")
+    table = read_table(path)
+    np.testing.assert_array_equal(table.measured, np.array(ROWS)[:, 3:])
+    assert table.line.tolist() == [4, 5]
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "Schlitten 1 [mm];Schlitten 2 [mm];Schlitten 3 [mm];X Ist [mm];Y Ist [mm];Z Ist [mm]",
+        "Schlitten 1 Sollwert;Schlitten 2 Sollwert;Schlitten 3 Sollwert;X gemessen;Y gemessen;Z gemessen",
+        "Chariot 1 (mm);Chariot 2 (mm);Chariot 3 (mm);X mesuré (mm);Y mesuré (mm);Z mesuré (mm)",
+        "Hauteur chariot 1;Hauteur chariot 2;Hauteur chariot 3;X réel;Y réel;Z réel",
+    ],
+)
+def test_german_and_french_titles(tmp_path: Path, titles: str) -> None:
+    lines = [";".join(f"{value}" for value in row) for row in ROWS]
+    path = tmp_path / "run.csv"
+    path.write_text(titles + "\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    table = read_table(path)
+    np.testing.assert_array_equal(table.command, np.array(ROWS)[:, :3])
+    np.testing.assert_array_equal(table.measured, np.array(ROWS)[:, 3:])
+
+
+def test_context_in_german_and_french(tmp_path: Path) -> None:
+    for titles in (
+        "Temperatur [°C];Nutzlast [kg];Vorschub [mm/s];Zeit [s]",
+        "Température [°C];Charge [kg];Vitesse [mm/s];Temps [s]",
+    ):
+        path = tmp_path / "run.csv"
+        rows = ["1;2;3;1.01;2.02;3.03;21.5;2.5;50;0", "4;5;6;4.01;5.02;6.03;22.5;5;50;10"]
+        path.write_text(HEAD.format(";").strip() + ";" + titles + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+        table = read_table(path)
+        assert table.temp_c is not None and table.payload_kg is not None
+        assert table.feed_mm_s is not None and table.time_s is not None
+        assert [table.temp_c[1], table.payload_kg[1], table.feed_mm_s[1], table.time_s[1]] == [22.5, 5.0, 50.0, 10.0]
