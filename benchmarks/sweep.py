@@ -33,24 +33,29 @@ from sweep_report import NOISE_FREE, summary
 
 from ptt.challenge.truth import MICRO, Truth, table_of
 from ptt.diagnosis.verdict import diagnose
+from ptt.errors import PttError
 from ptt.model import Model
 from ptt.problem import build_problem
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_noise import NOISES
 
+BLANK: dict[str, Any] = {"rows": 0, "noise": "", "path": "", "hidden": {}, "counted": [], "outside": []}
+
 
 def run_case(case: Case) -> dict[str, Any]:
     """Draw, diagnose, and only then look at the truth."""
-    began = time.perf_counter()
-    drawn, truth = draw(case)
-    row = describe(case, drawn, truth)
-    frame = simulate(drawn.rig, drawn.targets).frame
-    row["rows"], row["draw_s"] = len(frame), time.perf_counter() - began
+    row = {"seed": case.seed, "level": case.level, "protocol": case.protocol, "faults": list(case.faults), **BLANK}
     try:
+        began = time.perf_counter()
+        drawn, truth = draw(case)
+        row |= describe(case, drawn, truth)
+        frame = simulate(drawn.rig, drawn.targets).frame
+        row |= {"rows": len(frame), "draw_s": time.perf_counter() - began}
         row |= examine(drawn, truth, table_of(frame, drawn.absent))
     except Exception as error:  # one broken case must not lose the others, and must show
         row["error"] = f"{type(error).__name__}: {error}"
+        row["refused"] = isinstance(error, PttError)  # in words that say what to do
         row["trace"] = traceback.format_exc(limit=-4)
     return row
 
@@ -59,9 +64,6 @@ def describe(case: Case, drawn: DrawnRig, truth: Truth) -> dict[str, Any]:
     """What is known of a case before anybody diagnoses it."""
     spec, tracker = drawn.rig.spec, drawn.rig.machine.tracker
     return {
-        "seed": case.seed,
-        "level": case.level,
-        "protocol": case.protocol,
         "faults": list(drawn.truth),
         **{"noise": case.noise or NOISE_FREE, "path": drawn.protocol, "repeats": "own", **drawn.notes},
         "frame": tracker.frame,

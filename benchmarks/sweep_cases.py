@@ -99,7 +99,7 @@ def _hide(level: str, number: int, random: np.random.Generator, kinds: str) -> t
     names = names_of(level, kinds)
     name = names[number % len(names)]
     runs = protocols_of(name)
-    protocol = runs[number // len(names) % len(runs)]
+    protocol = runs[random.integers(len(runs))]
     more = _several(random, protocol, number // 2 % 3) if level == "unknown" else ()
     return protocol, (name, *more)
 

@@ -22,6 +22,8 @@ def judged(rows: Rows) -> Rows:
     """Cases that can be judged: every fault counts; outside the library the fault that nobody knows does."""
 
     def fair(row: Row) -> bool:
+        if not row["rows"]:
+            return True  # broken before anything was drawn: it must show
         if row["level"] == "unknown":
             return bool(set(row["outside"]) & set(row["counted"]))
         return set(row["hidden"]) == set(row["counted"])
@@ -52,7 +54,8 @@ def first_right(row: Row) -> bool:
 def summary(level: str, rows: Rows) -> str:
     """One line on a family."""
     counted = judged(rows)
-    broken = sum("error" in row for row in rows)
+    refused = sum(row.get("refused", False) for row in rows)
+    broken = sum("error" in row for row in rows) - refused
     good = [row for row in counted if "error" not in row]
     line = f"{level:<8}{len(rows):>4} rigs, {len(counted)} judged: right {share(map(is_right, counted))}"
     line += f"; wrong names {mean(map(wrong_names, good)):.2f} a run"
@@ -65,7 +68,7 @@ def summary(level: str, rows: Rows) -> str:
         line += f"; nothing-missing {silent}"
     tools = [row["tool"] for row in rows if row.get("tool")]
     line += f"; worse {sum(tool['worse'] for tool in tools)}/{len(tools)}"
-    line += f"; {np.median([row['seconds'] for row in good] or [np.nan]):.2f} s; broken {broken}"
+    line += f"; {np.median([row['seconds'] for row in good] or [np.nan]):.2f} s; refused {refused}, broken {broken}"
     return line
 
 
@@ -147,7 +150,7 @@ def failures(rows: Rows) -> list[str]:
         hidden = ", ".join(f"{name} {size:.1f}x" for name, size in row["hidden"].items())
         place = f"    seed {row['seed']} {row['protocol']} {row['path']} {row['rows']} rows {row['noise']}: {hidden}"
         if "error" in row:
-            lines.append(f"{place} BROKEN {row['error']}")
+            lines.append(f"{place} {'REFUSED' if row.get('refused') else 'BROKEN'} {row['error']}")
             continue
         named = "; ".join(" = ".join(group) for group in row["named"]) or "nothing"
         worse = " WORSE" if (row.get("tool") or {}).get("worse") else ""

@@ -22,6 +22,7 @@ from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.challenge.truth import find_truth, table_of
 from ptt.effects import library
 from ptt.effects.registry import make_effect
+from ptt.errors import TableError
 from ptt.fit.solve import fit
 from ptt.model import Model, parameter_names
 from ptt.problem import build_problem
@@ -222,7 +223,15 @@ def test_a_case_that_breaks_is_a_result(monkeypatch, tmp_path: Path) -> None:
     assert "broken" in rows[0]["trace"]
     (tmp_path / "single.json").write_text(json.dumps(rows, default=sweep._plain))
     text = "\n".join(sweep_report.report(sweep_report.load(tmp_path)["single"]))
-    assert "broken 2" in text and "BROKEN ZeroDivisionError" in text
+    assert "refused 0, broken 2" in text and "BROKEN ZeroDivisionError" in text
+
+    def refused(*_args, **_keys):
+        raise TableError("too few", fix="measure more rows")
+
+    monkeypatch.setattr(sweep, "draw", refused)
+    row = sweep.run_case(plan("none", 1, 0)[0])
+    assert row["refused"] and "measure more rows" in row["error"] and sweep_report.judged([row]) == [row]
+    assert "refused 1, broken 0" in sweep_report.summary("none", [row])
 
 
 def test_a_whole_case() -> None:
