@@ -27,10 +27,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 import torch
-from sweep_cases import Case, draw, plan
 from sweep_judge import fitted_model, judge_names, leading, printed_heldout, pulls, reached, statements, verdict_right
 from sweep_report import NOISE_FREE, summary
 
+from ptt.challenge.cases import Case, draw, plan
+from ptt.challenge.challenge import bench
 from ptt.challenge.truth import MICRO, Truth, table_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.errors import PttError
@@ -139,7 +140,7 @@ def _options() -> argparse.Namespace:
 def main() -> None:
     """Command line."""
     args = _options()
-    shared = {"foreign": args.foreign, "rows": args.rows, "visible": not args.any_size}
+    shared = {"bench": None if args.foreign else bench(), "rows": args.rows, "visible": not args.any_size}
     cases = plan(args.level, args.count, args.start, kinds=args.kinds, noise=args.noise, **shared)
     if args.fault:
         cases = [replace(case) for case in cases if args.fault in case.faults]

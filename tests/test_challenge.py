@@ -57,6 +57,23 @@ def test_the_same_seed_gives_the_same_bytes(level, tmp_path: Path) -> None:
     assert (other.folder / "run.csv").read_bytes() != (tmp_path / "a" / "run.csv").read_bytes()
 
 
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_foreign_challenge_is_a_machine_of_its_own(level, tmp_path: Path) -> None:
+    made = new_challenge(tmp_path / "a", level, seed=9, rows=60, foreign=True)
+    new_challenge(tmp_path / "b", level, seed=9, rows=60, foreign=True)
+    for name in FILES:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    file = load_machine(made.folder / "machine.toml")
+    opened = open_challenge(made.folder).drawn
+    assert file.machine != bench().machine and opened.rig.spec == file.machine
+    assert bool(opened.truth) == (level != "none")
+    run = read_table(made.folder / "run.csv")
+    again = simulate(opened.rig, opened.targets).frame
+    np.testing.assert_allclose(again[["x_meas", "y_meas", "z_meas"]], run.measured, atol=5.1e-5)
+    with pytest.raises(InputError, match="--foreign"):
+        new_challenge(tmp_path / "c", level, machine=bench(), foreign=True)
+
+
 def test_without_a_seed_every_challenge_is_another(tmp_path: Path) -> None:
     runs = {(new_challenge(tmp_path / str(i), "none", rows=40).folder / "run.csv").read_bytes() for i in range(3)}
     assert len(runs) == 3

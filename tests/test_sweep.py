@@ -15,8 +15,8 @@ import sweep
 import sweep_judge
 import sweep_pictures
 import sweep_report
-from sweep_cases import VISIBLE, Case, draw, names_of, plan
 
+from ptt.challenge.cases import VISIBLE, Case, draw, names_of, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.challenge.truth import find_truth, table_of
@@ -80,7 +80,7 @@ def test_faults_are_drawn_until_they_can_be_seen() -> None:
 
 
 def test_the_bench_with_any_noise() -> None:
-    drawn, _ = draw(Case(2, "single", "volume", ("backlash",), "quantised", foreign=False))
+    drawn, _ = draw(Case(2, "single", "volume", ("backlash",), "quantised", bench=bench()))
     assert drawn.rig.machine.machine == bench().machine and drawn.rig.tracker.quantum_um > 0.0
 
 

@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import pandas as pd
 
+from ptt.challenge.cases import draw, plan
 from ptt.errors import InputError
 from ptt.files import read_text, write_text
 from ptt.machine import ControllerSpec, MachineFile, format_machine, parse_machine
@@ -97,6 +98,7 @@ def new_challenge(
     seed: int | None = None,
     rows: int = ROWS,
     machine: MachineFile | None = None,
+    foreign: bool = False,
 ) -> Challenge:
     """Draw a rig, run it, and seal what is wrong with it.
 
@@ -106,6 +108,7 @@ def new_challenge(
         seed: of everything; None draws one that nobody knows.
         rows: about how many.
         machine: the drawing; None takes the bench.
+        foreign: draw the machine, its path and its tracker's noise, too, and hide any fault there is.
 
     Returns:
         Where everything is.
@@ -120,9 +123,16 @@ def new_challenge(
         )
     if rows < LEAST_ROWS:
         raise InputError(f"{rows} rows are too few", where="--rows", fix=f"ask for at least {LEAST_ROWS}")
+    if foreign and machine is not None:
+        raise InputError(
+            "a drawing and a foreign machine are asked for", where="--foreign", fix="leave one of them out"
+        )
     if (place / SEAL).exists():
         raise InputError("holds a challenge already", where=str(place), fix="name another folder, or remove this one")
     seed = secrets.randbelow(MOST_SEED) if seed is None else seed
+    if foreign:
+        case = plan(draw_level(level, seed), 1, seed, rows=rows)[0]
+        return write_challenge(place, draw(case)[0], level)
     drawn = draw_rig(draw_level(level, seed), seed, _bare(machine or bench()), rows=rows)
     return write_challenge(place, drawn, level)
 
@@ -144,7 +154,7 @@ def write_challenge(folder: str | Path, drawn: DrawnRig, level: str) -> Challeng
         Where everything is.
     """
     place = Path(folder)
-    frame = simulate(drawn.rig, drawn.targets).frame.round(DIGITS)
+    frame = simulate(drawn.rig, drawn.targets).frame.round(DIGITS).drop(columns=[*drawn.absent])
     write_text(place / MACHINE, format_machine(drawn.rig.machine))
     write_run(frame, place / RUN)
     write_run(frame[frame["role"] != "base"].drop(columns=HIDDEN_FROM_TARGETS), place / TARGETS)

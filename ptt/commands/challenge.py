@@ -39,6 +39,9 @@ def new(
     machine: Annotated[
         Path | None, typer.Option("--machine", metavar="M.toml", help="Drawing; else the bench.")
     ] = None,
+    foreign: Annotated[
+        bool, typer.Option("--foreign", help="A machine, a path and a tracker drawn by the seed instead of the bench.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Draw a machine with hidden faults, measure it, and seal what is wrong with it."""
@@ -46,7 +49,7 @@ def new(
     from ptt.machine import load_machine
 
     file = None if machine is None else load_machine(machine)
-    made = new_challenge(folder, level.value, seed=seed, rows=rows, machine=file)
+    made = new_challenge(folder, level.value, seed=seed, rows=rows, machine=file, foreign=foreign)
     data = made.to_dict()
     lines = [
         f"{data['run']}: {made.rows} rows; {data['machine']}: the drawing; {data['targets']}: where the tool should be",

@@ -1,14 +1,14 @@
-"""Cases of a sweep: which faults are hidden in which rig, under which noise; everything follows from the seed."""
+"""Cases: which faults are hidden in which rig, under which noise; everything follows from the seed."""
 
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ptt.challenge.challenge import bench
 from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.challenge.truth import COUNTS, READINGS, Truth, find_truth, off_frame, reading_noise, rms_length
 from ptt.effects import library
+from ptt.machine import MachineFile
 from ptt.rig import RunResult, simulate
 from ptt.rig.draw import PROTOCOLS, DrawnRig, Protocol, draw_rig
 from ptt.rig.draw_foreign import draw_foreign
@@ -36,7 +36,7 @@ class Case:
         protocol: how it is measured.
         faults: names of what is hidden.
         noise: kind of noise; None is the bench's own.
-        foreign: drawing, path and length by seed; else the bench and its own paths.
+        bench: a drawing to be run on the paths of the sample data; None draws machine, path and length by the seed.
         rows: about how many, None lets the seed choose.
         visible: draw sizes anew until every fault is of a size in VISIBLE.
     """
@@ -46,7 +46,7 @@ class Case:
     protocol: Protocol
     faults: tuple[str, ...]
     noise: str | None = None
-    foreign: bool = True
+    bench: MachineFile | None = None
     rows: int | None = None
     visible: bool = True
 
@@ -75,8 +75,8 @@ def plan(
         count: how many.
         start: first seed.
         kinds: shown, unseen or all, of the faults outside the library.
-        noise: kind of noise for all of them, None goes through all kinds of a foreign sweep.
-        **shared: foreign, rows, visible of every case.
+        noise: kind of noise for all of them, None goes through all kinds where machines are drawn.
+        **shared: bench, rows, visible of every case.
 
     Returns:
         The cases.
@@ -85,7 +85,7 @@ def plan(
     for number in range(start, start + count):
         random = np.random.default_rng([number, 61])
         protocol, faults = _hide(level, number, random, kinds)
-        through = list(NOISES)[(number + number // len(NOISES)) % len(NOISES)] if shared.get("foreign", True) else None
+        through = list(NOISES)[(number + number // len(NOISES)) % len(NOISES)] if shared.get("bench") is None else None
         cases.append(Case(number, level, protocol, faults, noise or through, **shared))
     return cases
 
@@ -172,9 +172,9 @@ def _size(drawn: DrawnRig, still: RunResult) -> float:
 
 
 def _sound(case: Case, seed: int) -> DrawnRig:
-    if case.foreign:
+    if case.bench is None:
         return draw_foreign(seed, case.protocol, noise=case.noise, rows=case.rows)
-    drawn = draw_rig("none", seed, bench(), case.protocol, rows=case.rows or 300)
+    drawn = draw_rig("none", seed, case.bench, case.protocol, rows=case.rows or 300)
     if case.noise is None:
         return drawn
     tracker = type(drawn.rig.tracker).model_validate(drawn.rig.tracker.model_dump() | draw_noise(case.noise, seed))
