@@ -325,3 +325,12 @@ def test_command_on_axis_runs(app, tmp_path):
     answer = json.loads(CliRunner().invoke(app, [str(path), "--json"]).stdout)
     assert answer["axes"][0]["B_um"] == pytest.approx(4.0)
     assert "reversal B" in CliRunner().invoke(app, [str(path)]).stdout
+
+
+def test_targets_a_hair_apart_are_one_pose_and_loads_too():
+    """Computed targets differ in their last digits from cycle to cycle."""
+    random = np.random.default_rng(8)
+    place = np.tile(np.array([[0.5005, 1.0, 2.0], [30.0, -20.0, 10.0005]]), (30, 1))
+    target = place + 1e-10 * random.choice([-1.0, 1.0], place.shape)
+    report = pose_report(target, place + 0.003 * random.standard_normal(place.shape), payload=np.full(60, 2.0) + 1e-12)
+    assert [len(pose.rows) for pose in report.poses] == [30, 30]

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ptt.errors import TableError
+from ptt.noise import SAME_LOAD
+from ptt.same_pose import SAME_POSE, number_alike, same_places
 
 Array = NDArray[np.float64]
 
 POSE_CYCLES = 30  # the standard asks for so many cycles
 DRIFT_CYCLES = 10  # it looks at drift by groups of so many
-SAME_MM = 1e-6  # targets and payloads nearer than this are one
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,7 @@ def pose_report(
     load = np.full(len(target), np.nan) if payload is None else np.asarray(payload, dtype=np.float64)
     sides = np.zeros((len(target), 0)) if direction is None else np.asarray(direction, dtype=np.float64)
     seen = np.flatnonzero(np.isfinite(measured).all(axis=1) & np.isfinite(target).all(axis=1))
-    keys = np.column_stack([np.round(np.column_stack([target, np.nan_to_num(load, nan=-1.0)]) / SAME_MM), sides])
+    keys = np.column_stack([same_places(target), number_alike(load, SAME_LOAD), sides])
     groups = [seen[rows] for rows in group_rows(keys[seen])]
     repeated = [rows for rows in groups if len(rows) > 1]
     if not repeated:
@@ -208,7 +209,7 @@ def pose_report(
         distances=tuple(
             distance_figures(measured[a.rows], measured[b.rows], a.target, b.target)
             for a, b in pairwise(poses)
-            if np.linalg.norm(a.target - b.target) > SAME_MM
+            if np.linalg.norm(a.target - b.target) > SAME_POSE
         ),
         drifts=tuple(_drift(pose.target, measured[pose.rows]) for pose in poses if len(pose.rows) >= 4),
         single=len(groups) - len(repeated),
@@ -274,9 +275,9 @@ def _pose(target: Array, measured: Array, sides: Array, load: Array, rows: NDArr
 
 def _variations(poses: Sequence[PoseFigures]) -> tuple[DirectionVariation, ...]:
     """Targets reached from several sides under one payload."""
-    loads = np.nan_to_num([pose.payload for pose in poses], nan=-1.0)
-    keys = np.column_stack([[pose.target for pose in poses], loads])
-    groups = [[poses[i] for i in rows] for rows in group_rows(np.round(keys / SAME_MM)) if len(rows) > 1]
+    target, load = np.array([pose.target for pose in poses]), np.array([pose.payload for pose in poses])
+    keys = np.column_stack([same_places(target), number_alike(load, SAME_LOAD)])
+    groups = [[poses[i] for i in rows] for rows in group_rows(keys) if len(rows) > 1]
     return tuple(
         DirectionVariation(
             group[0].target,

@@ -25,6 +25,7 @@ def format_ladder(ladder: Ladder) -> str:
     noise = [ladder.noise_um[axis] for axis in _AXES]
     source = f"noise ({ladder.noise_um['source']})"
     lines.append(f"{source:<28}" + "".join(f"{value:9.2f}" for value in noise * 2))
+    lines += ["training: the rows that were fitted, all of them; as given it is the error that compare prints"]
     lines += [f"held out: {ladder.protocol}", *verdicts(ladder)]
     lines += [stretch.words for stretch in ladder.report.stretches]
     lines += ladder.notes
