@@ -80,7 +80,7 @@ def compensate(
         sigma, promised = command_sigma(model, task, [*steady, *turning], solved.q, in_domain, network)
         status[sent & doubtful(sigma, shift, promised)] = UNCERTAIN
     blank = torch.as_tensor(np.where(sent[:, None], 0.0, np.nan))  # shape: (n, 1)
-    simple = first_order(task, solved.height) + blank
+    simple = first_order(task, solved.height, sent)
     gap = (task.mechanism.forward(simple) - task.mechanism.forward(solved.height)).norm(dim=1)
     nearest, distance = nearest_commands(task, sent)
     tell("done", 1, 1)

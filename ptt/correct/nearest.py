@@ -1,20 +1,54 @@
 """For a row that cannot be sent: the last place on the way to it where the machine still works."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from ptt.correct.newton import MISSED, ROUNDS, least_move
 from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import near_singular, travel_margin
 
-HALVINGS = 30  # of the way: a metre to a nanometre
+HALVINGS = 20  # of the way: a metre to a micrometre
 
 
-def nearest_places(
-    mechanism: Mechanism, wanted: Tensor, nominal: Tensor, sent: np.ndarray, spare: float
-) -> tuple[Tensor, Tensor]:
-    """The last places where the drawing works on straight ways from the nearest targets that are sent.
+@dataclass(frozen=True)
+class Ways:
+    """Straight ways from targets that are sent to targets that are not, m rows.
+
+    Attributes:
+        mechanism: the nominal one.
+        begin: where they begin, (m, 3) mm.
+        goal: where they lead, (m, 3) mm.
+        near: joint values at the beginning, (m, k).
+        share: how much of each the drawing can go, (m, 1).
+    """
+
+    mechanism: Mechanism
+    begin: Tensor
+    goal: Tensor
+    near: Tensor
+    share: Tensor
+
+    def places(self, spare: float) -> tuple[Tensor, Tensor]:
+        """The last places that work.
+
+        Args:
+            spare: share that is left unused, so that a correction does not lead beyond the edge again.
+
+        Returns:
+            Places (m, 3) mm, and their joint values by the drawing, (m, k), NaN where not even the beginning works.
+        """
+        place = self.begin + (1.0 - spare) * self.share * (self.goal - self.begin)
+        q = _inverse(self.mechanism, place, self.near)
+        return place, torch.where(_works(self.mechanism, place, q)[:, None], q, torch.nan)
+
+
+def find_ways(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Ways:
+    """Find how far the drawing can go from the nearest target that is sent toward each that is not.
 
     Where no target is sent, the ways begin at the home pose.
 
@@ -22,12 +56,10 @@ def nearest_places(
         mechanism: the nominal one.
         wanted: targets, (n, 3) mm.
         nominal: their joint values by the drawing, (n, k); NaN where there are none.
-        sent: (n,) bool.
-        spare: share of the way that is left unused, so that a correction does not lead beyond the edge again.
+        sent: (n,) bool, not all.
 
     Returns:
-        Places (m, 3) mm for the m rows that are not sent, and their joint values by the drawing, (m, k), NaN where not
-        even the beginning works.
+        The ways.
     """
     goal = wanted[~sent]
     if sent.any():
@@ -39,23 +71,23 @@ def nearest_places(
     least, most = torch.zeros(len(goal), 1, dtype=torch.float64), torch.ones(len(goal), 1, dtype=torch.float64)
     for _ in range(HALVINGS):
         middle = 0.5 * (least + most)
-        good = works(mechanism, begin + middle * (goal - begin), near)[:, None]
+        place = begin + middle * (goal - begin)
+        good = _works(mechanism, place, _inverse(mechanism, place, near))[:, None]
         least, most = torch.where(good, middle, least), torch.where(good, most, middle)
-    place = begin + (1.0 - spare) * least * (goal - begin)
-    q = mechanism.inverse(place, None, near)
-    return place, torch.where(works(mechanism, place, near)[:, None], q, torch.nan)
+    return Ways(mechanism, begin, goal, near, least)
 
 
-def works(mechanism: Mechanism, place: Tensor, near: Tensor) -> Tensor:
-    """Whether the drawing reaches places within travel and away from singularities.
-
-    Args:
-        mechanism: the nominal one.
-        place: (m, 3) mm.
-        near: (m, k), joint values to stay close to.
-
-    Returns:
-        (m,) bool.
-    """
-    q = mechanism.inverse(place, None, near)
+def _works(mechanism: Mechanism, place: Tensor, q: Tensor) -> Tensor:
+    """Whether the drawing reaches places within travel and away from singularities, (m,) bool."""
     return torch.isfinite(q).all(dim=1) & (travel_margin(mechanism, q) >= 0.0) & ~near_singular(mechanism, place, q)
+
+
+def _inverse(mechanism: Mechanism, place: Tensor, near: Tensor) -> Tensor:
+    """Joint values by the drawing; an arm goes on in the posture that it has, by Newton steps."""
+    if isinstance(mechanism, ThreePtt):
+        return mechanism.inverse(place, None, near)
+    q = near
+    for _ in range(ROUNDS):
+        q = q + least_move(mechanism.jacobian(q), place - mechanism.forward(q))
+    there = (place - mechanism.forward(q)).norm(dim=1) < MISSED
+    return torch.where(there[:, None], q, torch.nan)

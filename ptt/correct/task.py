@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.chain import Shifts
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
-from ptt.correct.nearest import nearest_places
+from ptt.correct.nearest import find_ways
 from ptt.correct.newton import MISSED, holding, invert, least_move
 from ptt.effects.reversal import Backlash
 from ptt.mechanisms.protocol import Mechanism
@@ -113,9 +113,11 @@ def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """
     q, distance = np.full(task.nominal.shape, np.nan), np.full(len(sent), np.nan)
     rows = np.flatnonzero(~sent)
-    for spare in SPARES if len(rows) else ():
-        place, start = nearest_places(task.mechanism, task.wanted, task.nominal, sent, spare)
-        table = take_rows(task.targets, rows)
+    if not len(rows):
+        return q, distance
+    ways, table = find_ways(task.mechanism, task.wanted, task.nominal, sent), take_rows(task.targets, rows)
+    for spare in SPARES:
+        place, start = ways.places(spare)
         part = replace(task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=())
         solved, status, _ = settle(part)
         better = (status == OK) & solved.reached & np.isnan(distance[rows])
@@ -126,7 +128,7 @@ def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return q, distance
 
 
-def first_order(task: Task, height: Tensor) -> Tensor:
+def first_order(task: Task, height: Tensor, sent: np.ndarray) -> Tensor:
     """H_m(b - db) = f(p) - J_a dp (eq. 13 of the source paper) with dp = p - N(p), N the corrected target.
 
     J_a is taken half-way, at p - dp/2: there the first-order form is good to the third order in dp.
@@ -134,13 +136,17 @@ def first_order(task: Task, height: Tensor) -> Tensor:
     Args:
         task: the targets.
         height: exact commands without reversal compensation, (n, k).
+        sent: rows that have such commands, (n,) bool.
 
     Returns:
-        (n, k); NaN where the drawing cannot reach the target.
+        (n, k); NaN in the other rows.
     """
-    shift = task.wanted - task.mechanism.forward(height)
-    at = task.mechanism.inverse(task.wanted - 0.5 * shift, None, height)
-    return task.mechanism.inverse(task.wanted, None, height) - least_move(task.mechanism.jacobian(at), shift)
+    rows, inverse = torch.as_tensor(sent), task.mechanism.inverse
+    near, wanted, simple = height[rows], task.wanted[rows], torch.full_like(height, torch.nan)
+    shift = wanted - task.mechanism.forward(near)
+    move = least_move(task.mechanism.jacobian(inverse(wanted - 0.5 * shift, None, near)), shift)
+    simple[rows] = inverse(wanted, None, near) - move
+    return simple
 
 
 def _before(task: Task) -> np.ndarray:

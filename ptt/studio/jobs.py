@@ -48,7 +48,11 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
     opened = _open(source, model)
     result = compare_run(opened.model, opened.problem, noise=_noise(opened), progress=tell)
-    return Compared(look_at(opened.model, opened.problem, result), plain(result.to_dict()), format_comparison(result))
+    return Compared(
+        look_at(opened.model, opened.problem, result),
+        plain(result.to_dict() | opened.set_up),
+        format_comparison(result),
+    )
 
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:
@@ -63,7 +67,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     result = diagnose(opened.model, opened.problem, opened.library, progress=lambda what: tell(what, 0, 0))
     poses = None if result.separation is None else result.separation.targets
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
-    return Learned(plain(result.to_dict()), format_diagnosis(result), csv)
+    return Learned(plain(result.to_dict() | opened.set_up), format_diagnosis(result), csv)
 
 
 def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell: Progress) -> Changed:
@@ -85,7 +89,7 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
         new = [make_effect(known, *parse_key(text)) for text in effects]
         ladder = climb(opened.model, problem, new, progress=tell)
     text = format_machine(record(ladder, verb, opened.files))
-    return Changed(text, plain(ladder.to_dict()), format_fit(ladder.report))
+    return Changed(text, plain(ladder.to_dict() | opened.set_up), format_fit(ladder.report))
 
 
 def train(source: Source, model: str, tell: Progress) -> Trained:
