@@ -45,6 +45,11 @@ def wrong_names(row: Row) -> int:
     return sum(word in ("wrong", "partial") for word in row.get("words", {}).values())
 
 
+def knows_noise(row: Row) -> bool:
+    """Whether machine file, std columns or repeats tell the noise."""
+    return bool(row["sigma_told"] or row["std_told"] or row["repeats"] != "none")
+
+
 def first_right(row: Row) -> bool:
     """Whether the first name is hidden, or stands for something hidden by the truth."""
     named = row.get("named")
@@ -64,8 +69,8 @@ def summary(level: str, rows: Rows) -> str:
     if level == "unknown":
         line += f"; leading variable {share(bool(row['leading'] and row['leading']['near']) for row in good)}"
         line += f", to the letter {sum(bool(row['leading'] and row['leading']['right']) for row in good)}"
-        silent = sum(row["verdict"] == "nothing-missing" for row in good)
-        line += f"; nothing-missing {silent}"
+        silent = [row for row in good if row["verdict"] == "nothing-missing"]
+        line += f"; nothing-missing {len(silent)}, noise stated in {sum(map(knows_noise, silent))}"
     tools = [row["tool"] for row in rows if row.get("tool")]
     line += f"; worse {sum(tool['worse'] for tool in tools)}/{len(tools)}"
     line += f"; {np.median([row['seconds'] for row in good] or [np.nan]):.2f} s; refused {refused}, broken {broken}"

@@ -280,6 +280,10 @@ def test_families_have_their_own_right() -> None:
     assert sweep_report.is_right(odd) and sweep_report.judged([odd]) == [odd]
     assert sweep_report.judged([odd | {"counted": []}]) == []
     assert not sweep_report.is_right(odd | {"error": "x"})
+    quiet = odd | {"verdict": "nothing-missing", "named": [], "sigma_told": False, "std_told": False}
+    told = quiet | {"sigma_told": True}
+    line = sweep_report.summary("unknown", [quiet, told])
+    assert "nothing-missing 2, noise stated in 1" in line
 
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:
