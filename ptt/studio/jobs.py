@@ -48,11 +48,9 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
     opened = _open(source, model)
     result = compare_run(opened.model, opened.problem, noise=_noise(opened), progress=tell)
-    return Compared(
-        look_at(opened.model, opened.problem, result),
-        plain(result.to_dict() | opened.set_up),
-        format_comparison(result),
-    )
+    setup = opened.check.to_dict()["findings"] if opened.check else []
+    data = plain(result.to_dict() | opened.set_up | {"setup": setup})
+    return Compared(look_at(opened.model, opened.problem, result), data, format_comparison(result))
 
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:
