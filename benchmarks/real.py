@@ -160,7 +160,7 @@ def short_runs() -> list[Row]:
     for name, problem in cases.items():
         text = f"  {name:<14}"
         for count in SHORT:
-            pairs = np.array([_unseen(problem, count, seed) for seed in range(DRAWS)])
+            pairs = np.array([unseen(problem, count, seed) for seed in range(DRAWS)])
             before, after = np.median(pairs, axis=0)
             worse = int((pairs[:, 1] > pairs[:, 0]).sum())
             text += f"  {count}: {before:.0f} -> {after:.0f} ({worse})"
@@ -169,7 +169,7 @@ def short_runs() -> list[Row]:
     return rows
 
 
-def _unseen(problem: Problem, count: int, seed: int) -> tuple[float, float]:
+def unseen(problem: Problem, count: int, seed: int) -> tuple[float, float]:
     """Error on unseen rows, without and with dh-offsets fitted on a stretch of consecutive rows."""
     rows = np.flatnonzero(problem.used)
     first = int(np.random.default_rng(seed).integers(0, len(rows) - count))
