@@ -11,6 +11,7 @@ import argparse
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ class Case:
     alone: tuple[str, ...] = ()
 
 
+@lru_cache(maxsize=64)
 def draw_run(seed: int, faults: int = 1, rows: int | None = None) -> tuple[MachineFile, Table]:
     """A sound set-up: a foreign machine with ordinary faults, unknown ones among them, measured from anywhere.
 

@@ -9,13 +9,14 @@ import numpy as np
 import torch
 
 from ptt.check.score import build
-from ptt.check.setup import Hypothesis, Setup, Undo
+from ptt.check.setup import Hypothesis, Setup, Undo, drawn
 from ptt.machine import ThreePttSpec
 
 Side = Literal["readings", "targets", "both"]
 UNITS = {"inches": 25.4, "metres": 1e3, "centimetres": 10.0, "micrometres": 1e-3}
 SHORT = {"inches": "in", "metres": "m", "centimetres": "cm", "micrometres": "um"}
 BEYOND_HOMING = 5.0  # mm: a slider's zero further off than this was counted from elsewhere, not homed badly
+SHORTEST, LONGEST = 60.0, 1e4  # mm: links of machines that carry a reflector
 AXES = "xyz"
 
 
@@ -88,7 +89,10 @@ def units(side: Side) -> Iterator[Hypothesis]:
 
 def slider_units(setup: Setup) -> Iterator[Hypothesis]:
     """Slider heights in another unit, alone or with everything else."""
+    low, high = drawn(setup).whole_travel
     for unit, factor in UNITS.items():
+        if not _plausible(setup, factor, 2.0 * (high - low)):
+            continue
         fix = f"rename the columns (b1_cmd_{SHORT[unit]}, ...)"
         yield Hypothesis("unit-scale", f"slider heights taken as {unit}", fix, _scaled(factor), 0.0)
         both = _then(_scaled(factor), _turn("both", factor * np.eye(3)))
@@ -137,6 +141,8 @@ def drawing_slips(setup: Setup) -> Iterator[Hypothesis]:
         fix = "write " + " and ".join(f"{key} = {value:g}" for key, value in half.items())
         yield Hypothesis("diameter-for-radius", words, fix, _drawn(**half), 0.1 * (len(keys) - 1))
     for unit, factor in UNITS.items():
+        if not SHORTEST <= factor * link <= LONGEST or SHORTEST <= link <= LONGEST:
+            continue  # a machine of that size may well be
         lengths = {
             "base_radius_mm": factor * base, "platform_radius_mm": factor * platform, "link_length_mm": factor * link
         }  # fmt: skip
@@ -195,6 +201,12 @@ def _turn(side: Side, matrix: np.ndarray) -> Undo:
         return setup.with_rows(**changes)
 
     return undo
+
+
+def _plausible(setup: Setup, factor: float, most: float) -> bool:
+    """Whether the sliders' strokes fit the travel in that unit, and in a large unit do not without."""
+    stroke = float(np.nanmax(np.ptp(np.nan_to_num(np.asarray(setup.table.command)), axis=0)))
+    return factor * stroke <= most and (factor > 1.0 or stroke > most)
 
 
 def _scaled(factor: float) -> Undo:

@@ -16,7 +16,7 @@ LENGTHS = ("link_length_mm", "base_radius_mm", "platform_radius_mm")
 SLIP = 3.0  # mm: a length off by less is how machines are built
 WIDEST = 0.4  # of the length
 GRID, ZOOMS = 21, 4
-FINE = 9
+FINE = 13
 FEW_ROWS = 80
 FRAME_SLIP = 2.0  # mm that a frame of their own moves the targets by, at least
 ROUNDS = 6
@@ -118,8 +118,8 @@ def _search(setup: Setup, rows: np.ndarray, key: str) -> float:
 
 def _sharpen(setup: Setup, rows: np.ndarray, key: str, found: float, width: float) -> float:
     """The same with each drawing built anew: leaning rails turn about their home, which moves with the length."""
-    width = max(20.0 * width, 0.01 * found)
-    for _ in range(ZOOMS):
+    width = max(20.0 * width, 0.05 * found)
+    for _ in range(ZOOMS + 1):
         grid = found + width * np.linspace(-1.0, 1.0, FINE)
         setups = [setup.with_drawing(**{key: float(value)}) for value in grid]
         totals = [np.nansum(np.log(agreement.rms + 1e-4)) for agreement in agree(setups, rows)]
@@ -155,7 +155,7 @@ def _zeros_by_readings(setup: Setup, rows: np.ndarray) -> Iterator[Hypothesis]:
         words = f"{slider_words(down)} counted downward" if down else "each slider counted from its own zero"
         words += f", zeros moved by {', '.join(f'{value:.1f}' for value in zero)} mm"
         fix = "take the columns with that sign and add the constants"
-        yield Hypothesis("slider-sign", words, fix, _counted(signs, zero), 0.8 + 0.1 * len(down))
+        yield Hypothesis("slider-sign", words, fix, _counted(signs, zero), 0.2 + 0.1 * len(down) if down else 0.8)
 
 
 def _follow(mechanism: ThreePtt, command: np.ndarray, reading: np.ndarray, free: bool) -> np.ndarray | None:

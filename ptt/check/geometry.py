@@ -18,6 +18,7 @@ BEYOND = 2.0  # mm: twice the largest ordinary fault
 FALL = np.log(5.0)  # an error has to fall to a fifth
 LEADERS = 3
 TIE = np.log(1.5)
+RAW = 0.2
 SQUARE, CENTRED = 0.02, 10.0  # rad and mm: a tracker aligned to the base, by how well people do that
 APART = (
     "the readings are off the targets by",
@@ -36,12 +37,14 @@ class Judged:
         steps: what was undone, one after the other.
         agreement: what stays, ordinary faults taken off.
         plain: what stayed before anything was undone; None where nothing was.
+        raw: the same sum of logarithms with ordinary faults left in, which parts what they hide.
     """
 
     setup: Setup
     steps: tuple[Hypothesis, ...]
     agreement: Agreement
     plain: "Judged | None" = None
+    raw: float = 0.0
 
     @property
     def width(self) -> float:
@@ -61,7 +64,7 @@ class Judged:
     @property
     def score(self) -> float:
         """Small is good."""
-        return self.total + sum(step.cost for step in self.steps) + _oddness(self.agreement.turn)
+        return self.total + RAW * self.raw + sum(step.cost for step in self.steps) + _oddness(self.agreement.turn)
 
 
 def find_geometry(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -109,7 +112,7 @@ def judge(setup: Setup, steps: tuple[Hypothesis, ...], rows: np.ndarray, plain: 
             lost = np.isfinite(reading).all(axis=1) & ~np.isfinite(distance[0])
             left = rms(distance, lost[None] & np.isfinite(place).any(), drawn(setup).link_length_mm)[0]
             values[index] = min(values[index], left)
-    return Judged(setup, steps, replace(agreement, rms=values), plain)
+    return Judged(setup, steps, replace(agreement, rms=values), plain, agreement.total(agreement.width))
 
 
 def _turned_round(plain: Judged) -> tuple[list[Finding], Setup]:
@@ -161,11 +164,17 @@ def _search(plain: Judged, rows: np.ndarray) -> tuple[Judged, list[Judged]] | No
 def _leaders(starts: list[Judged], rows: np.ndarray) -> list[Judged]:
     """The most promising next steps from each start, judged, best first."""
     judged = [item for start in starts for item in _judge_all(start, mistakes_in(start.setup), rows)]
-    if not any(_is_proof(item.plain, item) and item.worst < BROKEN for item in judged):
+    if not any(_is_proof(item.plain, item) and item.worst < BROKEN and not _is_guessed(item) for item in judged):
         judged += [
             item for start in starts for item in _judge_all(start, list(fitted_mistakes(start.setup, rows)), rows)
         ]
     return sorted(judged, key=lambda item: item.score)
+
+
+def _is_guessed(item: Judged) -> bool:
+    """Whether a slider was turned round and nothing told from where it counts."""
+    told = np.isfinite(item.setup.table.target).any()
+    return not told and any(step.mistake == "slider-sign" for step in item.steps)
 
 
 def _judge_all(start: Judged, hypotheses: list[Hypothesis], rows: np.ndarray) -> list[Judged]:

@@ -42,7 +42,9 @@ def find_shifted_rows(setup: Setup) -> tuple[list[Finding], Setup]:
 
 def _mean_distance(place: np.ndarray, reading: np.ndarray, free: bool) -> float:
     """Mean distance from the places, mm, gross errors counted as they are."""
-    return float(np.nanmean(align_many(place[None], reading[None], free)[2]))
+    distance = align_many(place[None], reading[None], free)[2][0]
+    known = np.isfinite(distance)
+    return float(distance[known].mean()) if known.any() else 0.0
 
 
 def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
