@@ -192,6 +192,8 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
             distances.append(left_after_faults(place, values, columns, setup.free))
     both = np.isfinite(distances[0]) & np.isfinite(distances[1])
     both &= distances[1] <= TRIM * np.nanmedian(distances[1]) + 1e-9
+    if both.sum() < FEWEST:
+        return 0.0, np.inf
     before, after = (float(np.sqrt(np.mean(distance[both] ** 2))) for distance in distances)
     return before, after
 
