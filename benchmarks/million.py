@@ -17,6 +17,7 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ptt.machine import load_machine
 from ptt.rig import parse_rig, simulate, write_run
@@ -25,11 +26,16 @@ from ptt.rig.targets import make_volume
 
 MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"
 CYCLE = 25_000  # rows that are driven again and again
-FAULTS = {
+FAULTS: dict[str, dict[str, Any]] = {
     "drive": {"backlash_mm": [0.04, 0.05, 0.03], "turn_um": [6.0, 5.0, 7.0]},
     "thermal": {"growth_um_per_m_k": 11.5, "fixed_end_mm": 450.0},
 }
-GOAL_S, GOAL_GB = 90.0, 4.0
+GOAL_S, GOAL_GB = 60.0, 4.0
+TRUTH = {
+    "gap_mm": FAULTS["drive"]["backlash_mm"],
+    "cosine_mm": [1e-3 * value for value in FAULTS["drive"]["turn_um"]],
+    "growth_per_k": [1e-6 * FAULTS["thermal"]["growth_um_per_m_k"]] * 3,
+}
 
 
 def make_run(path: Path, rows: int) -> None:
@@ -79,6 +85,18 @@ def _share(pid: int) -> float:
     return sum(float(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1e6
 
 
+def print_pulls(told: dict[str, Any]) -> None:
+    """Print how far parameters are from what the virtual machine was given, in their own standard errors."""
+    values = {item["name"]: item for step in told["candidates"] for item in step["parameters"] if item["std"]}
+    for name, truth in TRUTH.items():
+        for joint, true in enumerate(truth, 1):
+            if found := values.get(f"{name} {joint}"):
+                pull = (found["value"] - true) / found["std"]
+                print(
+                    f"  {name} {joint}: {found['value']:.6g} +- {found['std']:.2g}, true {true:.6g}: {pull:+.1f} sigma"
+                )
+
+
 def time_parts(run: Path) -> None:
     """Print when each part of the diagnosis begins."""
     from ptt.commands.common import Reading, open_run
@@ -117,6 +135,7 @@ def main() -> None:
         print(f"wall {seen['wall_s']:.1f} s (goal {GOAL_S:g}), CPU {seen['cpu_s']:.1f} s")
         print(f"peak memory {seen['peak_gb']:.2f} GB (goal {GOAL_GB:g})")
         print(told["words"])
+        print_pulls(told)
         if chosen.parts:
             time_parts(run)
 

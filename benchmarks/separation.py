@@ -154,7 +154,7 @@ def separate(case: Case, folder: Path) -> Outcome | str:
     problem, found = measure(case, folder)
     if not confused(case, found):
         return "alone" if found.suggested == ((case.fault,),) else "otherwise"
-    plan = plan_separation(found.path.end.fitted, problem, found.suggested)
+    plan = plan_separation(found.fitted, problem, found.suggested)
     assert plan is not None
     if plan.targets is None or any(pair.exact for pair in plan.pairs):
         return "exact"
@@ -191,7 +191,7 @@ def exactly(rigs: int, start: int, folder: Path) -> tuple[int, int, list[str]]:
         step = next((step for step in found.suggested if pair <= set(step)), None)
         if step is None:
             continue
-        plan = plan_separation(found.path.end.fitted, problem, found.suggested)
+        plan = plan_separation(found.fitted, problem, found.suggested)
         assert plan is not None
         told = [item for item in plan.pairs if {item.pick, item.rival} == pair]
         count += 1

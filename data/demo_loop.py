@@ -15,7 +15,7 @@ from ptt.challenge.score import Score, score
 from ptt.challenge.truth import find_truth
 from ptt.compare.comparison import Comparison, compare_run
 from ptt.compensate import compensate
-from ptt.diagnosis.saturated import noise_floor
+from ptt.diagnosis.noise import noise_floor
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect, parse_key
 from ptt.evaluate import errors_of

@@ -114,6 +114,12 @@ def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETC
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
+def numbers(problem: Problem) -> np.ndarray:
+    """Places of a problem's rows in the whole run, (m,) int."""
+    number = problem.view.number
+    return np.arange(problem.view.rows) if number is None else number.numpy().astype(int)
+
+
 def cut(problem: Problem, size: int = CHUNK) -> list[Callable[[], Problem]]:
     """Cut a problem into chunks, each made when it is asked for.
 

@@ -3,6 +3,7 @@
 import json
 import runpy
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -350,8 +351,9 @@ def test_a_fresh_rig_is_diagnosed_right(seed: int, tmp_path: Path) -> None:
     file = load_machine(folder / "machine.toml")
     found = diagnose(Model(file), build_problem(file, read_table(folder / "run.csv")))
     truth = find_truth(open_challenge(folder).drawn, KNOWN)
-    result = score(found.path.end.fitted.model, truth)
-    assert result.judgement.right, (found.suggested, truth.hidden)
+    result = score(found.model, truth)
+    choices = [judge(names, truth).right for names in product(*found.suggested)]  # what is tied is one statement
+    assert any(choices), (found.suggested, truth.hidden)
     assert result.tool.to_dict()["after"]["total"] < 1.3 * MICRO * truth.noise.total
 
 
@@ -359,7 +361,10 @@ def test_a_fresh_rig_is_diagnosed_right(seed: int, tmp_path: Path) -> None:
 def test_a_sound_machine_is_left_alone(seed: int) -> None:
     drawn = draw_rig("none", seed, bench(), "volume")
     found = diagnose(Model(bench()), build_problem(bench(), table_of(simulate(drawn.rig, drawn.targets).frame)))
-    assert found.verdict == "nothing-missing" and judge(found.path.added, find_truth(drawn, KNOWN)).right
+    assert (
+        found.verdict == "nothing-missing"
+        and judge([step[0] for step in found.suggested], find_truth(drawn, KNOWN)).right
+    )
 
 
 # --- the sample runs ----------------------------------------------------------------------------------------------

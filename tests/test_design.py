@@ -204,7 +204,7 @@ def test_links_and_skew_joints_are_told_apart_by_the_poses_chosen(bench: Machine
     rig = make_rig(bench, geometry={"link_mm": [0.1, 0.0, 0.0]})
     path, problem, found = measure(rig, tmp_path)
     assert set(found.suggested[0]) == {"link-length", "joint-offset"}
-    plan = plan_separation(found.path.end.fitted, problem, found.suggested)
+    plan = plan_separation(found.fitted, problem, found.suggested)
     assert plan is not None and plan.targets is not None
     assert plan.before < 3.0 and plan.after > 8.0 and plan.reached
     assert plan.targets.rows <= 80
@@ -217,7 +217,7 @@ def test_the_separation_that_is_promised_is_reached(bench: MachineFile, tmp_path
     """Without noise, the wrong effect fitted to old and new rows leaves what was promised, by second order more."""
     rig = make_rig(bench, geometry={"link_mm": [0.1, -0.05, 0.08]})
     path, problem, found = measure(rig, tmp_path)
-    fitted = found.path.end.fitted
+    fitted = found.fitted
     plan = plan_separation(fitted, problem, (("link-length", "joint-offset"),))
     assert plan is not None and plan.targets is not None
     drive_next(rig, plan, path, tmp_path)
@@ -237,15 +237,16 @@ def test_a_path_that_picked_wrong_is_put_right(bench: MachineFile, tmp_path: Pat
     rig = make_rig(bench, geometry={"lean_radial_mrad": [0.6, 0.0, 0.0]})
     path, problem, found = measure(rig, tmp_path, 15.0, 1.0)
     assert "tower-tilt" in found.suggested[0] and len(found.suggested[0]) > 1
-    plan = plan_separation(found.path.end.fitted, problem, found.suggested)
+    plan = plan_separation(found.fitted, problem, found.suggested)
     assert plan is not None
-    assert drive_next(rig, plan, path, tmp_path).suggested == (("tower-tilt",),)
+    told = drive_next(rig, plan, path, tmp_path).suggested
+    assert [step[0] for step in told] == ["tower-tilt"]
 
 
 def test_exact_ambiguities_are_named_with_an_instrument(bench: MachineFile, tmp_path: Path) -> None:
     rig = make_rig(bench, drive={"homing_mm": [0.2, 0.0, -0.1]})
     _, problem, found = measure(rig, tmp_path)
-    fitted = found.path.end.fitted
+    fitted = found.fitted
     plan = plan_separation(fitted, problem, (("homing-offset", "joint-offset", "tower-tilt"),))
     assert plan is not None and plan.targets is None and not plan.reached
     assert all(pair.exact and pair.ceiling < 2.0 for pair in plan.pairs)
@@ -283,7 +284,7 @@ def test_base_reflectors_are_read_with_the_rows(bench: MachineFile, tmp_path: Pa
 def test_nothing_confused_needs_no_poses(bench: MachineFile, tmp_path: Path) -> None:
     _, problem, found = measure(make_rig(bench, drive={"backlash_mm": [0.1, 0.1, 0.1]}), tmp_path)
     assert found.suggested == (("backlash",),)
-    assert plan_separation(found.path.end.fitted, problem, found.suggested) is None
+    assert plan_separation(found.fitted, problem, found.suggested) is None
 
 
 # --- the first run

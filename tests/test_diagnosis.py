@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
 from ptt.diagnosis.verdict import Diagnosis, diagnose
-from ptt.diagnosis.wander import Wander, find_wander, take_off
+from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.effects import library
 from ptt.machine import format_machine
 from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.problem import build_problem
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.sums import accumulate, gain, held_out_squares, project, solve
@@ -161,24 +161,19 @@ def test_held_out_squares_are_those_of_refits():
         assert squares[index] == pytest.approx(np.square(left).sum(), rel=1e-9)
 
 
-def test_wander_is_found_and_taken_off(tmp_path):
-    _, path = run(tmp_path, "none", 90)
-    problem: Problem = build_problem(MACHINE, read_table(path))
+def test_innovations_of_a_wander_are_white_and_cost_its_determinant():
     random = np.random.default_rng(4)
-    rows = problem.used
-    noise = random.normal(size=(problem.table.rows, 3))
-    assert find_wander(problem, np.where(rows[:, None], noise, np.nan)) is None
-    slow = np.zeros_like(noise)
-    clock = problem.view.time.numpy()
-    for row in range(1, len(slow)):
-        decay = np.exp(-(clock[row] - clock[row - 1]) / 900.0)
-        slow[row] = decay * slow[row - 1] + np.sqrt(1.0 - decay**2) * 2.0 * random.normal(size=3)
-    found = find_wander(problem, np.where(rows[:, None], noise + slow, np.nan))
-    assert found is not None
-    white = take_off(noise + slow, Wander(4.0, 900.0), problem, rows)[rows]
-    neighbours = np.mean(white[1:] * white[:-1]) / np.mean(np.square(white))
-    assert abs(neighbours) < 0.12
-    assert np.mean(np.square(white)) == pytest.approx(1.0, abs=0.15)
+    time = np.cumsum(random.uniform(5.0, 40.0, 400))
+    clock = Clock(time, np.arange(400) % 150 == 0)
+    wander = Wander(4.0, 900.0)
+    run = np.cumsum(clock.starts)
+    alike = np.where(run[:, None] == run, 4.0 * np.exp(-np.abs(time[:, None] - time) / 900.0), 0.0)
+    covariance = alike + np.eye(400)
+    values = np.linalg.cholesky(covariance) @ random.normal(size=(400, 3))
+    white, log_noise = innovations(values, wander, clock)
+    assert np.square(white).sum() == pytest.approx(np.einsum("ia,ij,ja->", values, np.linalg.inv(covariance), values))
+    assert log_noise == pytest.approx(1.5 * np.linalg.slogdet(covariance)[1])
+    assert abs(np.mean(white[1:] * white[:-1])) < 0.08
 
 
 def test_a_sum_that_mimics_the_tracker_s_unit_of_length_is_said(tmp_path):

@@ -48,7 +48,7 @@ def add(
 
 def noisy(opened: "Opened", tell: "Progress") -> "Problem":
     """The problem with its noise floor, from the saturated model where nothing else tells it."""
-    from ptt.diagnosis.saturated import noise_floor
+    from ptt.diagnosis.noise import noise_floor
     from ptt.effects.registry import library
 
     tell("noise", 0, 1)

@@ -72,7 +72,7 @@ def compare(
 
 def _noise_of(opened: Opened) -> "Noise | None":
     """The noise floor as diagnose takes it; a run that cannot tell it is compared all the same."""
-    from ptt.diagnosis.saturated import noise_floor
+    from ptt.diagnosis.noise import noise_floor
     from ptt.effects.registry import library
     from ptt.errors import TableError
 

@@ -4,6 +4,8 @@ import numpy as np
 
 from ptt.fit.outliers import inside, linear_residual
 
+COMPANY = 2  # far rows among the four nearest from which a row is one of a stretch
+MOST = 0.12  # share of rows beyond which far rows are no exceptions
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
 
 
@@ -49,3 +51,18 @@ def far_rows(columns: np.ndarray, values: np.ndarray, rows: np.ndarray, chosen: 
     far = np.zeros(len(values), dtype=bool)
     far[rows] = ~inside(left, np.ones(len(left), dtype=bool))
     return far
+
+
+def alone(far: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Far rows that stand alone: several in a row are a knock, a slip or another reflector, not broken beams.
+
+    Args:
+        far: (n,) bool.
+        used: rows whose readings count, (n,) bool.
+
+    Returns:
+        (n,) bool; none where so many are far that the model is to blame.
+    """
+    near = np.convolve(far, [1, 1, 0, 1, 1], mode="same")[: len(far)]
+    lone = far & (near < COMPANY)
+    return lone if lone.sum() <= MOST * used.sum() else np.zeros_like(far)

@@ -5,57 +5,64 @@ Links, radius and lead together stretch a machine just as a wrong unit of the tr
 
 import numpy as np
 
-from ptt.diagnosis.columns import Trial
-from ptt.diagnosis.screen import SIMPLE
-from ptt.diagnosis.walker import State, hold
-from ptt.sums import Projected, gain, project, solve
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.score import State
+from ptt.diagnosis.search import without
+from ptt.diagnosis.system import System
+from ptt.sums import Projected, gain, project
 
 MOST_PARTS = 4
+PLAIN = 12  # columns up to which an effect is plain enough to be a part of a sum
 UNSEEN = 3.0  # chi-squared below which a difference is none
 CLEAR = 30.0  # chi-squared that a step has to be worth before a sum can be said to mimic it
 
 
-def find_sum(state: State, key: str) -> tuple[str, ...]:
-    """Simple effects that together leave nothing to be seen of one effect of a model.
+def find_sum(system: System, state: State, key: str) -> tuple[str, ...]:
+    """Simple effects that together leave nothing to be seen of one effect of an explanation.
 
     Found forward, the effect that takes most first, then without those that the others make needless.
 
     Args:
-        state: with the effect in its model.
-        key: the effect.
+        system: the linearised problem.
+        state: with the effect in it.
+        key: of the effect's atom.
 
     Returns:
-        Two to four keys; empty where no such sum exists, or one effect alone would do.
+        Two to four names; empty where no such sum exists, or one effect alone would do.
     """
-    design, spread = state.design, state.screened.spread
-    rest = hold(state, [other for other in design.present if other != key])
-    projected = project(*design.sums.total[:3], rest)
-    own = design.present[key]
-    values = solve(projected.gram, projected.side, projected.left, own).values
+    rest = [state.of(other) for other in without(state, key)]
+    base = state.columns[np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)]
+    sums = system.sums(WHITE)
+    projected = project(sums.gram, sums.side, sums.square, base)
+    own = system.atoms[key].columns
+    values = state.posterior.values[state.of(key)]
     side = projected.gram[:, own] @ values
     work = Projected(projected.gram, side, float(values @ side[own]), 0, projected.before)
+    spread = state.posterior.phi
     if work.left < CLEAR * spread:
         return ()
-    parts = [trial for trial in design.trials if _is_plain(trial, key)]
-    chosen: list[Trial] = []
+    names = {system.atoms[other].name for other in state.keys}
+    parts = [atom for atom in system.atoms.values() if _is_plain(atom) and atom.name not in names]
+    chosen: list[Atom] = []
     while _left(work, chosen) > UNSEEN * spread:
         if len(chosen) == MOST_PARTS or not parts:
             return ()
-        best = min(parts, key=lambda trial: _left(work, [*chosen, trial]))
-        parts = [trial for trial in parts if trial.effect.key != best.effect.key]
+        best = min(parts, key=lambda atom: _left(work, [*chosen, atom]))
+        parts = [atom for atom in parts if atom.name != best.name]
         chosen.append(best)
     for part in tuple(chosen):
-        without = [other for other in chosen if other is not part]
-        if _left(work, without) <= UNSEEN * spread:
-            chosen = without
-    return tuple(part.effect.key for part in chosen) if len(chosen) > 1 else ()
+        fewer = [other for other in chosen if other is not part]
+        if _left(work, fewer) <= UNSEEN * spread:
+            chosen = fewer
+    return tuple(part.name for part in chosen) if len(chosen) > 1 else ()
 
 
-def _is_plain(trial: Trial, key: str) -> bool:
-    return len(trial.columns) <= SIMPLE and trial.trials == 1 and trial.effect.name != key.partition("[")[0]
+def _is_plain(atom: Atom) -> bool:
+    return atom.effect is not None and len(atom.columns) <= PLAIN and not atom.shape and atom.shape is not None
 
 
-def _left(work: Projected, parts: list[Trial]) -> float:
+def _left(work: Projected, parts: list[Atom]) -> float:
     """Sum of squares of the effect's work that the parts leave."""
     if not parts:
         return work.left

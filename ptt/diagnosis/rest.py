@@ -1,17 +1,15 @@
-"""Is there a rest? What no effect of the library explains must not pass for noise."""
+"""Is there a rest? What the best explanation leaves must be noise: the last step, which no verdict skips."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from nets import RbfSettings, train_rbf
-from ptt.chain import linearise
 from ptt.compare.lack_of_fit import lack_of_fit_of
 from ptt.dependence.dependence import Dependence, dependence_of
-from ptt.diagnosis.wander import Wander, take_off
-from ptt.fit.solve import FitResult
+from ptt.diagnosis.score import State
+from ptt.diagnosis.system import System
 from ptt.holdout import BLOCKS, blocks
-from ptt.noise import Noise
 from ptt.problem import Problem
 
 CHANCE_LACK = 1e-3  # lack of fit
@@ -29,54 +27,52 @@ class Rest:
         lack_p: lack of fit against true repeats; None with fewer than 30 degrees of freedom.
         field_p: gain of a network over position on held-out rows, three coordinates together.
         depends_on: what the rest depends on, significant entries only.
-        significant: whether any of them is.
-        reasons: the same in words.
+        reasons: what is significant, in words.
     """
 
     lack_p: float | None
     field_p: float
     depends_on: tuple[Dependence, ...]
-    significant: bool
     reasons: tuple[str, ...]
 
-    def led_by(self, first: Dependence) -> "Rest":
-        """The same rest, with one dependence, the likeliest cause, before the others."""
-        others = tuple(item for item in self.depends_on if item is not first)
-        return replace(self, depends_on=(first, *others))
+    @property
+    def significant(self) -> bool:
+        """Whether any test objects."""
+        return bool(self.reasons)
 
 
-def look_for_rest(
-    fitted: FitResult,
-    problem: Problem,
-    noise: Noise,
-    gross: np.ndarray,
-    *,
-    wander: Wander | None = None,
-    seed: int = 0,
-) -> Rest:
-    """Test the residual against repeats, against position, and against every context variable.
+def look_for_rest(system: System, state: State, problem: Problem, *, seed: int = 0) -> Rest:
+    """Test the innovations against repeats, against position, and against every context variable.
 
     Args:
-        fitted: the model at the end of its path.
-        problem: the readings.
-        noise: the noise floor.
-        gross: rows held for gross errors, (n,) bool.
-        wander: its memory; what it foretells is no rest.
+        system: the linearised problem.
+        state: the best set.
+        problem: n rows.
         seed: of the permutations.
 
     Returns:
         The rest.
     """
-    whole = np.where(problem.used[:, None], fitted.residual, np.nan)
-    residual = np.where(gross[:, None], np.nan, whole)
-    if wander is not None:
-        residual = take_off(residual, wander, problem, problem.used & ~gross)
-    lack = lack_of_fit_of(problem, residual, fitted.rank).p_value
-    field = _field(fitted, problem, residual)
-    # Rows that a fit takes for gross errors may be the local damage that is looked for, so here they are asked too.
-    asked = whole if wander is None else residual
-    depends = dependence_of(problem.with_noise(noise), asked, slopes=_slopes(fitted, problem), seed=seed)
-    if wander is not None:  # what is left of a slow wander is no more news than the wander
+    return rest_left(innovations_of(system, state, problem), state, problem.with_noise(system.noise), seed=seed)
+
+
+def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int = 0) -> Rest:
+    """Test what an explanation leaves of some rows.
+
+    Args:
+        residual: innovations, (n, 3) mm; NaN on rows left out.
+        state: the best set.
+        problem: the rows, with the noise.
+        seed: of the permutations.
+
+    Returns:
+        The rest.
+    """
+    decided = len(state.columns) - float((np.diag(state.posterior.inverse) / state.posterior.prior).sum())
+    lack = lack_of_fit_of(problem, residual, round(decided)).p_value
+    field = _field(problem, residual)
+    depends = dependence_of(problem, residual, seed=seed)
+    if state.memory.wander is not None:  # what is left of a slow wander is no more news than the wander
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []
     if lack is not None and lack < CHANCE_LACK:
@@ -84,22 +80,22 @@ def look_for_rest(
     if field < CHANCE_FIELD:
         reasons.append(f"a network over position predicts held-out rests (p = {field:.1g})")
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
-    reasons += [f"{item.residual} depends on {item.on} (p = {item.p_value:.1g})" for item in strong[:3]]
-    return Rest(lack, field, depends, bool(reasons), tuple(reasons))
+    reasons += [f"{item.residual} depends on {item.on} (p = {item.p_value:.1g})" for item in strong[:1]]
+    return Rest(lack, field, depends, tuple(reasons))
 
 
-def _slopes(fitted: FitResult, problem: Problem) -> np.ndarray | None:
-    """Derivatives by what was fitted: an error that is missing bends them, and that bend is taken out again."""
-    terms = [(term.effect, term.theta) for term in fitted.model.terms]
-    return linearise(terms, problem.view).jacobian.numpy() if terms else None
+def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:
+    """What the whole explanation leaves, the wander's foretelling taken off, (n, 3) mm; NaN on rows left out."""
+    white = system.innovation(state.columns, state.posterior.values, state.memory)
+    return system.everywhere(white, problem.table.rows)
 
 
-def _field(fitted: FitResult, problem: Problem, residual: np.ndarray) -> float:
+def _field(problem: Problem, residual: np.ndarray) -> float:
     rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
     rows = rows[:: max(1, len(rows) // MOST_ROWS)]
     group = blocks(problem.table, 2 * BLOCKS)[rows]
     if len(rows) < 30 or len(np.unique(group)) < 5:
         return 1.0
-    inputs = fitted.prediction.p.numpy()[rows]
+    inputs = problem.view.p.numpy()[rows]
     trained = train_rbf(inputs, residual[rows] / np.nanstd(residual[rows], axis=0), group, settings=LIGHT)
     return float(min(1.0, 3.0 * np.min(trained.p_value)))

@@ -1,207 +1,343 @@
-"""Designs whose rows are gone: normal sums of a long run, chunk by chunk, and the fit that they give."""
+"""A system whose rows are gone: normal sums of a long run, chunk by chunk, and what a solution leaves of its rows."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import reduce
-from operator import add
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
-import torch
 
-from ptt.chain import Prediction, predict
-from ptt.chunks import map_chunks
-from ptt.diagnosis.columns import Linear, Shapes, few_shapes, linear_columns
-from ptt.diagnosis.design import BLOCKS, Design, with_priors
-from ptt.diagnosis.gross import gross_errors
+from ptt.chunks import map_chunks, numbers
+from ptt.diagnosis.atoms import Atom, atoms_of
+from ptt.diagnosis.blocks import unknown_blocks
+from ptt.diagnosis.gross import alone, gross_errors
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums, block_sums, hide, sum_rows
+from ptt.diagnosis.span import Span
+from ptt.diagnosis.system import System, clock_of, whitened
 from ptt.effects import Effect
+from ptt.fit.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fit.outliers import inside
-from ptt.fit.solve import FitResult, conclude
+from ptt.fit.solve import FitResult
+from ptt.holdout import blocks as travel_blocks
+from ptt.holdout import pose_groups
 from ptt.noise import Noise
-from ptt.problem import Problem, apply_frames
-from ptt.sums import Sums, accumulate, project, solve
+from ptt.problem import Problem
 
 Chunks = Sequence[Callable[[], Problem]]
+Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise units and in mm, and its rows
+Trials = Mapping[str, tuple[Effect, Sequence[Shape]]]  # candidates by key, each in the shapes that are summed
+
+MOST_STRETCHES = 50  # of a chunk, up to which sums over each are cheap
 
 
 @dataclass(frozen=True)
-class SummedDesign(Design):
-    """A design that keeps sums only; its columns and values have no rows.
+class Run:
+    """A long run as chunks are made of it.
 
     Attributes:
-        axes: the sums of each whitened coordinate by itself, without priors.
+        problem: all rows.
+        chunks: makers of its chunks, in order.
+        span: what it covers.
+        block: held-out block of each row, (n,) int.
+        pose: of each row, (n,) int.
     """
 
-    axes: tuple[Sums, ...] = ()
+    problem: Problem
+    chunks: Chunks
+    span: Span
+    block: np.ndarray
+    pose: np.ndarray
 
-    def held_out_rms(self, chosen: np.ndarray) -> float:
-        """As `Design`; whitened coordinates are taken back to mm as if uncorrelated there."""
-        color = np.square(np.linalg.inv(self.noise.whitener)).sum(axis=0)
-        squares = 0.0
-        for index in np.flatnonzero(self.axes[0].count):
-            values = self._without_block(int(index), chosen)
-            for weight, axis in zip(color, self.axes, strict=True):
-                gram, side = axis.gram[index][np.ix_(chosen, chosen)], axis.side[index][chosen]
-                squares += weight * float(axis.square[index] - 2.0 * values @ side + values @ gram @ values)
-        return float(np.sqrt(squares / max(int(self.axes[0].count.sum()), 1)))
 
-    def _without_block(self, index: int, chosen: np.ndarray) -> np.ndarray:
-        """Solution on all blocks but one; what is new beside the present model first, as the screen sees it."""
-        gram, side, square, _ = self.sums.total
-        gram, side = gram - self.sums.gram[index], side - self.sums.side[index]
-        old = np.isin(chosen, self.base)
-        base, new = chosen[old], chosen[~old]
-        projected = project(gram, side, square, base)
-        values = np.zeros(len(chosen))
-        values[~old] = solve(projected.gram, projected.side, projected.left, new, projected.least(new)).values
-        values[old] = solve(gram, side - gram[:, new] @ values[~old], square, base).values
-        return values
+@dataclass(frozen=True)
+class Ansatz:
+    """What all chunks are linearised at.
+
+    Attributes:
+        fitted: the model; its layout and unknowns.
+        blocks: atoms of the blocks that stand beside it, in the order of their columns.
+        periods: joint and length of periods among them.
+        noise: the noise floor.
+        freedom: degrees of freedom behind it.
+        memory: of the noise.
+    """
+
+    fitted: FitResult
+    blocks: tuple[Atom, ...]
+    periods: Sequence[tuple[int, float]]
+    noise: Noise
+    freedom: float
+    memory: Memory
 
 
 @dataclass(frozen=True)
 class Part:
-    """What one chunk contributes.
+    """What one chunk contributes; parts add up in any order.
 
     Attributes:
-        axes: sums of each whitened coordinate; they add up over chunks in any order.
+        hidden: held-out block -> its sums in noise units and in mm, and its rows.
+        other: sums under the memory of the noise, where it has one.
         rows: rows that count, (m,) bool.
+        gross: rows left out as gross errors, (m,) bool.
         linear: what the columns are, without their rows.
     """
 
-    axes: tuple[Sums, ...]
+    hidden: dict[int, Held]
+    other: tuple[np.ndarray, float] | None
     rows: np.ndarray
+    gross: np.ndarray
     linear: Linear
 
 
-def sum_chunk(
-    chunk: Problem, fitted: FitResult, candidates: Sequence[Effect], shapes: Shapes, noise: Noise, block: np.ndarray,
-    *, sift: bool,
-) -> Part:  # fmt: skip
+@dataclass
+class SummedSystem(System):
+    """A system that keeps sums only.
+
+    Attributes:
+        total: by memory of the noise; there are no others.
+        hidden_sums: held-out block -> joined sums in noise units and in mm, and its rows.
+        extra: coordinates of base reflectors.
+        visits: beyond the first of each pose.
+        look: what a solution leaves of all rows, by another pass over them.
+    """
+
+    total: dict[Memory, Sums]
+    hidden_sums: dict[int, Held]
+    extra: int
+    visits: int
+    look: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    _left: dict[bytes, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return 3 * len(self.rows) + self.extra
+
+    @property
+    def repeats(self) -> int:
+        """Visits beyond the first of each pose."""
+        return self.visits
+
+    @property
+    def memories(self) -> tuple[Memory, ...]:
+        """Those that there are sums of."""
+        return tuple(self.total)
+
+    def sums(self, memory: Memory) -> Sums:
+        """Normal sums of all columns."""
+        return self.total[memory]
+
+    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """What a solution leaves, (m, 3) whitened; the last few are kept."""
+        key = chosen.tobytes() + values.tobytes()
+        if key not in self._left:
+            if len(self._left) > 3:
+                self._left.pop(next(iter(self._left)))
+            self._left[key] = self.look(chosen, values)
+        return self._left[key]
+
+    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
+        """Sums of chosen columns over each held-out block of travel."""
+        both = np.ix_(*(np.append(chosen, len(self.scale)),) * 2)
+        for index, (white, in_mm, rows) in self.hidden_sums.items():
+            if index >= 0:
+                yield hide(white[both], in_mm[both], rows)
+
+
+def sum_up(
+    run: Run, at: Ansatz, trials: Trials, sample: Problem, kept: np.ndarray, *, sift: bool = False,
+) -> tuple[SummedSystem, np.ndarray]:  # fmt: skip
+    """Sum up all chunks.
+
+    Args:
+        run: the long run.
+        at: what its chunks are linearised at.
+        trials: candidates beside it.
+        sample: some rows of the run, which tell what the shapes of an effect are.
+        kept: rows that may count, (n,) bool.
+        sift: look for gross errors; the candidates then only serve to tell them.
+
+    Returns:
+        The system, and rows left out as gross errors, (n,) bool.
+    """
+
+    def work(chunk: Problem) -> Part:
+        return sum_chunk(chunk, run, at, trials, kept, sift)
+
+    hidden: dict[int, Held] = {}
+    other: tuple[np.ndarray, float] | None = None
+    rows, gross = [], []
+    for part in map_chunks(work, run.chunks):
+        for index, own in part.hidden.items():
+            _add(hidden, index, own)
+        if part.other is not None:
+            other = part.other if other is None else (other[0] + part.other[0], other[1] + part.other[1])
+        rows.append(part.rows)
+        gross.append(part.gross)
+    linear = part.linear
+    system = _system(run, at, {} if sift else trials, sample, linear, np.concatenate(rows), hidden, other)
+    return system, np.concatenate(gross)
+
+
+def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.ndarray, sift: bool) -> Part:
     """Linearise one chunk and sum it up.
 
     Args:
         chunk: its rows, entered as the chunk before left them.
-        fitted: the model that all chunks are linearised at.
-        candidates: effects that may be added.
-        shapes: their shapes, the same for all chunks.
-        noise: the noise floor.
-        block: held-out block of every row of the run, by its number.
-        sift: look for gross errors, which only makes sense with the candidates beside.
+        run: the run.
+        at: as all chunks.
+        trials: candidates.
+        kept: rows that may count, (n,) bool.
+        sift: as in `sum_up`.
 
     Returns:
         The chunk's part.
     """
-    assert chunk.view.number is not None
-    here = at_rows(fitted, chunk)
-    linear = linear_columns(here, chunk, candidates, noise, shapes)
-    rows = linear.rows
-    if sift and not inside(here.residual @ noise.whitener.T, rows)[rows].all():
-        saturated = few_shapes(linear.trials, linear.simple)
-        rows = rows & ~gross_errors(linear.columns, linear.values, rows, linear.simple, saturated)
-    number = chunk.view.number.numpy().astype(int)[rows]
-    axes = tuple(
-        accumulate(linear.columns[rows, axis], linear.values[rows, axis], block[number], BLOCKS) for axis in range(3)
-    )
-    return Part(axes, rows, linear.without_rows())
+    number = numbers(chunk)
+    linear, columns = columns_of(chunk, run, at, {} if sift else trials)
+    rows = linear.rows & kept[number]
+    gross = np.zeros_like(rows)
+    if sift:
+        gross = _gross(chunk, run, at, trials, linear, columns, rows)
+        rows = rows & ~gross
+    joined = np.concatenate([columns, linear.values[:, :, None]], axis=2)
+    joined = joined if rows.all() else joined[rows]
+    hidden: dict[int, Held] = {}
+    for index, stretch in _stretches(run.block[number[rows]]):
+        _add(hidden, index, block_sums(joined[stretch], at.noise))
+    other = None
+    if at.memory != WHITE:
+        other = sum_rows(joined, at.memory, clock_of(chunk, rows), run.pose[number[rows]])
+    return Part(hidden, other, rows, gross, linear.without_rows())
 
 
-def sum_up(
-    problem: Problem, chunks: Chunks, fitted: FitResult, candidates: Sequence[Effect], shapes: Shapes, noise: Noise,
-    block: np.ndarray, *, sift: bool = True,
-) -> SummedDesign:  # fmt: skip
-    """Sum up all chunks.
+def columns_of(
+    chunk: Problem, run: Run, at: Ansatz, trials: Trials, names: Sequence[str] | None = None
+) -> tuple[Linear, np.ndarray]:
+    """Columns of the model, of candidates and of blocks, on a chunk.
 
     Args:
-        problem: the whole run.
+        chunk: m rows.
+        run: the run.
+        at: what it is linearised at.
+        trials: candidates.
+        names: of the blocks that are wanted; None for all.
+
+    Returns:
+        The linearised chunk, and its columns with those of blocks at the end, (m, 3, P).
+    """
+    shapes = {key: shapes for key, (_, shapes) in trials.items()}
+    linear = linear_columns(at.fitted, chunk, [effect for effect, _ in trials.values()], at.noise, shapes)
+    wanted = [atom.name for atom in at.blocks] if names is None else list(names)
+    if not wanted:
+        return linear, linear.columns
+    assert linear.at is not None
+    blocks = unknown_blocks(chunk, linear.at.chain, at.periods, run.span, wanted)
+    return linear, np.concatenate([linear.columns, *(whitened(block, at.noise) for block in blocks)], axis=2)
+
+
+def left_of(
+    run: Run, at: Ansatz, trials: Trials, system: SummedSystem, chosen: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """What a solution leaves of all rows that count.
+
+    Args:
+        run: the run.
+        at: what it was linearised at.
+        trials: candidates of the system.
+        system: the sums.
+        chosen: (p,) columns.
+        values: (p,).
+
+    Returns:
+        (m, 3) whitened.
+    """
+    there = [atom for atom in system.atoms.values() if np.isin(atom.columns, chosen).any()]
+    names = [atom.name for atom in there if atom.block is not None]
+    few: dict[str, tuple[Effect, list[Shape]]] = {}
+    for atom in there:
+        if atom.effect is not None and atom.shape is not None:
+            few.setdefault(atom.effect.key, (atom.effect, []))[1].append(atom.shape)
+    own = [atom.columns for atom in there if atom.shape is not None or atom.block is not None]
+    index = np.concatenate([np.arange(len(at.fitted.unknowns)), *own]).astype(int)
+    place, counted = np.searchsorted(index, chosen), np.zeros(run.problem.table.rows, dtype=bool)
+    counted[system.rows] = True
+
+    def work(chunk: Problem) -> np.ndarray:
+        linear, columns = columns_of(chunk, run, at, few, names)
+        return (linear.values - columns[:, :, place] @ values)[counted[numbers(chunk)]]
+
+    return np.concatenate(list(map_chunks(work, run.chunks)))
+
+
+def open_run(problem: Problem, chunks: Chunks, span: Span) -> Run:
+    """A long run with its held-out blocks and poses.
+
+    Args:
+        problem: all rows.
         chunks: makers of its chunks.
-        fitted: the model they are linearised at.
-        candidates: effects that may be added.
-        shapes: their shapes.
-        noise: the noise floor.
-        block: held-out block of every row.
-        sift: look for gross errors.
+        span: what it covers.
 
     Returns:
-        The design of the whole run.
+        The run.
     """
+    return Run(problem, chunks, span, travel_blocks(problem.table), pose_groups(problem.table))
 
-    def work(chunk: Problem) -> Part:
-        return sum_chunk(chunk, fitted, candidates, shapes, noise, block, sift=sift)
 
-    rows: list[np.ndarray] = []
-    axes: tuple[Sums, ...] = ()
-    for part in map_chunks(work, chunks):
-        axes = tuple(map(add, axes, part.axes)) if axes else part.axes
-        rows.append(part.rows)
-    linear = part.linear
-    sums = with_priors(reduce(add, axes), fitted, problem, linear)
-    return SummedDesign(
-        linear.columns, linear.values, np.concatenate(rows), block, linear.frame, linear.present, linear.trials,
-        linear.scale, sums, noise, axes,
+def _add(hidden: dict[int, Held], index: int, own: Held) -> None:
+    """Add the sums of some rows to those of their block."""
+    if index not in hidden:
+        hidden[index] = own
+        return
+    white, in_mm, rows = hidden[index]
+    white += own[0]
+    in_mm += own[1]
+    hidden[index] = white, in_mm, rows + own[2]
+
+
+def _stretches(block: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
+    """Rows of each block: as they stand where blocks are long, which spares a copy."""
+    edges = np.flatnonzero(np.diff(block, prepend=-2, append=-2))
+    if len(edges) - 1 > MOST_STRETCHES:
+        yield from ((int(index), np.flatnonzero(block == index)) for index in np.unique(block))
+    else:
+        yield from ((int(block[first]), slice(first, last)) for first, last in pairwise(edges.tolist()))
+
+
+def _gross(
+    chunk: Problem, run: Run, at: Ansatz, trials: Trials, linear: Linear, columns: np.ndarray, rows: np.ndarray
+) -> np.ndarray:
+    """Lone rows of a chunk that neither the model and its blocks nor all candidates can explain, (m,) bool."""
+    simple = np.arange(columns.shape[2])
+    if inside(linear.residual, rows)[rows].all():
+        return np.zeros_like(rows)
+    wider, everything = columns_of(chunk, run, at, trials)
+    own = np.concatenate([wider.simple, np.arange(wider.columns.shape[2], everything.shape[2])])
+    assert len(own) == len(simple)
+    far = gross_errors(everything, wider.values, rows, own, few_shapes(wider.trials, own))
+    return alone(far, rows)
+
+
+def _system(
+    run: Run, at: Ansatz, trials: Trials, sample: Problem, linear: Linear, rows: np.ndarray,
+    hidden: dict[int, Held], other: tuple[np.ndarray, float] | None,
+) -> SummedSystem:  # fmt: skip
+    counts = {key: len(tuple(effect.search(sample.view))) for key, (effect, _) in trials.items()}
+    linear = replace(linear, trials=tuple(replace(t, trials=counts[t.effect.key]) for t in linear.trials))
+    atoms = atoms_of(linear, at.fitted, sample, [effect for effect, _ in trials.values()])
+    place = len(linear.scale)
+    for atom in at.blocks:
+        atoms[atom.key] = replace(atom, columns=np.arange(place, place + len(atom.columns)))
+        place += len(atom.columns)
+    base = base_sums(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, place - len(linear.scale))]), linear.base_values)
+    white = sum((own[0] for own in hidden.values()), base)
+    total = {WHITE: as_sums(white, 0.0)}
+    if other is not None:
+        total[at.memory] = as_sums(other[0] + base, other[1])
+    scale = np.concatenate([linear.scale, np.ones(place - len(linear.scale))])
+    there, pose = np.flatnonzero(rows), run.pose[rows]
+    system = SummedSystem(
+        there, linear.frame, atoms, clock_of(run.problem, rows), at.noise, at.freedom, scale, total, hidden,
+        linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
     )  # fmt: skip
-
-
-def at_rows(fitted: FitResult, problem: Problem) -> FitResult:
-    """The same model and frames on other rows.
-
-    Args:
-        fitted: on any rows of the run.
-        problem: the rows.
-
-    Returns:
-        With their prediction and residual.
-    """
-    layout, unknowns = fitted.layout, fitted.unknowns
-    thetas = layout.thetas(unknowns)
-    terms = [(term.effect, theta) for term, theta in zip(layout.terms, thetas, strict=True)]
-    prediction = predict(terms, layout.see(problem, unknowns))
-    reading = prediction.reading
-    if layout.frames:
-        reading, _ = apply_frames(reading, problem.frame, layout.frame_parameters(unknowns))
-    return replace(fitted, prediction=prediction, residual=problem.measured - reading.numpy())
-
-
-def at_all_rows(fitted: FitResult, chunks: Chunks, rows: np.ndarray) -> FitResult:
-    """The same model and frames on the whole run.
-
-    Args:
-        fitted: on any rows.
-        chunks: makers of the run's chunks.
-        rows: rows that count, (n,) bool.
-
-    Returns:
-        With prediction, residual and chi-squared of all rows.
-    """
-    parts = [at_rows(fitted, make()) for make in chunks]
-    whole = [part.prediction for part in parts]
-    geometry = torch.cat([item.geometry.expand(len(item.q), -1) for item in whole])
-    prediction = Prediction(
-        torch.cat([item.q for item in whole]), geometry, torch.cat([item.p for item in whole]),
-        torch.cat([item.reading for item in whole]),
-    )  # fmt: skip
-    residual = np.concatenate([part.residual for part in parts])
-    chi2 = float(np.square(residual[rows] @ fitted.noise.whitener.T).sum())
-    return replace(fitted, prediction=prediction, residual=residual, chi2=chi2)
-
-
-def refit(fitted: FitResult, design: SummedDesign) -> FitResult:
-    """One Gauss-Newton step on the sums; the residual is left as it was.
-
-    Args:
-        fitted: the model that the sums were linearised at.
-        design: the sums.
-
-    Returns:
-        The model at its new parameters, with their covariance.
-    """
-    layout = fitted.layout
-    motion = 6 * layout.frames
-    own = np.arange(len(fitted.unknowns) - motion - 3 * layout.mounts)
-    order = np.concatenate([own, design.frame[motion:], design.frame[:motion]]).astype(int)
-    gram, side, square, count = design.sums.total
-    solution = solve(gram, side, square, order)
-    # Effects are solved for as a whole, mounts and frames for how they move on.
-    start = np.where(np.arange(len(order)) < len(own), 0.0, fitted.unknowns)
-    unknowns = np.clip(start + solution.values, layout.lower, layout.upper)
-    information = gram[np.ix_(order, order)] - np.diag(layout.held.astype(float))
-    result = conclude(fitted, unknowns, information, solution.left, count)
-    return replace(result, noise=design.noise, iterations=fitted.iterations + 1)
+    system.look = lambda chosen, values: left_of(run, at, trials, system, chosen, values)
+    return system

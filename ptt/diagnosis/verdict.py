@@ -4,34 +4,32 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+import torch
 
+from ptt.chunks import numbers
 from ptt.dependence.dependence import Dependence
 from ptt.design.separation import Separation, plan_separation
+from ptt.diagnosis.depends import dependences, rest_of, unknowns_of
+from ptt.diagnosis.find import STEPS, Found, Progress, find
 from ptt.diagnosis.mimic import find_sum
-from ptt.diagnosis.odd import weigh_oddities
-from ptt.diagnosis.path import Path, path_cost, simple_part, walk, walk_plainly
+from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few
+from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
-from ptt.diagnosis.saturated import confirm_noise, noise_floor, saturated_rest
-from ptt.diagnosis.screen import SIMPLE, Finding, significant
-from ptt.diagnosis.walker import Progress, State, Walker
-from ptt.diagnosis.wander import Wander, find_wander
+from ptt.diagnosis.steps import Step, held_out, name_steps, share_of
+from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
-from ptt.effects.base import linear_size
 from ptt.errors import TableError
-from ptt.fit.solve import rms
+from ptt.fit.solve import FitResult, rms
 from ptt.model import Model, Term, parameter_names
 from ptt.noise import Noise
 from ptt.problem import Problem
-from ptt.sums import project, solve
 
-Verdict = Literal["missing", "nothing-missing", "unknown"]
-STEPS = 12
-CLEARLY = 30.0  # chi-squared by which one odd dependence has to beat a path whose own rest already shows a trace
-MANY = 3  # steps beyond which a path is asked whether one odd dependence would not do instead
+Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 LEAST = 12  # readings: twice what a rigid motion alone takes
-OFF = 1.15  # noise floors further apart than this are worth a second walk
+EXCESS = 1.5  # times a stated noise from which an error is not nothing
+MEASURED = 0.5  # share of its prior's variance below which a value is measured
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,9 @@ class Candidate:
 
     Attributes:
         effect: key of the effect.
-        p_value: after multiplicity.
+        probability: that it is part of what is missing.
+        p_value: chance that the data would ask for it as much without it: at most the inverse of its Bayes factor
+            (Ville's inequality), every candidate and shape counted.
         explained_share: of the residual's variance after the frame that it takes by itself.
         heldout_before: error on hidden blocks without it, um.
         heldout_after: error on hidden blocks with it, um.
@@ -51,6 +51,7 @@ class Candidate:
     """
 
     effect: str
+    probability: float
     p_value: float
     explained_share: float
     heldout_before: float
@@ -65,6 +66,7 @@ class Candidate:
         names = ("name", "unit", "value", "std")
         return {
             "effect": self.effect,
+            "probability": self.probability,
             "p_value": self.p_value,
             "explained_share": self.explained_share,
             "heldout_rms_um": {"before": self.heldout_before, "after": self.heldout_after},
@@ -81,24 +83,29 @@ class Diagnosis:
 
     Attributes:
         verdict: 'missing', 'nothing-missing' or 'unknown'.
+        verdict_probability: of each of these.
         suggested: for each step the effects that fit equally well, the pick first.
-        candidates: the steps, then what else was significant on the model as given, best first.
+        candidates: the steps, then what else the data would ask for on the model as given, best first.
         not_testable: effect -> what the data lack.
-        rest: what is left after the path.
+        depends_on: what the unknown depends on, largest share first.
+        rest: tests of what the whole explanation leaves.
         separation: what to measure to part what cannot be told apart; None where nothing is confused.
         noise: the noise floor.
         wander: memory of the noise, if it has one.
-        rms_um: error before and after the path.
+        rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
-        path: the steps with their fits.
+        model: the model as given with the steps at their values.
+        fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
     """
 
     verdict: Verdict
+    verdict_probability: dict[str, float]
     suggested: tuple[tuple[str, ...], ...]
     candidates: tuple[Candidate, ...]
     not_testable: dict[str, str]
+    depends_on: tuple[Dependence, ...]
     rest: Rest
     separation: Separation | None
     noise: Noise
@@ -106,13 +113,9 @@ class Diagnosis:
     rms_um: dict[str, dict[str, float]]
     rows: int
     outliers: np.ndarray
-    path: Path
+    model: Model
+    fitted: FitResult
     words: str
-
-    @property
-    def depends_on(self) -> tuple[Dependence, ...]:
-        """What the rest after the path depends on, largest share first."""
-        return self.rest.depends_on
 
     @property
     def measure_next(self) -> tuple[str, ...]:
@@ -123,6 +126,7 @@ class Diagnosis:
         """For JSON, keys as documented."""
         return {
             "verdict": self.verdict,
+            "verdict_probability": self.verdict_probability,
             "suggested": [list(step) for step in self.suggested],
             "candidates": [candidate.to_dict() for candidate in self.candidates],
             "not_testable": [{"effect": name, "needs": lack} for name, lack in self.not_testable.items()],
@@ -166,164 +170,223 @@ def diagnose(
     Raises:
         TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
+    enough(problem)
+    known = library() if known is None else known
+    tell = progress or (lambda what: None)
+    found = find(model, problem, known, tell, steps)
+    if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
+        raise too_few(problem)
+    tell("rest")
+    rest = look_for_rest(found.system, found.state, problem, seed=seed)
+    return conclude(found, rest, model, problem, known, tell, seed, steps)
+
+
+def enough(problem: Problem) -> None:
+    """Refuse a run of too few readings.
+
+    Args:
+        problem: the readings.
+
+    Raises:
+        TableError: too few for any verdict.
+    """
     if (count := int(problem.used.sum())) < LEAST:
         fix = f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
         raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
-    known = library() if known is None else known
-    tell = progress or (lambda what: None)
-    walker, path = _find_path(model, problem, known, steps, tell)
-    tell("rest")
-    rest = _rest(path, walker, seed)
-    unknown = rest.significant
-    if path.added and (unknown or _suspicious(path)):
-        path, rest, unknown = _plainer(path, rest, walker, frozenset(model.keys), steps, seed)
+
+
+def conclude(
+    found: Found,
+    rest: Rest,
+    model: Model,
+    problem: Problem,
+    known: Library,
+    tell: Progress,
+    seed: int,
+    steps: int = STEPS,
+) -> Diagnosis:
+    """Put together what was found.
+
+    Args:
+        found: the best explanation.
+        rest: tests of what it leaves.
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        tell: told what is being done.
+        seed: of the poses to measure next.
+        steps: how many effects could be added.
+
+    Returns:
+        The diagnosis.
+    """
+    scorer, state, atoms = found.scorer, found.state, found.system.atoms
+    clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
+    named = name_steps(scorer, state)
+    shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
+    left = rest_of(scorer, state, problem)[rows]
+    unknowns = unknowns_of(scorer, state, left)
+    noise = noise_after(problem, found.system, state)
+    chances = weigh_sets(scorer)
+    terms = fitted_terms(found, model, tuple(step.key for step in named))
+    fitted_model = replace(model, terms=terms)
+    rms_um = _errors(found, tuple(step.key for step in named), clean)
+    verdict = _verdict(found, bool(named), rest, problem, rms_um["after"]["total"])
+    depends = dependences(unknowns, left, shown) or rest.depends_on
     tell("measure next")
-    gross = problem.used & ~path.end.design.rows
-    clean = problem.masked(gross)
-    suggested = tuple((key, *others) for key, others in zip(path.added, path.alternatives, strict=True))
+    suggested = tuple((atoms[step.key].name, *step.others) for step in named)
+    separation = None
+    if any(len(step) > 1 for step in suggested):
+        separation = plan_separation(found.fitted, shown, suggested, known, seed=seed)
     result = Diagnosis(
-        verdict="unknown" if unknown else "missing" if path.added else "nothing-missing",
+        verdict=verdict,
+        verdict_probability=_verdict_probability(chances, verdict),
         suggested=suggested,
-        candidates=describe_candidates(path, clean, walker.noise),
-        not_testable=path.untestable,
+        candidates=(
+            *_steps(found, named, terms, chances, noise, problem),
+            *_others(found, named, chances, problem),
+        ),
+        not_testable=found.untestable,
+        depends_on=depends if verdict == "unknown" else (),
         rest=rest,
-        separation=plan_separation(path.end.fitted, clean, suggested, known, seed=seed),
-        noise=walker.noise,
-        wander=walker.wander,
-        rms_um={
-            "before": rms(path.start.fitted.residual, clean.used),
-            "after": rms(path.end.fitted.residual, clean.used),
-        },
+        separation=separation,
+        noise=noise,
+        wander=state.memory.wander,
+        rms_um=rms_um,
         rows=int(clean.used.sum()),
-        outliers=gross,
-        path=path,
+        outliers=found.gross,
+        model=fitted_model,
+        fitted=found.fitted,
         words="",
     )
     return replace(result, words=explain_verdict(result, steps))
 
 
-def _find_path(model: Model, problem: Problem, known: Library, steps: int, tell: Progress) -> tuple[Walker, Path]:
-    """Walk; and walk again if the end of the path shows another noise than was thought, or one with a memory."""
-    tell("noise")
-    noise = noise_floor(model, problem, known)
-    walker = Walker(problem, known, noise, None, tell)
-    path = walk(walker, model, steps=steps)
-    again = confirm_noise(problem, path.end.design, noise)
-    wander = find_wander(problem, saturated_rest(path.start.design)) if path.added else None
-    if wander is None and max(noise.total / again.total, again.total / noise.total) <= OFF:
-        return walker, path
-    walker = Walker(problem, known, again, wander, tell)
-    return walker, walk(walker, model, steps=steps)
+def _verdict(found: Found, named: bool, rest: Rest, problem: Problem, after_um: float) -> Verdict:
+    state, system = found.state, found.system
+    odd = any(system.atoms[key].block is not None for key in state.keys) or state.memory.pose > 0.0
+    if odd or system.clock.is_fault(state.memory.wander) or rest.significant:
+        return "unknown"
+    if problem.noise is not None and after_um > EXCESS * problem.noise.total * 1e3:
+        return "unknown"
+    return "missing" if named else "nothing-missing"
 
 
-def _rest(path: Path, walker: Walker, seed: int) -> Rest:
-    gross = walker.problem.used & ~path.end.design.rows
-    return look_for_rest(path.end.fitted, walker.problem, walker.noise, gross, wander=walker.wander, seed=seed)
+def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
+    """Probabilities of the sets; where a test of the rest overrules them, the verdict has at least an even chance."""
+    found = dict(chances.verdict)
+    if max(found, key=lambda name: found[name]) != verdict:
+        share = 0.5 / max(1.0 - found[verdict], 1e-12)
+        found = {name: 0.5 if name == verdict else found[name] * share for name in VERDICTS}
+    return found
 
 
-def _suspicious(path: Path) -> bool:
-    """Whether a path looks as if its steps together imitated something else."""
-    flexible = any(len(path.end.design.present[key]) > SIMPLE for key in path.added)
-    return flexible or len(path.added) > MANY
-
-
-def _plainer(
-    path: Path, rest: Rest, walker: Walker, given: frozenset[str], steps: int, seed: int
-) -> tuple[Path, Rest, bool]:
-    """Where something unknown may be missing: the steps that help beyond doubt, and what the rest then depends on.
-
-    One odd dependence after a few plain steps competes with the whole path; the cheaper explanation counts.
-    """
-    short, simple = walk_plainly(path, walker, given, steps), simple_part(path, walker)
-    cuts = [part.cut(count) for part in (short, simple) for count in range(len(part.added), -1, -1)]
-    plain_paths = {frozenset(plain.added): plain for plain in reversed(cuts)}  # of two alike the one that was walked
-    spread, freedom = path.end.screened.spread, path.end.screened.freedom
-    least, kept = path_cost(walker, path.end, path.end), (path, rest, rest.significant)
-    if rest.significant and rest.depends_on:
-        least -= CLEARLY  # a path that ends at a clear trace has not hidden it
-    tried = [
-        (plain, _rest(plain, walker, seed))
-        for plain in sorted(plain_paths.values(), key=lambda plain: -len(plain.added))
-    ]
-    for plain, left in tried:
-        misfit = walker.misfit(plain.end)
-        tolls = path_cost(walker, plain.end, path.end) - misfit / spread
-        for oddity in weigh_oddities(walker, plain.end, left.depends_on):
-            cost = tolls + oddity.cost(misfit, spread, freedom)
-            if cost < min(least, tolls + misfit / spread):  # it has to be worth its own toll, too
-                least, kept = cost, (plain, left.led_by(oddity.dependence), True)
-    if rest.significant and not kept[1].depends_on and _suspicious(path):
-        # What such a path blurs may still show after its plain steps.
-        kept = next(((plain, left, True) for plain, left in tried if left.depends_on), kept)
-    return kept
-
-
-def describe_candidates(path: Path, problem: Problem, noise: Noise) -> tuple[Candidate, ...]:
-    """The steps in their order, then what else was significant against the model as given.
+def fitted_terms(found: Found, model: Model, keys: tuple[str, ...]) -> tuple[Term, ...]:
+    """The given effects and the steps at the posterior's values.
 
     Args:
-        path: the steps.
-        problem: the readings that counted.
-        noise: the noise floor.
+        found: the best explanation.
+        model: as given.
+        keys: of the steps' atoms.
 
     Returns:
-        The candidates.
+        The terms, in the order of a model.
     """
-    steps = []
-    before = path.start
-    for key, state, others in zip(path.added, path.states, path.alternatives, strict=True):
-        steps.append(_step(key, before, state, path.end, others, problem, noise))
-        before = state
-    more = [item for item in significant(path.start.screened) if item.trial.effect.key not in path.added]
-    held = path.start.design.held_out_rms(path.start.design.base) * 1e3
-    return (*steps, *(_other(finding, path.start, held, problem) for finding in more[:MOST_SHOWN]))
+    system, state, current = found.system, found.state, replace(model, terms=())
+    std, prior = state.std, np.sqrt(state.posterior.prior * state.posterior.phi)
+    for key in (*found.scorer.given, *keys):
+        atom, own = system.atoms[key], state.of(key)
+        term = next((t for t in found.fitted.model.terms if t.effect.key == atom.name), None)
+        if term is None or atom.shape is not None:
+            continue
+        index = [t.effect.key for t in found.fitted.layout.terms].index(atom.name)
+        free = torch.as_tensor(found.fitted.layout.free[index])
+        theta, error, seen = (
+            term.theta.clone(),
+            torch.full_like(term.theta, torch.nan),
+            torch.ones(len(term.theta), dtype=torch.bool),
+        )
+        scale = system.scale[atom.columns]
+        theta[free] = torch.as_tensor(state.posterior.values[own] * scale)
+        error[free] = torch.as_tensor(std[own] * scale)
+        seen[free] = torch.as_tensor(std[own] ** 2 < MEASURED * prior[own] ** 2)
+        current = current + replace(term, theta=theta, std=error, measured=seen)
+    return current.terms
 
 
-def _step(
-    key: str, before: State, after: State, end: State, others: tuple[str, ...], problem: Problem, noise: Noise
-) -> Candidate:
-    finding = next((item for item in before.screened.findings if item.trial.effect.key == key), None)
-    term = next(term for term in end.fitted.model.terms if term.effect.key == key)
-    held = before.design.held_out_rms(before.design.base), after.design.held_out_rms(after.design.base)
-    errors, together = (held[0] * 1e3, held[1] * 1e3), find_sum(end, key)
-    return Candidate(
-        key,
-        finding.p_value if finding else 0.0,
-        finding.share if finding else 0.0,
-        *errors,
-        _parameters(term, problem),
-        others,
-        together,
-        explain_step(term, others, together, errors, noise, problem),
-    )
+def _errors(found: Found, keys: tuple[str, ...], clean: Problem) -> dict[str, dict[str, float]]:
+    """Error of the model as given, and with the steps, um."""
+    system, scorer = found.system, found.scorer
+    errors = {}
+    for name, chosen in (("before", ()), ("after", keys)):
+        state = scorer.score(chosen, found.state.memory)
+        left = system.in_mm(system.left(state.columns, state.posterior.values))
+        errors[name] = rms(left, np.ones(len(left), dtype=bool))
+    return errors
 
 
-def _other(finding: Finding, state: State, before: float, problem: Problem) -> Candidate:
-    design, trial = state.design, finding.trial
-    projected = project(*design.sums.total[:3], design.base)
-    least = projected.least(trial.columns)
-    solution = solve(projected.gram, projected.side, projected.left, trial.columns, least)
-    values = solution.values * design.scale[trial.columns]
-    chosen = np.concatenate([design.base, trial.columns]).astype(int)
-    names = _linear_names(trial.effect, problem)
-    parameters = tuple((name, unit, float(value), None) for (name, unit), value in zip(names, values, strict=True))
-    after = design.held_out_rms(chosen) * 1e3
-    return Candidate(trial.effect.key, finding.p_value, finding.share, before, after, parameters, (), (), "")
+def _steps(
+    found: Found, named: tuple[Step, ...], terms: tuple[Term, ...], chances: Probability, noise: Noise, problem: Problem
+) -> list[Candidate]:
+    result = []
+    for step in named:
+        name = found.system.atoms[step.key].name
+        term = next((item for item in terms if item.effect.key == name), None)
+        if term is None:
+            continue
+        together = find_sum(found.system, found.state, step.key)
+        errors = step.before * 1e3, step.after * 1e3
+        result.append(
+            Candidate(
+                name,
+                chances.effects.get(name, 0.0),
+                float(np.exp(-max(step.nats, 0.0))),
+                step.share,
+                *errors,
+                _parameters(term, problem),
+                step.others,
+                together,
+                explain_step(term, step.others, together, errors, noise, problem),
+            )
+        )
+    return result
 
 
-def _linear_names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
+def _others(found: Found, named: tuple[Step, ...], chances: Probability, problem: Problem) -> list[Candidate]:
+    """What else the data would ask for if nothing had been added."""
+    scorer, atoms = found.scorer, found.system.atoms
+    nothing = scorer.score((), found.state.memory)
+    taken = {atoms[step.key].name for step in named}
+    before = held_out(scorer, ()) * 1e3
+    result: list[Candidate] = []
+    for gain in scorer.screen(nothing, lambda atom: atom.effect is not None):
+        atom = atoms[gain.key]
+        if atom.name in taken or gain.nats <= 0.0 or len(result) == MOST_SHOWN:
+            continue
+        state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
+        values = state.posterior.values[state.of(gain.key)] * found.system.scale[atom.columns]
+        assert atom.effect is not None
+        names = _names(atom.effect, problem)
+        parameters = tuple((name, unit, float(value), None) for (name, unit), value in zip(names, values, strict=False))
+        after = held_out(scorer, (gain.key,)) * 1e3
+        chance = chances.effects.get(atom.name, 0.0)
+        share = share_of(scorer, gain.key)
+        result.append(
+            Candidate(atom.name, chance, float(np.exp(-gain.nats)), share, before, after, parameters, (), (), "")
+        )
+    return result
+
+
+def _names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
     kind, joints = problem.file.machine.kind, problem.view.joints
-    names = parameter_names(effect, kind, joints)[: linear_size(effect, joints)]
+    names = parameter_names(effect, kind, joints)
     units = [p.on(kind).unit for p in effect.parameters for _ in range(p.size(joints))]
-    return list(zip(names, units, strict=False))
+    return list(zip(names, units, strict=True))
 
 
 def _parameters(term: Term, problem: Problem) -> tuple[tuple[str, str, float, float | None], ...]:
-    kind, joints = problem.file.machine.kind, problem.view.joints
-    names = parameter_names(term.effect, kind, joints)
-    units = [p.on(kind).unit for p in term.effect.parameters for _ in range(p.size(joints))]
     rows = []
-    for index, (name, unit) in enumerate(zip(names, units, strict=True)):
+    for index, (name, unit) in enumerate(_names(term.effect, problem)):
         std = float("nan") if term.std is None else float(term.std[index])
         seen = term.measured is None or bool(term.measured[index])
         rows.append((name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))

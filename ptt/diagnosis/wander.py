@@ -1,25 +1,21 @@
-"""Slow wander of the readings: noise with a memory, so that no effect is named for what the tracker did by itself."""
+"""The tracker's wander: noise with a memory, filtered off columns and readings alike, run by run."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import linalg
 
-from ptt.noise import repeat_groups
-
-if TYPE_CHECKING:
-    from ptt.problem import Problem
-
-SHARES = (0.1, 0.25, 0.6, 1.5, 4.0, 10.0)  # variance of the wander over that of the white noise
-CONSTANTS = 6  # time constants tried
-EVIDENCE = 10.0  # gain of the log-likelihood from which the noise counts as wandering
-SCATTERED = 0.4  # step from row to row, in mean distances of two rows, from which poses count as in random order
-LEAST_REPEATS = 30
+SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the white noise
+CONSTANTS = 7  # time constants between the shortest that is told from white noise and half the run
+SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
+LEAST_STEPS = 12
+USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
+FAULT = 3.0  # variance over that of the white noise from which a wander is no tracker's any more
 
 
 @dataclass(frozen=True)
 class Wander:
-    """A first-order (Ornstein-Uhlenbeck) wander under white noise, alike in all coordinates.
+    """An Ornstein-Uhlenbeck wander under white noise, alike in all coordinates.
 
     Attributes:
         share: its variance over that of the white noise.
@@ -29,112 +25,78 @@ class Wander:
     share: float
     constant: float
 
+    @property
+    def log_prior(self) -> float:
+        """Log prior density of the share, up to a constant."""
+        return -0.5 * (np.log(self.share / USUAL_SHARE) / SPREAD) ** 2
 
-def find_wander(problem: "Problem", residual: np.ndarray) -> Wander | None:
-    """Find slow wander in what a saturated model leaves.
 
-    An error that depends on the pose looks slow where the poses follow a smooth path. So wander is looked for where
-    poses come in random order; on a path only in how visits of one pose differ.
+@dataclass(frozen=True)
+class Clock:
+    """When the rows were read.
 
-    Args:
-        problem: n rows.
-        residual: (n, 3) in noise units, NaN on rows that do not count.
-
-    Returns:
-        The wander, None where white noise does as well.
+    Attributes:
+        time: (n,) s, or the row's number.
+        starts: first row of each run, (n,) bool.
     """
-    rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
-    values = residual[rows]
-    if not _scattered(problem, rows):
-        group = np.unique(repeat_groups(problem.table, problem.view.direction.numpy())[rows], return_inverse=True)[1]
-        group = group.reshape(-1)
-        count = np.bincount(group)
-        if (count - 1).sum() < LEAST_REPEATS:
-            return None
-        mean = np.column_stack([np.bincount(group, column) for column in values.T]) / count[:, None]
-        repeated = count[group] > 1
-        rows, values = rows[repeated], (values - mean[group])[repeated]
-    clock, starts = _clock(problem, rows)
-    step = np.diff(clock)[~starts[1:]]
-    if len(step) < LEAST_REPEATS or not (step > 0).any():
-        return None
-    constants = np.geomspace(2.0 * np.median(step[step > 0]), max(np.ptp(clock) / 3.0, 1.0), CONSTANTS)
-    share, constant = (grid.ravel() for grid in np.meshgrid(SHARES, constants))
-    likelihood = _likelihood(values, clock, starts, np.append(share, 0.0), np.append(constant, 1.0))
-    best = int(np.argmax(likelihood[:-1]))
-    if likelihood[best] - likelihood[-1] < EVIDENCE:
-        return None
-    return Wander(float(share[best]), float(constant[best]))
+
+    time: np.ndarray
+    starts: np.ndarray
+
+    @property
+    def step(self) -> float:
+        """Median time between rows of a run, zero where there is none."""
+        steps = np.diff(self.time)[~self.starts[1:]]
+        return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+
+    @property
+    def constants(self) -> np.ndarray:
+        """Time constants worth trying; none where rows are too few."""
+        if len(self.time) < LEAST_STEPS or not self.step:
+            return np.zeros(0)
+        shortest = SHORTEST * self.step
+        return np.geomspace(shortest, max(float(np.ptp(self.time)) / 2.0, 2.0 * shortest), CONSTANTS)
+
+    def is_fault(self, wander: Wander | None) -> bool:
+        """Whether a wander is more than a tracker does by itself."""
+        return wander is not None and wander.share > FAULT and wander.constant > SHORTEST * self.step
 
 
-def take_off(values: np.ndarray, wander: Wander, problem: "Problem", rows: np.ndarray) -> np.ndarray:
-    """Innovations of a Kalman filter: what each reading says beyond what the wander of those before it foretold.
-
-    The filter is linear, so columns of a model go through it as readings do.
+def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
+    """What each row says beyond what the wander of those before it foretold (a Kalman filter, which is linear).
 
     Args:
         values: (n, 3, ...) in noise units.
-        wander: the noise's memory.
-        problem: n rows, for their clock.
-        rows: rows that count, (n,) bool; the others stay as they are.
+        wander: None for white noise.
+        clock: of the rows.
 
     Returns:
-        Same shape; rows that count are white with the variance of the white part.
+        The same shape, white under the wander; and half the log-determinant of the noise's covariance.
     """
-    place = np.flatnonzero(rows)
-    clock, starts = _clock(problem, place)
-    gains, decays, widths = _gains(clock, starts, np.array([wander.share]), np.array([wander.constant]))
-    result = values.copy()
-    state = np.zeros(values.shape[1:])
-    for index, row in enumerate(place):
-        state = decays[index, 0] * state
-        innovation = values[row] - state
-        result[row] = innovation / np.sqrt(widths[index, 0])
-        state = state + gains[index, 0] * innovation
-    return result
+    if wander is None:
+        return values, 0.0
+    gain, decay, width = _gains(wander, clock)
+    count = len(values)
+    flat = values.reshape(count, -1)
+    # The foretold state s follows s_i = decay_i ((1 - gain) s + gain x)_(i-1): a bidiagonal system for all columns.
+    bands = np.ones((2, count))
+    bands[1, :-1] = -decay[1:] * (1.0 - gain[:-1])
+    side = np.zeros_like(flat)
+    side[1:] = (decay[1:] * gain[:-1])[:, None] * flat[:-1]
+    state = linalg.solve_banded((1, 0), bands, side, overwrite_b=True, check_finite=False)
+    white = (flat - state) / np.sqrt(width)[:, None]
+    return white.reshape(values.shape), 1.5 * float(np.log(width).sum())
 
 
-def _scattered(problem: "Problem", rows: np.ndarray) -> bool:
-    p = problem.view.p.numpy()[rows]
-    shuffled = np.random.default_rng(0).permutation(len(p))
-    between = np.linalg.norm(p - p[shuffled], axis=1).mean()
-    return len(p) > 2 and np.linalg.norm(np.diff(p, axis=0), axis=1).mean() > SCATTERED * max(between, 1e-9)
-
-
-def _clock(problem: "Problem", rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    view = problem.view
-    clock = view.time.numpy() if "time" in view.varies else np.arange(view.rows, dtype=float)
-    run = view.run.numpy()[rows]
-    return clock[rows], np.concatenate([[True], run[1:] != run[:-1]])
-
-
-def _gains(
-    clock: np.ndarray, starts: np.ndarray, share: np.ndarray, constant: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Kalman gains, decays and innovation variances of rows under each setting, (n, s) each."""
-    step = np.maximum(np.diff(clock, prepend=clock[:1]), 0.0)
-    decays = np.where(starts[:, None], 0.0, np.exp(-step[:, None] / constant))
-    gains, widths = np.zeros_like(decays), np.zeros_like(decays)
-    variance = share.copy()
-    for index, decay in enumerate(decays):
-        variance = decay**2 * variance + (1.0 - decay**2) * share
-        widths[index] = variance + 1.0
-        gains[index] = variance / widths[index]
-        variance = variance / widths[index]
-    return gains, decays, widths
-
-
-def _likelihood(
-    values: np.ndarray, clock: np.ndarray, starts: np.ndarray, share: np.ndarray, constant: np.ndarray
-) -> np.ndarray:
-    """Log-likelihood of each setting, the overall scale taken out, (s,)."""
-    gains, decays, widths = _gains(clock, starts, share, constant)
-    state = np.zeros((len(share), 3))
-    squares = np.zeros(len(share))
-    for index, value in enumerate(values):
-        state = decays[index][:, None] * state
-        innovation = value - state
-        squares += np.square(innovation).sum(axis=1) / widths[index]
-        state = state + gains[index][:, None] * innovation
-    size = values.size
-    return -0.5 * (3.0 * np.log(widths).sum(axis=0) + size * np.log(squares / size))
+def _gains(wander: Wander, clock: Clock) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gain, decay and innovation variance of each row, which depend on the clock alone."""
+    step = np.maximum(np.diff(clock.time, prepend=clock.time[:1]), 0.0)
+    decay = np.where(clock.starts, 0.0, np.exp(-step / wander.constant))
+    gain, width = np.empty(len(step)), np.empty(len(step))
+    variance = wander.share
+    for index, keep in enumerate(decay.tolist()):
+        variance = keep * keep * variance + (1.0 - keep * keep) * wander.share
+        wide = variance + 1.0
+        gain[index], width[index] = variance / wide, wide
+        variance = variance / wide
+    return gain, decay, width

@@ -14,6 +14,8 @@ DONE = 1e-3  # nats still to be had at which it ends
 LEAP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
 FURTHEST = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
 HALVINGS = 8
+ROUNDING = 1e-13  # share of the sum of squares that is rounding
+TINY = 1e-12  # nothing scatters by a millionth of its noise
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ class _Problem:
         factor = _factor(matrix / np.outer(scale, scale))
         values = lapack.dpotrs(factor, self.side / scale, lower=1)[0] / scale if len(scale) else self.side
         # A quadratic form about its minimum: rounding of the values enters only squared.
-        left = max(self.square - float(values @ (2.0 * self.side - matrix @ values)), 1e-300)
+        left = max(self.square - float(values @ (2.0 * self.side - matrix @ values)), ROUNDING * self.square + TINY)
         phi, tail = self._noise(left)
         log_prior = -0.125 * float(((logs / self.spread) ** 2).sum())
         half = float(np.log(np.diag(factor)).sum() + np.log(scale).sum()) + 0.5 * float(np.log(prior).sum())

@@ -13,7 +13,7 @@ import torch
 from ptt import __version__
 from ptt.compare.comparison import Comparison, compare_run
 from ptt.diagnosis.long import choose_diagnosis
-from ptt.diagnosis.saturated import noise_floor
+from ptt.diagnosis.noise import noise_floor
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.effects.registry import Library, library
 from ptt.errors import InputError, ModelError

@@ -267,7 +267,7 @@ def _place(model: str | bytes) -> Path:
 
 def _noise(opened: "Opened") -> "Noise | None":
     """The noise floor as `ptt compare` takes it."""
-    from ptt.diagnosis.saturated import noise_floor
+    from ptt.diagnosis.noise import noise_floor
     from ptt.effects.registry import library
     from ptt.errors import TableError
 

@@ -1,0 +1,158 @@
+"""Atoms: everything that may be part of an explanation, each with its columns and its price."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from ptt.diagnosis.blocks import Block
+from ptt.effects import Effect
+from ptt.fit.linear import Linear
+from ptt.fit.solve import FitResult
+from ptt.problem import Problem
+
+EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise
+LARGEST_BLOCK = 1e4  # variance: 2 mm, more than a machine that runs is off by
+LARGEST_EFFECT = 1e5  # three hundred usual sizes: drawings are off by that much
+SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
+
+
+@dataclass(frozen=True)
+class Atom:
+    """A named effect in one shape, or a block of unknown physics.
+
+    Attributes:
+        key: its own among all atoms.
+        name: what is reported: the effect's key or the block's name.
+        columns: indices of its columns in the system.
+        group: which learned variance each of them has, (m,) int from 0; effects have one for each parameter kind.
+        most: largest variance of each group, (g,).
+        odds: nats of prior odds against it.
+        bounded: columns whose value cannot be negative, (m,) bool.
+        effect: the effect; None for a block.
+        shape: its searched and given parameters; None where the effect is in the model.
+        block: the block; None for an effect.
+    """
+
+    key: str
+    name: str
+    columns: np.ndarray
+    group: np.ndarray
+    most: np.ndarray
+    odds: float
+    bounded: np.ndarray
+    effect: Effect | None = None
+    shape: Mapping[str, Tensor] | None = None
+    block: Block | None = None
+
+    @property
+    def groups(self) -> int:
+        """Number of learned variances."""
+        return len(self.most)
+
+
+def odds_of_effect(effects: int, shapes: int) -> float:
+    """Nats against one effect out of those that the data can test, in one of its shapes."""
+    return EFFECT_ODDS + float(np.log(max(effects, 1))) + SHAPE_POWER * float(np.log(max(shapes, 1)))
+
+
+def odds_of_block(blocks: int) -> float:
+    """Nats against one block out of those that the run can show."""
+    return BLOCK_ODDS + float(np.log(max(blocks, 1)))
+
+
+def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Sequence[Effect]) -> dict[str, Atom]:
+    """Atoms of the effects in a model and of the candidates beside it.
+
+    Args:
+        linear: their columns.
+        fitted: the model.
+        problem: n rows.
+        candidates: effects that may be added.
+
+    Returns:
+        The atoms by key; those of candidates are numbered by shape.
+    """
+    names = {effect.name for effect in candidates} | {term.effect.name for term in fitted.model.terms}
+    atoms: dict[str, Atom] = {}
+    for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
+        key, columns = term.effect.key, linear.present[term.effect.key]
+        if not len(columns):
+            continue
+        shapes = len(tuple(term.effect.search(problem.view)))
+        kinds = _kinds_of_values(term.effect, problem, free)
+        own = next(item for item in fitted.model.terms if item.effect.key == key)
+        atoms[key] = _effect_atom(key, columns, kinds, odds_of_effect(len(names), shapes), own.effect, None)
+    for number, trial in enumerate(linear.trials):
+        kinds = _kinds_of_values(trial.effect, problem, slice(0, len(trial.columns)))
+        odds = odds_of_effect(len(names), trial.trials)
+        key = f"{trial.effect.key}#{number}"
+        atoms[key] = _effect_atom(key, trial.columns, kinds, odds, trial.effect, trial.shape)
+    return atoms
+
+
+def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[str, Atom]:
+    """Atoms of blocks whose columns stand one behind the other.
+
+    Args:
+        blocks: the blocks.
+        place: of the first column.
+        odds: nats against one of them.
+
+    Returns:
+        The atoms by name.
+    """
+    atoms = {}
+    for block in blocks:
+        width = block.width
+        columns, group = np.arange(place, place + width), np.zeros(width, dtype=int)
+        atoms[block.name] = Atom(
+            block.name,
+            block.name,
+            columns,
+            group,
+            np.array([LARGEST_BLOCK]),
+            odds,
+            np.zeros(width, dtype=bool),
+            block=block,
+        )
+        place += width
+    return atoms
+
+
+def _effect_atom(
+    key: str,
+    columns: np.ndarray,
+    kinds: tuple[np.ndarray, np.ndarray, np.ndarray],
+    odds: float,
+    effect: Effect,
+    shape: Mapping[str, Tensor] | None,
+) -> Atom:
+    group, bounded, held = kinds
+    group = np.unique(group, return_inverse=True)[1].reshape(-1)
+    most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
+    most[group[held]] = 1.0
+    return Atom(key, effect.key, columns, group, most, odds, bounded, effect, shape)
+
+
+def _kinds_of_values(
+    effect: Effect, problem: Problem, chosen: np.ndarray | slice
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each value: its learned variance, whether it cannot be negative, whether it is near zero by definition.
+
+    Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
+    superfluous values beside the few that matter would cost an effect its evidence.
+    """
+    joints, group, bounded, held, first = problem.view.joints, [], [], [], 1
+    for parameter in effect.parameters:
+        size = parameter.size(joints)
+        apart = joints if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 else 0
+        if apart:
+            group.append(first + np.repeat(np.arange(joints), parameter.count))
+        else:
+            group.append(np.full(size, 0 if parameter.role == "linear" and not parameter.held else first))
+        first += max(apart, 1)
+        bounded.append(np.full(size, parameter.lower >= 0.0))
+        held.append(np.full(size, parameter.held))
+    return np.concatenate(group)[chosen], np.concatenate(bounded)[chosen], np.concatenate(held)[chosen]

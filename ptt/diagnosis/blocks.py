@@ -1,0 +1,218 @@
+"""Blocks of unknown physics by construction: what varies, times smooth, times where it acts."""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ptt.chain import Chain
+from ptt.diagnosis.smooth import cosines, harmonics, legendre, product, scaled
+from ptt.diagnosis.span import Context, Span, span_of
+from ptt.effects.geometry import horizontal_axes
+from ptt.problem import Problem
+
+SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
+FINE, COARSE = 24, 4  # shapes along a joint's own travel, and where that only modulates something else
+DECAY = 0.7  # higher orders of a smooth modulation are smaller by this ratio
+FIELD, FIELD_OF_CONTEXT = 5, 3  # total degree of a field over the workspace, and of one that a context modulates
+FIELD_DECAY = 0.6
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something unknown may act.
+
+    Attributes:
+        residual: 'slider 2', 'joint 2', 'rail 2' (sideways) or 'tool'.
+        slopes: shift of the reading by each of its ways, (n, 3, w), of about unit size.
+        joint: the joint it belongs to, None for the tool.
+        lever: size of its slopes before they were made so.
+    """
+
+    residual: str
+    slopes: np.ndarray
+    joint: int | None = None
+    lever: float = 1.0
+
+    def times(self, shapes: np.ndarray) -> np.ndarray:
+        """Features (n, 3, w s) of shapes (n, s) that act here."""
+        joined = SIZE * self.slopes[:, :, :, None] * shapes[:, None, None, :]
+        return joined.reshape(*self.slopes.shape[:2], -1)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One kind of unknown physics.
+
+    Attributes:
+        name: says it all: 'slider 2 on b2'.
+        place: where it acts.
+        on: the variables it depends on, the leading one first.
+        shapes: (n, s) of about unit size.
+    """
+
+    name: str
+    place: Place
+    on: tuple[str, ...]
+    shapes: np.ndarray
+
+    @property
+    def features(self) -> np.ndarray:
+        """(n, 3, m) mm, one learned variance for all of them."""
+        return self.place.times(self.shapes)
+
+    @property
+    def width(self) -> int:
+        """Number m of its features."""
+        return int(self.place.slopes.shape[2] * self.shapes.shape[1])
+
+
+Recipe = tuple[str, Place, tuple[str, ...], Callable[[], np.ndarray]]  # name, where, on what, and its shapes
+Period = tuple[int, float]  # joint, and length in its unit
+
+
+def unknown_blocks(
+    problem: Problem,
+    chain: Chain,
+    periods: Sequence[Period] = (),
+    span: Span | None = None,
+    names: Collection[str] | None = None,
+) -> list[Block]:
+    """Everything that the library may lack, as far as the run can show it.
+
+    Args:
+        problem: n rows.
+        chain: of the present model, for how joints and rails move the reading.
+        periods: that were seen in what was left.
+        span: of the run that the rows are a part of, by their numbers; None where they are all of it.
+        names: of the blocks that are wanted; None for all.
+
+    Returns:
+        The blocks.
+    """
+    if span is None:
+        span = span_of(problem)
+    elif problem.view.number is not None:
+        span = span.of(problem.view.number.numpy().astype(int))
+    found = []
+    places = _places(problem, chain, span.levers)
+    for name, place, on, make in (*_recipes(problem, places, span), *_periodic(problem, places, periods)):
+        if (names is None or name in names) and (shapes := make()).shape[1]:
+            found.append(Block(name, place, on, shapes))
+    return found
+
+
+def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Recipe]:
+    tool, joints = places[0], [place for place in places if place.residual != "tool"]
+    serial = problem.file.machine.kind == "serial"
+    letter = _letter(problem)
+    raw, q = problem.view.q.numpy(), scaled(problem.view.q.numpy(), span.q)
+    p = scaled(problem.view.p.numpy(), span.p)
+    yield _named(tool, ("x", "y", "z"), partial(_field, p, _degree(problem), 1))
+    for place in joints:
+        assert place.joint is not None
+        own = f"{letter}{place.joint + 1}"
+        yield _named(place, (own,), partial(_own_travel, q[:, place.joint], raw[:, place.joint], serial))
+        if place.residual.startswith("rail"):
+            continue
+        low = _modulation(q[:, place.joint])
+        for i in range(q.shape[1]):
+            if i != place.joint:
+                yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
+        for context in span.contexts:
+            yield _named(place, (context.name, own), partial(product, context.shapes, low))
+        yield from _reversal(problem, place, own, low, span.contexts)
+    for context in span.contexts:
+        if context.name != "time":
+            degree = FIELD_OF_CONTEXT if context.fields else 1
+            yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
+    if "direction" in problem.view.varies:
+        yield _named(tool, ("direction",), problem.view.direction.numpy)
+    yield _named(_set_up(problem, span), ("time",), lambda: span.slow)
+
+
+def _degree(problem: Problem) -> int:
+    return FIELD if problem.file.machine.kind == "three-ptt" else FIELD_OF_CONTEXT
+
+
+def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray]) -> Recipe:
+    return f"{place.residual} on {' and '.join(on)}", place, on, make
+
+
+def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) -> Iterator[Recipe]:
+    """Cosine and sine of each period along its joint."""
+    for joint, length in periods:
+        place = next(place for place in places if place.joint == joint)
+        on = f"{_letter(problem)}{joint + 1}"
+        phase = 2.0 * np.pi * problem.view.q.numpy()[:, joint] / length
+        yield f"{place.residual} on {on} with period {length:.5g}", place, (on,), partial(harmonics, phase)
+
+
+def _letter(problem: Problem) -> str:
+    return "q" if problem.file.machine.kind == "serial" else "b"
+
+
+def _places(problem: Problem, chain: Chain, levers: dict[str, float]) -> list[Place]:
+    """The tool first, then joints that move it, then rails sideways."""
+    n, k = problem.view.rows, problem.view.joints
+    places = [Place("tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
+    word = "joint" if problem.file.machine.kind == "serial" else "slider"
+    by_joint = chain.by_joint.numpy()
+    found = [(f"{word} {joint + 1}", by_joint[:, :, joint : joint + 1], joint) for joint in range(k)]
+    if problem.file.machine.kind == "three-ptt":
+        by_slot = chain.by_slot.numpy()
+        ways = np.stack([axis.numpy() for axis in horizontal_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
+        found += [(f"rail {leg + 1}", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
+    for residual, slopes, joint in found:
+        lever = levers.get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
+        if lever > 1e-6:
+            places.append(Place(residual, slopes / lever, joint, lever))
+    return places
+
+
+def _reversal(
+    problem: Problem, place: Place, own: str, low: np.ndarray, contexts: Sequence[Context]
+) -> Iterator[Recipe]:
+    """The way a joint came, in a measure that varies with its place or with a context."""
+    if "direction" not in problem.view.varies:
+        return
+    assert place.joint is not None
+    side = problem.view.direction.numpy()[:, place.joint : place.joint + 1]
+    name = f"direction{place.joint + 1}"
+    yield _named(place, (name, own), partial(np.multiply, side, low))
+    for context in contexts:
+        if context.name in ("payload", "temperature", "speed", "time"):
+            yield _named(place, (name, context.name), partial(np.multiply, side, context.shapes[:, :COARSE]))
+
+
+def _set_up(problem: Problem, span: Span) -> Place:
+    """Scale and turn of the readings; their shift is the tracker's wander."""
+    p = problem.view.p.numpy()
+    return Place("set-up", np.stack([p, *(np.cross(axis, p) for axis in np.eye(3))], axis=2) / span.radius)
+
+
+def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
+    shapes = cosines(scaled, FINE)
+    return np.column_stack([shapes, harmonics(raw)]) if turns else shapes
+
+
+def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
+    return harmonics(raw) if turns else _modulation(scaled)[:, 1:]
+
+
+def _modulation(scaled: np.ndarray) -> np.ndarray:
+    return legendre(scaled, COARSE) * DECAY ** np.arange(COARSE + 1)
+
+
+def _field(scaled: np.ndarray, degree: int, first: int = 0) -> np.ndarray:
+    """Products of Legendre polynomials of the coordinates up to a total degree."""
+    each = [legendre(column, degree) for column in scaled.T]
+    powers = [power for power in np.ndindex(*(degree + 1,) * 3) if first <= sum(power) <= degree]
+    return np.column_stack(
+        [FIELD_DECAY ** max(sum(m) - 1, 0) * each[0][:, m[0]] * each[1][:, m[1]] * each[2][:, m[2]] for m in powers]
+    )
+
+
+def _modulated_field(shapes: np.ndarray, scaled: np.ndarray, degree: int) -> np.ndarray:
+    return product(shapes, _field(scaled, degree))

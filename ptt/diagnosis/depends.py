@@ -1,0 +1,149 @@
+"""What the unknown depends on: the blocks of an explanation, the largest first, as curves of one variable."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.dependence.contexts import COORDINATES, context_views, residual_views
+from ptt.dependence.curves import binned_curve
+from ptt.dependence.dependence import Dependence, depends_on
+from ptt.diagnosis.blocks import Block
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import without
+from ptt.holdout import blocks as travel_blocks
+from ptt.holdout import pose_groups
+from ptt.problem import Problem
+
+MOST = 5  # lines that anybody reads
+SECOND = ("temperature", "payload", "time")  # variables that a reversal may vary with, as a curve can show them
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One block of an explanation.
+
+    Attributes:
+        block: the block.
+        nats: that the explanation loses without it.
+        energy: mean square of what it puts into the readings, over that of all that the named effects leave.
+        part: what it puts into the readings, (n, 3) mm.
+    """
+
+    block: Block
+    nats: float
+    energy: float
+    part: np.ndarray
+
+
+def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown, ...]:
+    """The blocks of a state, the one that moves the readings most first.
+
+    Args:
+        scorer: of the system.
+        state: the best set.
+        rest: what the named effects leave of the rows that the blocks know, (n, 3) mm, NaN where they do not count.
+
+    Returns:
+        One for each block.
+    """
+    rows = np.isfinite(rest).all(axis=1)
+    whole = float(np.nanmean(np.square(rest)))
+    found = []
+    for key in state.keys:
+        block = scorer.system.atoms[key].block
+        if block is None:
+            continue
+        part = block.features @ state.posterior.values[state.of(key)]
+        nats = state.total - scorer.score(without(state, key), state.memory, state.scales).total
+        energy = float(np.square(part[rows]).mean()) / max(whole, 1e-300)
+        found.append(Unknown(block, nats, energy, part))
+    return tuple(sorted(found, key=lambda item: -item.energy))
+
+
+def rest_of(scorer: Scorer, state: State, problem: Problem) -> np.ndarray:
+    """What the frame and the named effects leave of the readings, blocks not taken off, (n, 3) mm; NaN elsewhere."""
+    system = scorer.system
+    named = np.ones(len(state.columns), dtype=bool)
+    for key in state.keys:
+        if system.atoms[key].block is not None:
+            named[state.of(key)] = False
+    left = system.left(state.columns[named], state.posterior.values[named])
+    return system.everywhere(left, problem.table.rows)
+
+
+def dependences(unknowns: tuple[Unknown, ...], rest: np.ndarray, problem: Problem) -> tuple[Dependence, ...]:
+    """Each block as a dependence of one residual on one variable.
+
+    Args:
+        unknowns: the blocks.
+        rest: what the named effects leave, (n, 3) mm, NaN on rows that do not count.
+        problem: n rows.
+
+    Returns:
+        At most five, those with the largest share first.
+    """
+    contexts, found = context_views(problem), list[Dependence]()
+    for item in unknowns:
+        others = sum((other.part for other in unknowns if other is not item), np.zeros_like(rest))
+        one = _dependence(item, rest - others, contexts, problem)
+        if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
+            found.append(one)
+    return tuple(found[:MOST])
+
+
+def _dependence(
+    item: Unknown, rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
+) -> Dependence | None:
+    """One block: where it shows most, and the variable that it follows most."""
+    parts, rests = residual_views(problem, item.part), residual_views(problem, rest)
+    residual = _residual(item, parts)
+    choices = [name for name in _variables(item, residual, problem) if name in contexts]
+    if not choices:
+        return None
+    on = max(choices, key=lambda name: _share(contexts[name], parts[residual]))
+    second = next((name for name in item.block.on[1:] if name in SECOND and on.startswith("direction")), None)
+    shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
+    groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
+    tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
+    chance = float(np.exp(-min(item.nats, 700.0)))
+    share = min(item.energy, 1.0)
+    if tested:
+        best = next((d for d in tested if d.with_ == second), tested[0])
+        return replace(best, share=share, p_value=chance, rivals=())
+    rows = np.isfinite(rests[residual]) & np.isfinite(contexts[on])
+    curve = binned_curve(contexts[on][rows], rests[residual][rows])
+    return Dependence(residual, on, share, chance, None, "smooth", curve)
+
+
+def _residual(item: Unknown, parts: dict[str, np.ndarray]) -> str:
+    """The joint that a block acts on, else the axis of the tool where it is largest."""
+    place = item.block.place
+    if place.joint is None:
+        return max(COORDINATES, key=lambda axis: float(np.nanmean(np.square(parts[axis]))))
+    return next(name for name in parts if name.endswith(f" {place.joint + 1}"))
+
+
+def _variables(item: Unknown, residual: str, problem: Problem) -> tuple[str, ...]:
+    """Names of the variables that may lead a block, as contexts are called."""
+    joints = range(1, problem.view.joints + 1)
+    match item.block.on[0]:
+        case "direction":
+            return tuple(f"direction{i}" for i in joints)
+        case "speed" | "velocity":
+            own = item.block.place.joint
+            return tuple(f"speed{i}" for i in joints) if own is None else (f"speed{own + 1}",)
+        case "memory of temperature":
+            return ("temperature",)
+        case "x":
+            return COORDINATES
+        case name:
+            return (name,)
+
+
+def _share(values: np.ndarray, part: np.ndarray) -> float:
+    """Share of a part's variance that a curve of one variable explains."""
+    rows = np.isfinite(values) & np.isfinite(part)
+    curve = binned_curve(values[rows], part[rows])
+    centred = part[rows] - part[rows].mean()
+    middle = np.interp(values[rows], curve[:, 0], curve[:, 1])
+    return 1.0 - float(np.square(part[rows] - middle).sum()) / max(float(np.square(centred).sum()), 1e-300)

@@ -1,0 +1,267 @@
+"""Find: linearise, search, move the model to what was found, linearise there again."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.candidates import SECOND, present_candidates
+from ptt.diagnosis.gross import alone, gross_errors
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.noise import noise_again, starting_noise
+from ptt.diagnosis.periods import find_period
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import improve, loose, search, without
+from ptt.diagnosis.span import Span
+from ptt.diagnosis.system import System, build_system
+from ptt.effects import Effect, Library
+from ptt.effects.base import flatten
+from ptt.fit.linear import few_shapes, linear_columns
+from ptt.fit.solve import FitResult, fit
+from ptt.model import Model, Term
+from ptt.noise import Noise
+from ptt.problem import Problem
+
+STEPS = 12  # effects that may be added
+TURNS = 5  # of linearising and searching
+OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best explanation of a run.
+
+    Attributes:
+        fitted: the model with the named effects, at which the system was linearised; residuals hold the blocks' share.
+        system: linearised there.
+        scorer: with all that was scored there.
+        state: the best set.
+        noise: the noise floor as it ended.
+        carried: what the blocks put into the readings, (n, 3) mm.
+        gross: rows left out as gross errors, (n,) bool.
+        untestable: effect -> what the data lack.
+        periods: joint and length of those that were seen in what was left.
+        span: of the run that the rows are a part of; None where they are all of it.
+        sample: stretches of the run that stand for it where a system keeps only sums.
+    """
+
+    fitted: FitResult
+    system: System
+    scorer: Scorer
+    state: State
+    noise: Noise
+    carried: np.ndarray
+    gross: np.ndarray
+    untestable: dict[str, str]
+    periods: Sequence[tuple[int, float]] = ()
+    span: Span | None = None
+    sample: Problem | None = None
+
+
+def find(
+    model: Model, problem: Problem, known: Library, tell: Progress, steps: int = STEPS, span: Span | None = None
+) -> Found:
+    """Find the best explanation of a run.
+
+    Args:
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        tell: told what is being done.
+        steps: how many effects may be added.
+        span: of the run that the rows are a part of; None where they are all of it.
+
+    Returns:
+        What was found.
+    """
+    noise, freedom = starting_noise(problem)
+    current, gross = model, np.zeros(problem.table.rows, dtype=bool)
+    carried = np.zeros((problem.table.rows, 3))
+    kept: tuple[str, ...] | None = None
+    memory, periods, barred = WHITE, list[tuple[int, float]](), frozenset[str]()
+    for turn in range(TURNS):
+        tell(f"linearise {turn + 1}")
+        fitted = _fit_less(current, problem, carried, gross, noise)
+        candidates, untestable = present_candidates(fitted, problem, known)
+        if turn == 0:
+            gross = _sift(fitted, problem, candidates, noise)
+        rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
+        system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, span=span)
+        scorer = Scorer(system, model.keys, steps, barred)
+        tell(f"search {turn + 1}")
+        if kept is None:
+            state = search(scorer)
+        else:
+            state = scorer.score([key for key in kept if key in system.atoms], memory)
+            state = state if turn == TURNS - 1 else improve(scorer, state)  # what is said is what it is linearised at
+        found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
+        seen = find_period(scorer, state, problem)
+        if turn == TURNS - 1:
+            break
+        if turn > 0 and seen is None and settled(state, system):
+            needless = _needless(found, fitted.model, problem)
+            if not needless:
+                break
+            barred, kept = barred | set(needless), tuple(key for key in kept or () if key not in needless)
+            current, memory = _without(fitted.model, needless), state.memory
+            continue
+        periods += [] if seen is None else [(seen.joint, seen.length)]
+        carried = carried_by(state, system, problem)
+        gross = _sift_again(found, problem)
+        noise = noise_again(problem, system, state)
+        current = moved(found, model, problem)
+        blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
+        kept, memory = (*current.keys, *blocks), state.memory
+    return found
+
+
+def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
+    """What the blocks of a state put into the readings, (n, 3) mm."""
+    total = np.zeros((problem.table.rows, 3))
+    for key in state.keys:
+        block = system.atoms[key].block
+        if block is not None:
+            total += block.features @ state.posterior.values[state.of(key)]
+    return total
+
+
+def _fit_less(model: Model, problem: Problem, carried: np.ndarray, gross: np.ndarray, noise: Noise) -> FitResult:
+    """Fit the model to what the blocks leave of the readings."""
+    less = replace(problem, measured=problem.measured - carried).masked(gross)
+    return fit(model, less, noise=noise, robust=False, coarse=True)
+
+
+def settled(state: State, system: System) -> bool:
+    """Whether the search named just what the system was linearised at.
+
+    Args:
+        state: the best set.
+        system: the linearised problem.
+
+    Returns:
+        Whether it did.
+    """
+    named = {key for key in state.keys if system.atoms[key].effect is not None}
+    return named == {key for key, atom in system.atoms.items() if atom.effect is not None and atom.shape is None}
+
+
+def _sift(fitted: FitResult, problem: Problem, candidates: list[Effect], noise: Noise) -> np.ndarray:
+    """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
+    linear = linear_columns(fitted, problem, candidates, noise)
+    far = gross_errors(
+        linear.columns, linear.values, linear.rows, linear.simple, few_shapes(linear.trials, linear.simple)
+    )
+    return alone(far, problem.used)
+
+
+def _sift_again(found: Found, problem: Problem) -> np.ndarray:
+    """The same against the explanation that was found, for rows left out before too."""
+    return found.gross
+
+
+def _without(model: Model, keys: Sequence[str]) -> Model:
+    for key in keys:
+        model = model.without(key)
+    return model
+
+
+def _needless(found: Found, current: Model, problem: Problem) -> tuple[str, ...]:
+    """Effects that a model with a law that bends does as well without, once everything is refitted.
+
+    Play takes up its gap along the travel, which no tangent shows: a wind-up that took the place of the bend is still
+    needed where the system is linearised with it, but not in truth.
+    """
+    terms, scorer, state, atoms = current.terms, found.scorer, found.state, found.system.atoms
+    if not any(type(term.effect).shift is not Effect.shift for term in terms):
+        return ()
+    whole = _fit_less(current, problem, found.carried, found.gross, found.noise)
+    dropped: list[str] = []
+    for key in sorted(loose(scorer, state), key=lambda key: state.worth(key) if key in current.keys else np.inf):
+        if atoms[key].effect is None or key not in current.keys or len(current.terms) == 1:
+            continue
+        fewer = _fit_less(whole.model.without(key), problem, found.carried, found.gross, found.noise)
+        if 0.5 * (fewer.chi2 - whole.chi2) / state.posterior.phi < atoms[key].odds:
+            whole, current = fewer, current.without(key)
+            dropped.append(key)
+    return tuple(dropped)
+
+
+def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) -> Model:
+    """The model as given with the named effects at the state's values.
+
+    Args:
+        found: the best explanation.
+        model: as given.
+        problem: the rows that it was found on.
+        refine: look for finer shapes of new effects.
+
+    Returns:
+        The model.
+    """
+    current = model
+    for key in found.state.keys:
+        atom = found.system.atoms[key]
+        if atom.effect is None or atom.name in current.keys:
+            continue
+        base = _base_label(atom, found)
+        if base in current.keys:
+            continue
+        if atom.shape is None:
+            term = next(term for term in found.fitted.model.terms if term.effect.key == atom.name)
+        else:
+            shape = _finest(found, atom, problem) if refine else atom.shape
+            term = Term(atom.effect, _opened(found, atom, shape, problem))
+        if base != atom.name:
+            term = replace(term, effect=replace(term.effect, label=""))
+        current = current + term
+    return current
+
+
+def _base_label(atom: Atom, found: Found) -> str:
+    """The key an effect goes by: a second of its kind that took the place of the first is the first."""
+    assert atom.effect is not None
+    names = {found.system.atoms[key].name for key in found.state.keys}
+    second = atom.effect.label in SECOND.values() and atom.effect.name == "setup-jump"
+    return atom.effect.name if second and atom.effect.name not in names else atom.name
+
+
+def _opened(found: Found, atom: Atom, shape: Mapping[str, Tensor], problem: Problem) -> Tensor:
+    """Parameters of a new effect at the state's amplitudes and in a shape."""
+    assert atom.effect is not None
+    joints, kind = problem.view.joints, problem.file.machine.kind
+    theta = flatten(atom.effect, shape, joints)
+    amplitudes = found.state.posterior.values[found.state.of(atom.key)] * found.system.scale[atom.columns]
+    theta[: len(amplitudes)] = torch.as_tensor(amplitudes)
+    place = 0
+    for parameter in (declared.on(kind) for declared in atom.effect.parameters):
+        size = parameter.size(joints)
+        shut = parameter.lower == 0.0 and parameter.role == "linear"
+        theta[place : place + size] = theta[place : place + size].clamp(
+            OPENING * parameter.usual if shut else parameter.lower, parameter.upper
+        )
+        place += size
+    return theta
+
+
+def _finest(found: Found, atom: Atom, problem: Problem) -> Mapping[str, Tensor]:
+    """The shape near the chosen one that scores best in its place."""
+    assert atom.effect is not None and atom.shape is not None
+    finer = list(atom.effect.refine(problem.view, atom.shape))
+    if len(finer) < 2:
+        return atom.shape
+    state, old = found.state, found.system
+    rows = np.isin(np.arange(problem.table.rows), old.rows)
+    near = build_system(
+        found.fitted, problem, [atom.effect], old.noise, old.freedom, rows,
+        shapes={atom.effect.key: finer}, span=found.span,
+    )  # fmt: skip
+    scorer = Scorer(near, found.scorer.given)
+    rest = scorer.score([key for key in without(state, atom.key) if key in near.atoms], state.memory)
+    gains = scorer.screen(rest, lambda other: other.shape is not None)
+    best = next((gain for gain in gains if near.atoms[gain.key].name == atom.name), None)
+    return atom.shape if best is None else near.atoms[best.key].shape or atom.shape

@@ -1,0 +1,126 @@
+"""Memory of the noise: what makes readings alike beside the model, and normal sums under it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.wander import Clock, Wander, innovations
+from ptt.noise import Noise
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What makes readings alike beside the model: the tracker's wander, or errors that belong to a pose.
+
+    Attributes:
+        wander: None for none.
+        pose: variance of what each pose has to itself, over that of the white noise.
+    """
+
+    wander: Wander | None = None
+    pose: float = 0.0
+
+
+WHITE = Memory()
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Normal sums of columns under one memory of the noise.
+
+    Attributes:
+        gram: (P, P).
+        side: (P,).
+        square: of the readings.
+        log_noise: half the log-determinant of the noise's covariance.
+    """
+
+    gram: np.ndarray
+    side: np.ndarray
+    square: float
+    log_noise: float
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """Normal sums of one held-out block of travel, for some columns.
+
+    Attributes:
+        gram: (p, p) whitened.
+        side: (p,).
+        error: of the columns and the readings as the last, in mm, (p + 1, p + 1).
+        rows: of the block.
+    """
+
+    gram: np.ndarray
+    side: np.ndarray
+    error: np.ndarray
+    rows: int
+
+    def square(self, values: np.ndarray) -> float:
+        """Sum of squares that a solution leaves in the block, mm^2."""
+        ways = np.append(-values, 1.0)
+        return max(float(ways @ self.error @ ways), 0.0)
+
+
+def sum_rows(joined: np.ndarray, memory: Memory, clock: Clock, pose: np.ndarray) -> tuple[np.ndarray, float]:
+    """Normal sums of some rows, which say nothing of rows before or after them.
+
+    Args:
+        joined: columns, and the readings as the last, (m, 3, P + 1) whitened.
+        memory: of the noise.
+        clock: of the rows.
+        pose: (m,) int, equal for visits of one pose.
+
+    Returns:
+        (P + 1, P + 1), and half the log-determinant of the noise's covariance.
+    """
+    white, log_noise = innovations(joined, memory.wander, clock)
+    flat = white.reshape(-1, joined.shape[2])
+    gram = flat.T @ flat
+    if not memory.pose:
+        return gram, log_noise
+    taken, more = _of_poses(flat, memory, pose)
+    return gram - taken, log_noise + more
+
+
+def block_sums(joined: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray, int]:
+    """Normal sums of some rows in units of noise and in mm, (P + 1, P + 1), and how many rows they are.
+
+    Args:
+        joined: columns, and the readings as the last, (m, 3, P + 1) whitened.
+        noise: that whitened them.
+    """
+    flat = joined.reshape(-1, joined.shape[2])
+    in_mm = np.zeros((joined.shape[2],) * 2)
+    for way in np.linalg.inv(noise.whitener):
+        axis = sum(weight * joined[:, other] for other, weight in enumerate(way) if weight)
+        in_mm += axis.T @ axis
+    return flat.T @ flat, in_mm, len(joined)
+
+
+def hide(white: np.ndarray, in_mm: np.ndarray, rows: int) -> Hidden:
+    """A held-out block from its normal sums."""
+    return Hidden(white[:-1, :-1], white[:-1, -1], in_mm, rows)
+
+
+def base_sums(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Normal sums of base reflectors, (P + 1, P + 1)."""
+    flat = np.concatenate([columns, values[:, :, None]], axis=2).reshape(-1, columns.shape[2] + 1)
+    return np.asarray(flat.T @ flat)
+
+
+def as_sums(gram: np.ndarray, log_noise: float) -> Sums:
+    """Joined sums of columns and readings, apart."""
+    return Sums(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]), log_noise)
+
+
+def _of_poses(flat: np.ndarray, memory: Memory, pose: np.ndarray) -> tuple[np.ndarray, float]:
+    """What free errors of each pose take off the sums, and half the log-determinant that they cost."""
+    order = np.argsort(pose, kind="stable")
+    first = np.flatnonzero(np.diff(pose[order], prepend=pose[order[:1]] - 1))
+    visits = np.diff(np.append(first, len(order)))
+    cross = np.add.reduceat(flat.reshape(len(order), -1)[order], first, axis=0)
+    weight = 1.0 / (visits + 1.0 / memory.pose)
+    cross = (cross * np.sqrt(weight)[:, None]).reshape(-1, flat.shape[1])
+    return cross.T @ cross, 1.5 * float(np.log1p(memory.pose * visits).sum())

@@ -1,0 +1,166 @@
+"""Moments of what happens at once, to the row: a sample knows them only to a gap between its stretches."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from ptt.chain import predict
+from ptt.chunks import map_chunks, numbers
+from ptt.diagnosis.blocks import unknown_blocks
+from ptt.diagnosis.summed import Ansatz, Run, columns_of
+from ptt.effects import Effect
+from ptt.effects.sudden import Sudden
+from ptt.fit.linear import Linear, Shape
+from ptt.fit.solve import FitResult
+from ptt.problem import Problem, apply_frames
+
+SEGMENTS = 40  # of a chunk: what a jump does to the readings changes little within one
+EDGE = 5  # rows before and after any moment
+
+Carried = Mapping[str, np.ndarray]  # name of a block -> its values
+
+
+def place_moments(run: Run, at: Ansatz, carried: Carried) -> Ansatz:
+    """Put the moments of a model's own sudden effects where all rows have them.
+
+    Args:
+        run: the long run.
+        at: the model; its blocks.
+        carried: values of the blocks.
+
+    Returns:
+        The same with the moments moved.
+    """
+    for index, term in enumerate(at.fitted.layout.terms):
+        if isinstance(term.effect, Sudden):
+            at = replace(at, fitted=_after(at.fitted, index, _moment(run, at, index, carried)))
+    return at
+
+
+def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carried) -> dict[str, Shape]:
+    """Where a sudden effect would take most of what a model leaves, every row of the run being tried.
+
+    Args:
+        run: the long run.
+        at: the model, fitted to all rows; its blocks.
+        effects: candidates; those that are not sudden are passed over.
+        carried: values of the blocks.
+
+    Returns:
+        The best shape of each by its key.
+    """
+    sudden = [effect for effect in effects if isinstance(effect, Sudden)]
+    clocks = [effect.clock(run.problem.view).numpy() for effect in sudden]
+    if not sudden or any((np.diff(clock) < 0.0).any() for clock in clocks):
+        return {}
+
+    def work(chunk: Problem) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        linear, _ = columns_of(chunk, run, at, {}, ())
+        left = linear.residual - _of_blocks(chunk, linear, run, at, carried) @ at.noise.whitener.T
+        rows = linear.rows & run.problem.used[numbers(chunk)]
+        return [_along(linear, left, rows, effect) for effect in sudden]
+
+    parts = list(zip(*map_chunks(work, run.chunks), strict=True))
+    found: dict[str, Shape] = {}
+    for effect, clock, own in zip(sudden, clocks, parts, strict=True):
+        row = _best_row(*(np.concatenate(some) for some in zip(*own, strict=True)))
+        found[effect.key] = {"after": torch.tensor([clock[row]], dtype=torch.float64)}
+    return found
+
+
+def _along(
+    linear: Linear, left: np.ndarray, used: np.ndarray, effect: Sudden
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What each row of a chunk says for an effect, (m, p); of segments of rows their number and columns' gram."""
+    assert linear.at is not None
+    columns = linear.at.columns(effect, {"after": torch.tensor([-torch.inf], dtype=torch.float64)})
+    columns = np.where(used[:, None, None], columns, 0.0)
+    segments = np.array_split(columns, min(SEGMENTS, len(columns)))
+    gram = np.array([np.tensordot(segment, segment, axes=((0, 1), (0, 1))) for segment in segments])
+    return np.einsum("ncp,nc->np", columns, left), np.array([len(segment) for segment in segments]), gram
+
+
+def _best_row(along: np.ndarray, lengths: np.ndarray, gram: np.ndarray) -> int:
+    """The last row before the moment from which on an effect takes most, the same effect all along taken off."""
+    whole, whole_side = gram.sum(axis=0), along.sum(axis=0)
+    spread = np.linalg.pinv(whole, hermitian=True)
+    after_side = whole_side - np.cumsum(along, axis=0)
+    before = np.cumsum(gram, axis=0) - 0.5 * gram  # at the middle of each segment
+    taken, first = np.zeros(len(along)), 0
+    for length, passed in zip(lengths, before, strict=True):
+        after = whole - passed
+        rows = slice(first, first + length)
+        side = after_side[rows] - after @ spread @ whole_side
+        taken[rows] = np.einsum("np,pq,nq->n", side, _inverse(after - after @ spread @ after), side)
+        first += length
+    return EDGE + int(np.argmax(taken[EDGE : len(taken) - EDGE]))
+
+
+def _inverse(gram: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.inv(gram + np.eye(len(gram))))  # one usual size: what is not seen is not blown up
+
+
+def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
+    """The moment up to which the readings are better without a jump, and from which on with it."""
+    effect = at.fitted.layout.terms[index].effect
+    assert isinstance(effect, Sudden)
+    never, always = _after(at.fitted, index, np.inf), _after(at.fitted, index, -np.inf)
+
+    def work(chunk: Problem) -> np.ndarray:
+        linear = columns_of(chunk, run, at, {}, ())[0] if carried else None
+        blocks = 0.0 if linear is None else _of_blocks(chunk, linear, run, at, carried)
+        both = [np.nan_to_num(at_rows(fitted, chunk).residual - blocks) for fitted in (never, always)]
+        squares = [np.square(left @ at.noise.whitener.T).sum(axis=1) for left in both]
+        return np.where(run.problem.used[numbers(chunk)], squares[0] - squares[1], 0.0)
+
+    clock = effect.clock(run.problem.view).numpy()
+    order = np.argsort(clock, kind="stable")
+    better = np.cumsum(np.concatenate(list(map_chunks(work, run.chunks)))[order])
+    return float(clock[order][int(np.argmin(better))])
+
+
+def _of_blocks(chunk: Problem, linear: Linear, run: Run, at: Ansatz, carried: Carried) -> np.ndarray:
+    """What blocks put into a chunk's readings, (m, 3) mm."""
+    total = np.zeros((chunk.table.rows, 3))
+    if carried:
+        assert linear.at is not None
+        for block in unknown_blocks(chunk, linear.at.chain, at.periods, run.span, tuple(carried)):
+            total += block.features @ carried[block.name]
+    return total
+
+
+def _after(fitted: FitResult, index: int, moment: float) -> FitResult:
+    """A model with the moment of one of its terms moved."""
+    terms = list(fitted.layout.terms)
+    theta = terms[index].theta.clone()
+    theta[-1] = moment
+    terms[index] = replace(terms[index], theta=theta)
+    own = tuple(
+        replace(term, theta=torch.cat([term.theta[:-1], theta[-1:]]))
+        if term.effect.key == terms[index].effect.key
+        else term
+        for term in fitted.model.terms
+    )
+    return replace(fitted, layout=replace(fitted.layout, terms=tuple(terms)), model=replace(fitted.model, terms=own))
+
+
+def at_rows(fitted: FitResult, problem: Problem) -> FitResult:
+    """The same model and frames on other rows.
+
+    Args:
+        fitted: on any rows of the run.
+        problem: the rows.
+
+    Returns:
+        With their prediction and residual.
+    """
+    layout, unknowns = fitted.layout, fitted.unknowns
+    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
+    prediction = predict(terms, layout.see(problem, unknowns))
+    reading = prediction.reading
+    if layout.frames:
+        reading, _ = apply_frames(reading, problem.frame, layout.frame_parameters(unknowns))
+    outliers = np.zeros(problem.table.rows, dtype=bool)
+    return replace(fitted, prediction=prediction, residual=problem.measured - reading.numpy(), outliers=outliers)

@@ -1,0 +1,162 @@
+"""The noise floor: what is known of it before a search, and what the search says of it."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.system import System, build_system
+from ptt.effects import Library
+from ptt.errors import TableError
+from ptt.fit.solve import fit
+from ptt.model import Model
+from ptt.noise import DEFAULT_SIGMA, Noise
+from ptt.problem import Problem
+
+MOST_REPEATS = 300.0  # degrees of freedom that repeats may claim: they see less than what varies between poses
+STATED = 100.0  # degrees of freedom of a figure that somebody states
+LEAST_FREEDOM = 12.0
+AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
+ROUNDS = 3
+SHORT_SEARCH = 12  # shapes from which an effect is left out of the saturated model
+
+
+def starting_noise(problem: Problem) -> tuple[Noise, float]:
+    """The noise floor as far as it is known, and the degrees of freedom of coordinates behind it.
+
+    Args:
+        problem: the readings.
+
+    Returns:
+        The noise, and zero where it is only a guess.
+    """
+    given = problem.noise
+    if given is None:
+        return Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess"), 0.0
+    return given, min(3.0 * given.freedom, MOST_REPEATS) if given.source == "repeats" else STATED
+
+
+def noise_left(system: System, state: State) -> Noise:
+    """What a set of atoms leaves, by coordinates.
+
+    Args:
+        system: the linearised problem.
+        state: the set.
+
+    Returns:
+        The noise; its degrees of freedom are those that the atoms do not use up.
+    """
+    left = system.innovation(state.columns, state.posterior.values, state.memory)
+    decided = len(state.columns) - float((np.diag(state.posterior.inverse) / state.posterior.prior).sum())
+    freedom = max(system.count - decided, 1.0)
+    scatter = system.in_mm(left)
+    return Noise(scatter.T @ scatter * (3.0 / freedom), "saturated model", freedom)
+
+
+def noise_again(problem: Problem, system: System, state: State) -> Noise:
+    """How coordinates share the noise, told again by what a set of atoms leaves.
+
+    Args:
+        problem: the readings.
+        system: the linearised problem.
+        state: the set.
+
+    Returns:
+        The noise to whiten with; repeats keep theirs unless they are outdone.
+    """
+    given, left = problem.noise, noise_left(system, state)
+    if given is None:
+        return left
+    if given.source == "repeats":
+        return left if outdone(given, left) else given
+    return replace(system.noise, covariance=0.5 * (left.covariance + system.noise.covariance))
+
+
+def noise_after(problem: Problem, system: System, state: State) -> Noise:
+    """The noise floor as it is reported: what was known, unless the search says otherwise.
+
+    Repeats that were read before and after a knock scatter by the knock: where the best explanation leaves
+    significantly less than repeats do, it tells the noise.
+
+    Args:
+        problem: the readings.
+        system: the linearised problem.
+        state: the best set.
+
+    Returns:
+        The noise.
+    """
+    given, left = problem.noise, noise_left(system, state)
+    if given is None:
+        return left
+    return _after_a_knock(left) if outdone(given, left) else given
+
+
+def outdone(given: Noise, left: Noise) -> bool:
+    """Whether repeats scatter by significantly more, in any direction, than an explanation leaves.
+
+    Repeats that were read before and after a knock, or while the tracker wandered, do.
+
+    Args:
+        given: what was known of the noise.
+        left: what an explanation leaves.
+
+    Returns:
+        False unless repeats are the source.
+    """
+    if given.source != "repeats":
+        return False
+    whitener = given.whitener
+    least = float(np.linalg.eigvalsh(whitener @ left.covariance @ whitener.T)[0])
+    return bool(3.0 * stats.f.cdf(least, left.freedom / 3.0, given.freedom) < AT_ODDS)
+
+
+def _after_a_knock(left: Noise) -> Noise:
+    return replace(left, source="saturated model; repeats scatter by more, as after a knock")
+
+
+def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
+    """The noise floor for a comparison: the problem's own, else what a model with everything in it leaves.
+
+    Args:
+        model: the model as given.
+        problem: the readings.
+        known: effects by name.
+
+    Returns:
+        The noise.
+
+    Raises:
+        TableError: nothing tells the noise.
+    """
+    if problem.noise is not None:
+        return problem.noise
+    noise, _ = starting_noise(problem)
+    for _ in range(ROUNDS):
+        noise = _saturated(model, problem, known, noise)
+        if noise.freedom < LEAST_FREEDOM:
+            raise too_few(problem)
+    return noise
+
+
+def too_few(problem: Problem) -> TableError:
+    """The error for readings that do not tell their noise."""
+    return TableError(
+        f"{int(problem.used.sum())} readings without repeats do not tell the noise",
+        where=problem.table.source,
+        fix="give sigma_mm under [tracker] in the machine file, or measure more rows",
+    )
+
+
+def _saturated(model: Model, problem: Problem, known: Library, noise: Noise) -> Noise:
+    """What everything at once leaves, each effect and each block as wide as the data make it."""
+    fitted = fit(model, problem, noise=noise)
+    candidates, _ = present_candidates(fitted, problem, known)
+    short = [effect for effect in candidates if len(effect.search(problem.view)) < SHORT_SEARCH]
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    system = build_system(fitted, problem, short, noise, 0.0, rows)
+    one_each = {atom.name: key for key, atom in system.atoms.items()}
+    return noise_left(system, Scorer(system, model.keys).score(tuple(one_each.values()), WHITE))

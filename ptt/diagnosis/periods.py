@@ -1,0 +1,73 @@
+"""Periods that nobody foretold: lines in the spectrum of what an explanation leaves, over each joint's own travel."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.atoms import odds_of_block
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.system import RowSystem
+from ptt.diagnosis.wander import innovations
+from ptt.problem import Problem
+
+COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
+FEWEST = 40  # rows from which a spectrum says anything
+STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wide
+
+
+@dataclass(frozen=True)
+class Period:
+    """A line in the spectrum.
+
+    Attributes:
+        joint: whose travel it runs over, from 0.
+        length: of one period, mm or rad.
+    """
+
+    joint: int
+    length: float
+
+
+def find_period(scorer: Scorer, state: State, problem: Problem) -> Period | None:
+    """The strongest line that is worth its price.
+
+    Args:
+        scorer: of the system.
+        state: the best set so far.
+        problem: n rows.
+
+    Returns:
+        The period; None where none is significant.
+    """
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    if len(system.rows) < FEWEST:
+        return None
+    white = system.innovation(state.columns, state.posterior.values, state.memory)
+    best, found = 0.0, None
+    for joint, column in system.levers.items():
+        slope = innovations(column, state.memory.wander, system.clock)[0]
+        q = problem.view.q.numpy()[system.rows, joint]
+        frequency, gain = _spectrum(slope, white, q)
+        if not len(gain):
+            continue
+        nats = 0.5 * gain / state.posterior.phi - odds_of_block(len(system.levers) * len(frequency))
+        if nats.max() > best:
+            best, found = float(nats.max()), Period(joint, float(1.0 / frequency[int(np.argmax(nats))]))
+    return found
+
+
+def _spectrum(slope: np.ndarray, left: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies, and the sum of squares that a cosine and a sine of each take."""
+    span = float(np.ptp(q))
+    most = min(FINEST, len(q) / 2.0)  # as many phases as readings would fit anything
+    if span <= 0.0 or most <= COARSEST:
+        return np.zeros(0), np.zeros(0)
+    frequency = np.arange(COARSEST, most, STEP) / span
+    phase = 2.0 * np.pi * (q - q.min())[:, None] * frequency
+    cosine, sine = np.cos(phase), np.sin(phase)
+    along, weight = (slope * left).sum(axis=1), np.square(slope).sum(axis=1)
+    a, b = along @ cosine, along @ sine
+    cc, ss, cs = weight @ cosine**2, weight @ sine**2, weight @ (cosine * sine)
+    whole = np.maximum(cc * ss - cs**2, 1e-12 * cc * ss + 1e-300)
+    return frequency, (a * a * ss - 2.0 * a * b * cs + b * b * cc) / whole

@@ -1,0 +1,305 @@
+"""Score of a set of atoms: log evidence at the learned variances, and log prior odds."""
+
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy import linalg
+
+from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
+from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.system import System
+from ptt.diagnosis.wander import SHARES, Wander, innovations
+from ptt.fit.evidence import WIDTH, Posterior, learn
+from ptt.model import rival
+
+RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screened
+WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
+POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
+REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
+ROUGHLY = 0.3  # the same while atoms are only screened
+ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
+
+
+@dataclass(frozen=True)
+class State:
+    """One set of atoms under one memory of the noise, with its posterior.
+
+    Attributes:
+        keys: of the atoms, sorted.
+        memory: of the noise.
+        total: log evidence plus log prior odds, nats.
+        posterior: of the frame and the atoms.
+        columns: indices of the posterior's columns in the system.
+        owner: (p,) number of the atom of each column, -1 for the frame.
+        scales: learned variances of each atom, by key.
+    """
+
+    keys: tuple[str, ...]
+    memory: Memory
+    total: float
+    posterior: Posterior
+    columns: np.ndarray
+    owner: np.ndarray
+    scales: Mapping[str, np.ndarray]
+
+    def of(self, key: str) -> np.ndarray:
+        """Places of an atom's columns among the posterior's."""
+        return np.flatnonzero(self.owner == self.keys.index(key))
+
+    def worth(self, key: str) -> float:
+        """About what an atom is worth: half of Wald's statistic of its values, nats."""
+        own = self.of(key)
+        values, spread = self.posterior.values[own], self.posterior.covariance[np.ix_(own, own)]
+        return 0.5 * float(values @ np.linalg.lstsq(spread, values, rcond=1e-12)[0])
+
+    @property
+    def std(self) -> np.ndarray:
+        """Posterior standard deviations, (p,)."""
+        return np.sqrt(np.diag(self.posterior.covariance))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What an atom would add to the total beside a state, its own variances optimised alone.
+
+    Attributes:
+        nats: added to the total.
+        key: of the atom.
+        scales: its variances, (g,).
+    """
+
+    nats: float
+    key: str
+    scales: np.ndarray
+
+
+class Scorer:
+    """Scores sets of atoms of one system and remembers them."""
+
+    def __init__(
+        self, system: System, given: Sequence[str] = (), steps: int = 12, barred: Set[str] = frozenset()
+    ) -> None:
+        """Start with nothing scored.
+
+        Args:
+            system: the linearised problem.
+            given: atoms of the model as given, which are part of every set and cost nothing.
+            steps: how many effects may be added to them.
+            barred: names of effects that may not, because an exact fit does without them.
+        """
+        self.system, self.given = system, tuple(key for key in given if key in system.atoms)
+        self.steps, self.barred = steps, barred
+        self.screened: dict[tuple[tuple[str, ...], Memory], list[Gain]] = {}
+        self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
+
+    def score(self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None) -> State:
+        """The joint maximum over all variances of a set of atoms."""
+        order = tuple(sorted({*keys, *self.given}))
+        if (order, memory) not in self.scored:
+            self.scored[order, memory] = self._score(order, memory, start or {})
+        return self.scored[order, memory]
+
+    def _score(self, keys: tuple[str, ...], memory: Memory, start: Mapping[str, np.ndarray]) -> State:
+        system, atoms = self.system, [self.system.atoms[key] for key in keys]
+        columns = np.concatenate([system.frame, *(atom.columns for atom in atoms)]).astype(int)
+        frame = np.full(len(system.frame), -1)
+        owner = np.concatenate([frame, *(np.full(len(a.columns), i) for i, a in enumerate(atoms))])
+        first = np.cumsum([0, *(atom.groups for atom in atoms)])
+        group = np.concatenate([frame, *(a.group + first[i] for i, a in enumerate(atoms))])
+        begin = np.concatenate([np.zeros(0), *(start.get(a.key, np.ones(a.groups)) for a in atoms)])
+        width = np.concatenate([np.zeros(0), *(np.full(a.groups, WIDTH if a.effect else np.inf) for a in atoms)])
+        ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
+        sums = system.sums_of(columns, memory)
+        posterior = learn(
+            sums.gram, sums.side, sums.square, system.count, group.astype(int),
+            freedom=system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
+        )  # fmt: skip
+        total = (
+            posterior.total
+            - sums.log_noise
+            - sum(atom.odds for atom in atoms if atom.key not in self.given)
+            + prior_of(memory)
+        )
+        scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
+        state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
+        return (
+            State(keys, memory, -np.inf, posterior, columns, owner.astype(int), scales)
+            if self._absurd(state)
+            else state
+        )
+
+    def _absurd(self, state: State) -> bool:
+        """Whether a value that physics does not let be negative is clearly so."""
+        flags = [self.system.atoms[key].bounded for key in state.keys]
+        bounded = np.concatenate([np.zeros(len(self.system.frame), dtype=bool), *flags])
+        if not bounded.any() or (state.posterior.values[bounded] >= 0).all():
+            return False
+        return bool((state.posterior.values[bounded] < -WRONG_SIDE * state.std[bounded]).any())
+
+    def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
+        """What every atom would add to a state, the best shape of each name; best first."""
+        where = state.keys, state.memory
+        if where not in self.screened:
+            self.screened[where] = self._screen(state)
+        return [gain for gain in self.screened[where] if allowed(self.system.atoms[gain.key])]
+
+    def _screen(self, state: State) -> list[Gain]:
+        system, atoms = self.system, self.system.atoms
+        sums, posterior = system.sums(state.memory), state.posterior
+        half = linalg.solve_triangular(posterior.cholesky, sums.gram[state.columns], lower=True, check_finite=False)
+        side = sums.side - sums.gram[:, state.columns] @ posterior.values
+        names = {atoms[key].name for key in state.keys}
+        effects = [atoms[key].name for key in state.keys if atoms[key].effect]
+        full = len(effects) - len(self.given) >= self.steps
+        best: dict[str, Gain] = {}
+        for family, columns in system.families:
+            open_ = [
+                i
+                for i, a in enumerate(family)
+                if a.name not in names and not (a.effect and full) and not _excluded(a, effects)
+            ]
+            if not open_:
+                continue
+            own = columns[open_]
+            cross = half[:, own].transpose(1, 0, 2)  # shape: (atoms, p, width)
+            gram = sums.gram[own[:, :, None], own[:, None, :]] - cross.transpose(0, 2, 1) @ cross
+            single = any(family[i].groups == 1 for i in open_)
+            gains = self._gains(gram, side[own], posterior) if single else np.zeros((len(open_), len(RATIOS)))
+            for place, i in enumerate(open_):
+                atom = family[i]
+                if atom.groups > 1:
+                    gain = self._learned(atom, gram[place], side[own[place]], posterior)
+                else:
+                    gain = self._best_scale(atom, gains[place])
+                if atom.name not in best or gain.nats > best[atom.name].nats:
+                    best[atom.name] = gain
+        return sorted(best.values(), key=lambda gain: -gain.nats)
+
+    def _is_open(self, atom: Atom, names: set[str], full: bool) -> bool:
+        return atom.name not in names and atom.name not in self.barred and not (atom.effect and full)
+
+    def _gains(self, gram: np.ndarray, side: np.ndarray, posterior: Posterior) -> np.ndarray:
+        """Log evidence that atoms of one width add at each ratio, (atoms, ratios)."""
+        strength, ways = np.linalg.eigh(gram)
+        strength, along = np.maximum(strength, 0.0), np.einsum("aij,ai->aj", ways, side) ** 2
+        spread = 1.0 + RATIOS[:, None] * strength[:, None, :]  # shape: (atoms, ratios, width)
+        taken = (along[:, None, :] * RATIOS[:, None] / spread).sum(axis=2)
+        return -0.5 * np.log(spread).sum(axis=2) + self._noise_gain(taken, posterior)
+
+    def _best_scale(self, atom: Atom, gains: np.ndarray) -> Gain:
+        """The best ratio of one atom, and what it gains there beyond its odds."""
+        nats = gains - 0.5 * (0.5 * np.log(RATIOS) / WIDTH) ** 2 if atom.effect else gains
+        index = int(np.argmax(nats))
+        return Gain(float(nats[index]) - atom.odds, atom.key, RATIOS[index : index + 1])
+
+    def _learned(self, atom: Atom, gram: np.ndarray, side: np.ndarray, posterior: Posterior) -> Gain:
+        """The same where an atom has several variances; what the state decides is taken off its columns."""
+        width = WIDTH if atom.effect else np.inf
+        own = learn(
+            gram,
+            side,
+            posterior.left,
+            self.system.count,
+            atom.group,
+            freedom=self.system.freedom,
+            width=width,
+            done=0.3,
+            ceiling=atom.most,
+        )
+        known = self.system.freedom + self.system.count
+        before = -0.5 * known * float(np.log((self.system.freedom + posterior.left) / known))
+        return Gain(own.total - before - atom.odds, atom.key, own.scales)
+
+    def _noise_gain(self, taken: np.ndarray, posterior: Posterior) -> np.ndarray:
+        """Nats that a smaller sum of squares is worth, the white variance being learned."""
+        known = self.system.freedom + self.system.count
+        rest = np.maximum(self.system.freedom + posterior.left - taken, 1e-9)
+        return 0.5 * known * np.log1p(taken / rest)
+
+    def best_memory(self, state: State) -> tuple[Memory, float]:
+        """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""
+        system, at = self.system, state.memory
+        joined = state.columns
+        seen: dict[Memory, float] = {}
+
+        def value(memory: Memory) -> float:
+            if memory not in seen:
+                sums = system.sums_of(joined, memory)
+                fixed = self._fixed(sums.gram, sums.side, sums.square, state.posterior.prior)
+                seen[memory] = fixed - sums.log_noise + prior_of(memory)
+            return seen[memory]
+
+        tried = self._neighbours(state, value) if system.memories is None else system.memories
+        best = max([WHITE, at, *tried], key=value)
+        return best, value(best) - value(at)
+
+    def _fixed(self, gram: np.ndarray, side: np.ndarray, square: float, prior: np.ndarray) -> float:
+        """Log evidence at given variances."""
+        factor = linalg.cholesky(gram + np.diag(1.0 / prior), lower=True, check_finite=False)
+        along = linalg.solve_triangular(factor, side, lower=True, check_finite=False)
+        left = max(square - float(along @ along), 1e-12)
+        known = self.system.freedom + self.system.count
+        half = float(np.log(np.diag(factor)).sum() + 0.5 * np.log(prior).sum())
+        return -half - 0.5 * known * float(np.log((self.system.freedom + left) / known))
+
+    def _neighbours(self, state: State, value: Callable[[Memory], float]) -> list[Memory]:
+        """The best wander by coordinate steps over a grid, and the best errors of poses without one."""
+        found = list[Memory]()
+        constants = self.system.clock.constants
+        if len(constants):
+            left = self.system.left(state.columns, state.posterior.values)
+            share, slow = self._rough_wander(left, constants)
+            for _ in range(3):
+                before = share, slow
+                share = _uphill(share, len(SHARES), partial(_at_share, value, float(constants[slow])))
+                slow = _uphill(slow, len(constants), partial(_at_constant, value, share, constants))
+                if (share, slow) == before:
+                    break
+            found.append(_wandering(share, float(constants[slow])))
+        if self.system.repeats >= REPEATED:
+            found += [Memory(None, float(size)) for size in POSES]
+        return found
+
+    def _rough_wander(self, left: np.ndarray, constants: np.ndarray) -> tuple[int, int]:
+        """Where on the grid the wander of a state's residual lies, its atoms held."""
+
+        def likelihood(share: int, slow: int) -> float:
+            wander = Wander(float(SHARES[share]), float(constants[slow]))
+            white, log_noise = innovations(left, wander, self.system.clock)
+            return wander.log_prior - log_noise - 0.5 * left.size * float(np.log(np.square(white).sum()))
+
+        grid = [(i, j) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
+        return max(grid, key=lambda place: likelihood(*place))
+
+
+def prior_of(memory: Memory) -> float:
+    """Log prior odds of a memory of the noise."""
+    wander = 0.0 if memory.wander is None else memory.wander.log_prior - MEMORY_ODDS
+    return wander - (MEMORY_ODDS if memory.pose else 0.0)
+
+
+def _wandering(share: int, constant: float) -> Memory:
+    return Memory(Wander(float(SHARES[share]), float(constant)))
+
+
+def _at_share(value: Callable[[Memory], float], constant: float, share: int) -> float:
+    return value(_wandering(share, constant))
+
+
+def _at_constant(value: Callable[[Memory], float], share: int, constants: np.ndarray, slow: int) -> float:
+    return value(_wandering(share, float(constants[slow])))
+
+
+def _uphill(index: int, count: int, value: Callable[[int], float]) -> int:
+    """The local maximum that single steps lead to."""
+    for step in (1, -1):
+        while 0 <= index + step < count and value(index + step) > value(index):
+            index += step
+    return index
+
+
+def _excluded(atom: Atom, effects: Sequence[str]) -> bool:
+    """Whether an effect is in part the same thing as one that is there."""
+    return atom.effect is not None and atom.shape is not None and rival(atom.effect, effects) is not None

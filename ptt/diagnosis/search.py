@@ -1,0 +1,111 @@
+"""Search: the set of atoms with the highest score, by adding, dropping and swapping, from three starts."""
+
+from collections.abc import Callable, Sequence
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.score import Gain, Scorer, State
+
+ROUNDS = 16
+LEAST = 0.3  # nats that a move has to gain
+TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and effects beside them
+SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less
+NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
+SWAPS = 3
+SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
+
+Allowed = Callable[[Atom], bool]
+
+
+def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
+    """Find the best set of atoms.
+
+    Args:
+        scorer: of the system.
+        start: atoms to start from; None starts from nothing, effects first and blocks first,
+            and, where these disagree, all at once.
+
+    Returns:
+        The best state found.
+    """
+    if start is not None:
+        return improve(scorer, scorer.score(start, WHITE))
+    nothing = scorer.score((), WHITE)
+    ends = [improve(scorer, improve(scorer, nothing, first)) for first in (_is_effect, _is_block)]
+    if ends[0].keys != ends[1].keys:
+        ends.append(improve(scorer, nothing))
+    return max(ends, key=lambda state: state.total)
+
+
+def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True) -> State:
+    """Move to better states until none is found.
+
+    Args:
+        scorer: of the system.
+        state: to start from.
+        allowed: atoms that may be added.
+
+    Returns:
+        A local maximum.
+    """
+    for _ in range(ROUNDS):
+        best = max(_plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
+        if best.total < state.total + SLOW_BELOW:
+            best = max([best, *_slow_moves(scorer, state, allowed)], key=lambda other: other.total)
+        if best.total < state.total + LEAST:
+            return state
+        state = best
+    return state
+
+
+def without(state: State, *keys: str) -> tuple[str, ...]:
+    """The keys of a state less some."""
+    return tuple(key for key in state.keys if key not in keys)
+
+
+def loose(scorer: Scorer, state: State) -> tuple[str, ...]:
+    """The keys of a state that may be dropped: all but those of the model as given."""
+    return without(state, *scorer.given)
+
+
+def _is_effect(atom: Atom) -> bool:
+    return atom.effect is not None
+
+
+def _is_block(atom: Atom) -> bool:
+    return atom.effect is None
+
+
+def _added(scorer: Scorer, state: State, gain: Gain) -> State:
+    return scorer.score((*state.keys, gain.key), state.memory, {**state.scales, gain.key: gain.scales})
+
+
+def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
+    """One more atom, one less."""
+    found = [gain for gain in scorer.screen(state, allowed) if gain.nats > 1.0]
+    lead = found[:TRIED]
+    lead += [gain for gain in found if _is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
+    moves = [_added(scorer, state, gain) for gain in lead]
+    weak = [key for key in loose(scorer, state) if state.worth(key) < SAFE]
+    return moves + [scorer.score(without(state, key), state.memory, state.scales) for key in weak]
+
+
+def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
+    """Another memory of the noise, and swaps of atoms, or of the memory, for others."""
+    moves: list[State] = []
+    memory, gained = scorer.best_memory(state)
+    if gained > 0.0 and memory != state.memory:
+        moves.append(scorer.score(state.keys, memory, state.scales))
+    less = [scorer.score(without(state, key), state.memory, state.scales) for key in loose(scorer, state)]
+    if state.memory != WHITE:
+        less.append(scorer.score(state.keys, WHITE, state.scales))
+        moves.append(less[-1])
+    names = {key: scorer.system.atoms[key].name for key in state.keys}
+    for fewer in less:
+        gone = {names[key] for key in set(state.keys) - set(fewer.keys)}
+        found = [(gain, scorer.system.atoms[gain.key].name) for gain in scorer.screen(fewer, allowed)]
+        # The screen holds the others' variances, so what it says of the one that went is what to compare with.
+        usual = max((gain.nats for gain, name in found if name in gone), default=state.total - fewer.total)
+        near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, 1.0)]
+        moves += [_added(scorer, fewer, gain) for gain in near[:SWAPS]]
+    return moves

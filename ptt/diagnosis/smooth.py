@@ -1,0 +1,40 @@
+"""Smooth functions by construction, over a range scaled to -1 .. 1."""
+
+import numpy as np
+
+
+def ends_of(values: np.ndarray) -> np.ndarray:
+    """Lowest and highest of each column, (2, ...)."""
+    return np.array([np.nanmin(values, axis=0), np.nanmax(values, axis=0)])
+
+
+def scaled(values: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Values with the ends of their range at -1 and 1."""
+    low, high = ends
+    return np.asarray(np.clip((2.0 * values - low - high) / np.maximum(high - low, 1e-9), -1.0, 1.0))
+
+
+def legendre(values: np.ndarray, degree: int) -> np.ndarray:
+    """Legendre polynomials of unit mean square over the range, (n, degree + 1)."""
+    return np.asarray(np.polynomial.legendre.legvander(values, degree) * np.sqrt(2.0 * np.arange(degree + 1) + 1.0))
+
+
+def cosines(values: np.ndarray, count: int) -> np.ndarray:
+    """Cosines over the range, the k-th of size 1/k: a curve whose slope is rough rather than itself."""
+    order = np.arange(1, count + 1)
+    return np.asarray(np.sqrt(2.0) * np.cos(0.5 * np.pi * order * (values[:, None] + 1.0)) / order)
+
+
+def harmonics(angle: np.ndarray) -> np.ndarray:
+    """First two harmonics of a joint's turn, (n, 4)."""
+    return np.column_stack([f(m * angle) / m for m in (1, 2) for f in (np.cos, np.sin)])
+
+
+def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Every shape of one times every shape of the other, (n, a b)."""
+    return (left[:, :, None] * right[:, None, :]).reshape(len(left), -1)
+
+
+def unit(values: np.ndarray) -> np.ndarray:
+    """Values of unit mean square."""
+    return values / max(float(np.sqrt(np.square(values).mean())), 1e-9)

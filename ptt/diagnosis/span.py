@@ -1,0 +1,116 @@
+"""What a run covers beside the poses: contexts, and the ranges that make shapes of a part those of the whole."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import linalg
+
+from ptt.diagnosis.smooth import cosines, ends_of, scaled, unit
+from ptt.problem import Problem
+
+SLOW = 10  # cosines over the time of the run
+LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
+
+
+@dataclass(frozen=True)
+class Context:
+    """Something beside the pose that varies.
+
+    Attributes:
+        name: 'payload', 'temperature', 'time', 'speed'.
+        shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
+        fields: whether a field over the workspace may go with it beyond scale and turn.
+    """
+
+    name: str
+    shapes: np.ndarray
+    fields: bool = True
+
+
+@dataclass(frozen=True)
+class Span:
+    """What a whole run covers: shapes over a part of it are those of the whole.
+
+    Attributes:
+        q: lowest and highest of each joint, (2, k).
+        p: of each coordinate, (2, 3).
+        radius: root mean square of the coordinates, mm.
+        contexts: what varies beside the pose, with the shapes of all its rows.
+        levers: of each place, by its residual, where another part of the run has set them.
+    """
+
+    q: np.ndarray
+    p: np.ndarray
+    radius: float
+    contexts: tuple[Context, ...]
+    levers: dict[str, float] = field(default_factory=dict)
+
+    def of(self, rows: np.ndarray) -> "Span":
+        """The same for some of the rows, (m,) int."""
+        contexts = tuple(replace(context, shapes=context.shapes[rows]) for context in self.contexts)
+        return replace(self, contexts=contexts)
+
+    @property
+    def slow(self) -> np.ndarray:
+        """Cosines over the time of the run, (n, s)."""
+        return next(context.shapes for context in self.contexts if context.name == "time")
+
+
+def span_of(problem: Problem) -> Span:
+    """What a run covers.
+
+    Args:
+        problem: the whole run.
+
+    Returns:
+        Its span.
+    """
+    view = problem.view
+    q, p = view.q.numpy(), view.p.numpy()
+    size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
+    return Span(ends_of(q), ends_of(p), size, tuple(_contexts(problem)))
+
+
+def _contexts(problem: Problem) -> Iterator[Context]:
+    """What the table has beside the pose and varies."""
+    view = problem.view
+    if "payload" in view.varies:
+        load = view.payload.numpy()
+        yield Context("payload", np.column_stack([unit(load), unit(load**2)]))
+    if "temperature" in view.varies:
+        warm = view.warmth.numpy()
+        yield Context("temperature", np.column_stack([unit(warm), unit(warm**2)]))
+        if "time" in view.varies:
+            yield Context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()))
+    yield Context("time", cosines(_time(problem), SLOW), fields=False)
+    if "speed" in view.varies:
+        speed = np.sqrt(np.square(view.velocity.numpy()).sum(axis=1))
+        yield Context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
+        velocity = view.velocity.numpy()
+        signed = np.column_stack([velocity, velocity * np.abs(velocity)])
+        yield Context("velocity", signed / np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9), fields=False)
+
+
+def _time(problem: Problem) -> np.ndarray:
+    """Of each row, -1 to 1 over the run."""
+    view = problem.view
+    if "time" in view.varies:
+        time = view.time.numpy()
+    else:
+        time = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
+    return scaled(time, ends_of(time))
+
+
+def _memory(warm: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """How far slow bodies lag behind the temperature that was read, one column a lag."""
+    step = np.maximum(np.diff(time, prepend=time[:1]), 0.0)
+    columns = []
+    for lag in LAGS:
+        keep = np.where(starts, 0.0, np.exp(-step / lag))
+        keep[0] = 0.0
+        bands = np.ones((2, len(warm)))
+        bands[1, :-1] = -keep[1:]  # each level is what is kept of the one before and the rest of the reading
+        body = linalg.solve_banded((1, 0), bands, (1.0 - keep) * warm)
+        columns.append(unit(body - warm))
+    return np.column_stack(columns)

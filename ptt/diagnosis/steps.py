@@ -1,0 +1,130 @@
+"""Steps: the named effects in the order of what each explains, what each is worth, and what would do as well."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import loose, without
+from ptt.diagnosis.system import System
+
+BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
+TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
+LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
+MOST_TIES, MOST_LOOKED_AT = 4, 6
+
+
+@dataclass(frozen=True)
+class Step:
+    """One named effect.
+
+    Attributes:
+        key: of its atom.
+        nats: that the explanation loses without it.
+        others: names of effects that would do as well in its place.
+        share: of the residual's variance after the frame that it takes by itself.
+        before: root mean square error on hidden blocks with the steps before it, mm.
+        after: with it.
+    """
+
+    key: str
+    nats: float
+    others: tuple[str, ...]
+    share: float
+    before: float
+    after: float
+
+
+def name_steps(scorer: Scorer, state: State) -> tuple[Step, ...]:
+    """The effects that a state names beyond those given.
+
+    Args:
+        scorer: of the system.
+        state: the best set.
+
+    Returns:
+        The steps, the one that explains most first.
+    """
+    atoms = scorer.system.atoms
+    odd = any(atoms[key].block is not None for key in state.keys)
+    worth = {key: state.total - _less(scorer, state, key).total for key in loose(scorer, state) if atoms[key].effect}
+    named = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
+    order = _in_order(scorer, named)
+    steps, before = [], held_out(scorer, ())
+    for index, key in enumerate(order):
+        after = held_out(scorer, tuple(order[: index + 1]))
+        steps.append(Step(key, worth[key], _ties(scorer, state, key), share_of(scorer, key), before, after))
+        before = after
+    return tuple(steps)
+
+
+def share_of(scorer: Scorer, key: str) -> float:
+    """Share of what the model as given leaves that one atom takes by itself."""
+    nothing, alone = scorer.score((), WHITE), scorer.score((key,), WHITE)
+    return float(max(0.0, 1.0 - _misfit(scorer.system, alone) / max(_misfit(scorer.system, nothing), 1e-300)))
+
+
+def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:
+    """Error on hidden blocks of travel when the given effects and some more are fitted to the others, mm in total.
+
+    Args:
+        scorer: of the system.
+        keys: of atoms.
+
+    Returns:
+        Root mean square of the error's length.
+    """
+    system, state = scorer.system, scorer.score(keys, WHITE)
+    sums = system.sums_of(state.columns, WHITE)
+    squares, count = 0.0, 0
+    for hidden in system.hidden(state.columns):
+        gram = sums.gram - hidden.gram + np.diag(1.0 / state.posterior.prior)
+        size = np.sqrt(np.diag(gram))  # a unit diagonal keeps unlike columns from looking singular
+        factor = linalg.cho_factor(gram / np.outer(size, size), check_finite=False)
+        solution = linalg.cho_solve(factor, (sums.side - hidden.side) / size, check_finite=False) / size
+        squares += hidden.square(solution)
+        count += hidden.rows
+    return float(np.sqrt(squares / max(count, 1)))
+
+
+def _misfit(system: System, state: State) -> float:
+    sums, values = system.sums_of(state.columns, WHITE), state.posterior.values
+    return sums.square - float(values @ (2.0 * sums.side - sums.gram @ values))
+
+
+def _less(scorer: Scorer, state: State, key: str) -> State:
+    return scorer.score(without(state, key), state.memory, state.scales)
+
+
+def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
+    """Each step is the one that explains most on top of those before it."""
+    order: list[str] = []
+    rest = list(keys)
+    while rest:
+        best = max(rest, key=lambda key: scorer.score((*order, key), WHITE).posterior.total)
+        order.append(best)
+        rest.remove(best)
+    return order
+
+
+def _ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
+    """Other effects that would do as well in the place of one, best first."""
+    atoms, less = scorer.system.atoms, _less(scorer, state, key)
+    own = atoms[key].name
+
+    def other(atom: Atom) -> bool:
+        return atom.effect is not None and atom.effect.name != own.partition("[")[0]
+
+    # The screen holds the others' variances, so what it says of the effect itself is what to compare with.
+    usual = max(gain.nats for gain in scorer.screen(less) if atoms[gain.key].name == own)
+    found: dict[str, float] = {}
+    for gain in scorer.screen(less, other)[:MOST_LOOKED_AT]:
+        if gain.nats < usual - TIE - LOOSELY:
+            break
+        total = scorer.score((*less.keys, gain.key), less.memory, {**less.scales, gain.key: gain.scales}).total
+        if total > state.total - TIE:
+            found[atoms[gain.key].name] = total
+    return tuple(sorted(found, key=lambda name: -found[name])[:MOST_TIES])

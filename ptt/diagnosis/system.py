@@ -1,0 +1,238 @@
+"""The linearised problem: whitened columns of everything that may explain the readings, and their normal sums."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block
+from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums, block_sums, hide, sum_rows
+from ptt.diagnosis.span import Span
+from ptt.diagnosis.wander import Clock, innovations
+from ptt.effects import Effect
+from ptt.fit.linear import Linear, Shapes, linear_columns
+from ptt.fit.solve import FitResult
+from ptt.fit.whitened import whiten
+from ptt.holdout import blocks as travel_blocks
+from ptt.holdout import pose_groups
+from ptt.noise import Noise
+from ptt.problem import Problem
+
+
+@dataclass
+class System(ABC):
+    """Columns of the frame and of all atoms, and the readings, as far as a search asks for them.
+
+    Attributes:
+        rows: which rows of the run count, (m,) int.
+        frame: columns of frames and mounts.
+        atoms: by key.
+        clock: when the rows were read.
+        noise: that whitened it.
+        freedom: degrees of freedom of coordinates behind the noise, zero where it is only a guess.
+        scale: (P,) size of a unit of each column.
+    """
+
+    rows: np.ndarray
+    frame: np.ndarray
+    atoms: dict[str, Atom]
+    clock: Clock
+    noise: Noise
+    freedom: float
+    scale: np.ndarray
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """Number of coordinates."""
+
+    @property
+    @abstractmethod
+    def repeats(self) -> int:
+        """Visits beyond the first of each pose."""
+
+    @abstractmethod
+    def sums(self, memory: Memory) -> Sums:
+        """Normal sums of all columns."""
+
+    @abstractmethod
+    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """What solutions of chosen columns leave, (m, 3) whitened.
+
+        Args:
+            chosen: (p,) indices.
+            values: (p,).
+        """
+
+    @abstractmethod
+    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
+        """Sums of chosen columns over each held-out block of travel."""
+
+    @property
+    def memories(self) -> tuple[Memory, ...] | None:
+        """The only memories whose sums there are; None for any."""
+        return None
+
+    def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
+        """Normal sums of chosen columns."""
+        whole = self.sums(memory)
+        return Sums(whole.gram[np.ix_(chosen, chosen)], whole.side[chosen], whole.square, whole.log_noise)
+
+    def innovation(self, chosen: np.ndarray, values: np.ndarray, memory: Memory) -> np.ndarray:
+        """What a solution leaves beyond what the wander foretells, (m, 3) in noise units."""
+        return innovations(self.left(chosen, values), memory.wander, self.clock)[0]
+
+    def in_mm(self, left: np.ndarray) -> np.ndarray:
+        """Whitened readings (m, 3) in mm."""
+        return left @ np.linalg.inv(self.noise.whitener).T
+
+    def everywhere(self, left: np.ndarray, rows: int) -> np.ndarray:
+        """Whitened readings (m, 3) in mm, NaN on the rows of the run that do not count, (rows, 3)."""
+        whole = np.full((rows, 3), np.nan)
+        whole[self.rows] = self.in_mm(left)
+        return whole
+
+    @cached_property
+    def families(self) -> list[tuple[tuple[Atom, ...], np.ndarray]]:
+        """Atoms by how many columns they have, so that alike ones are screened together."""
+        widths: dict[int, list[Atom]] = {}
+        for atom in self.atoms.values():
+            widths.setdefault(len(atom.columns), []).append(atom)
+        return [(tuple(some), np.array([atom.columns for atom in some])) for some in widths.values()]
+
+
+@dataclass
+class RowSystem(System):
+    """A system whose rows are there.
+
+    Attributes:
+        columns: (m, 3, P) whitened.
+        values: (m, 3) whitened.
+        pose: (m,) int, equal for visits of one pose.
+        block: (m,) int, held-out block of travel, -1 for none.
+        levers: joint -> how it moves each reading, (m, 3) whitened.
+        base_columns: of the base reflectors, (b, 3, P) in units of their own noise.
+        base_values: (b, 3).
+    """
+
+    columns: np.ndarray
+    values: np.ndarray
+    pose: np.ndarray
+    block: np.ndarray
+    levers: dict[int, np.ndarray]
+    base_columns: np.ndarray
+    base_values: np.ndarray
+    _sums: dict[Memory, Sums] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return self.values.size + self.base_values.size
+
+    @property
+    def repeats(self) -> int:
+        """Visits beyond the first of each pose."""
+        return len(self.pose) - len(np.unique(self.pose))
+
+    def sums(self, memory: Memory) -> Sums:
+        """Normal sums of all columns; the last few memories are kept."""
+        if memory not in self._sums:
+            if len(self._sums) > 3:
+                self._sums.pop(next(key for key in self._sums if key != WHITE))
+            self._sums[memory] = self._sum_up(np.arange(self.columns.shape[2]), memory)
+        return self._sums[memory]
+
+    def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
+        """Normal sums of chosen columns, from those of all where they are there."""
+        return super().sums_of(chosen, memory) if memory in self._sums else self._sum_up(chosen, memory)
+
+    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """What a solution of chosen columns leaves, (m, 3) whitened."""
+        return self.values - self.columns[:, :, chosen] @ values
+
+    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
+        """Sums of chosen columns over each held-out block of travel."""
+        for index in np.unique(self.block[self.block >= 0]):
+            rows = self.block == index
+            joined = np.concatenate([self.columns[rows][:, :, chosen], self.values[rows][:, :, None]], axis=2)
+            yield hide(*block_sums(joined, self.noise))
+
+    def _sum_up(self, chosen: np.ndarray, memory: Memory) -> Sums:
+        joined = np.concatenate([self.columns[:, :, chosen], self.values[:, :, None]], axis=2)
+        gram, log_noise = sum_rows(joined, memory, self.clock, self.pose)
+        return as_sums(gram + base_sums(self.base_columns[:, :, chosen], self.base_values), log_noise)
+
+
+def build_system(
+    fitted: FitResult,
+    problem: Problem,
+    candidates: Sequence[Effect],
+    noise: Noise,
+    freedom: float,
+    rows: np.ndarray,
+    periods: Sequence[tuple[int, float]] = (),
+    shapes: Shapes | None = None,
+    span: Span | None = None,
+) -> RowSystem:
+    """Linearise around a model, with all effects and all blocks beside it.
+
+    Args:
+        fitted: the model.
+        problem: n rows.
+        candidates: effects that may be added.
+        noise: the noise floor.
+        freedom: degrees of freedom behind it.
+        rows: rows that count, (n,) bool.
+        periods: joint and length of periods that were seen.
+        shapes: of candidates by key; None asks each.
+        span: of the run that the problem is a part of; None for all of it.
+
+    Returns:
+        The system.
+    """
+    linear = linear_columns(fitted, problem, candidates, noise, shapes)
+    assert linear.at is not None
+    blocks = unknown_blocks(problem, linear.at.chain, periods, span)
+    columns = np.concatenate([linear.columns[rows], *(whitened(block, noise)[rows] for block in blocks)], axis=2)
+    atoms = atoms_of(linear, fitted, problem, candidates)
+    atoms |= atoms_of_blocks(blocks, linear.columns.shape[2], odds_of_block(len(blocks)))
+    more = columns.shape[2] - len(linear.scale)
+    return RowSystem(
+        np.flatnonzero(rows), linear.frame, atoms, clock_of(problem, rows), noise, freedom,
+        np.concatenate([linear.scale, np.ones(more)]), columns, linear.values[rows], pose_groups(problem.table)[rows],
+        travel_blocks(problem.table)[rows], _levers(linear, noise, rows),
+        np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)]), linear.base_values,
+    )  # fmt: skip
+
+
+def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndarray]:
+    """How each joint moves the readings that count."""
+    assert linear.at is not None
+    by_joint = linear.at.chain.by_joint.numpy()[rows] * SIZE
+    return {j: by_joint[:, :, j] @ noise.whitener.T for j in range(by_joint.shape[2])}
+
+
+def clock_of(problem: Problem, rows: np.ndarray) -> Clock:
+    """When rows were read: by the clock, else by their number; each run starts anew, a gap is as long as it took.
+
+    Args:
+        problem: n rows.
+        rows: (n,) bool.
+
+    Returns:
+        The clock of those rows.
+    """
+    view = problem.view
+    number = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
+    time = view.time.numpy() if "time" in view.varies else number
+    run = view.run.numpy()[rows]
+    return Clock(time[rows], np.diff(run, prepend=run[:1] - 1) != 0)
+
+
+def whitened(block: Block, noise: Noise) -> np.ndarray:
+    """Columns of a block in units of noise, (n, 3, m)."""
+    features = block.features
+    return whiten([features], noise.whitener, np.ones(features.shape[2]))
