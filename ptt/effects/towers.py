@@ -16,6 +16,7 @@ from ptt.effects.geometry import (
     ThreePttEffect,
     centre_basis,
     horizontal_axes,
+    machine,
 )
 from ptt.effects.phrases import Phrase, Said
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
@@ -95,7 +96,10 @@ class TowerTilt(ThreePttEffect):
     )
     card: ClassVar[Card] = Card(
         cause="A rail leans: its foot and head are not one above the other.",
-        equation="dc_i = (q_i - q0_i) (a_i u_i + b_i t_i), pivot at q0, angles in rad",
+        equation=(
+            "dc_i = (q_i - q0_i) (a_i t_i - b_i u_i) x e_i, pivot at q0, angles in rad, e_i along the rail (upright: "
+            "a_i u_i + b_i t_i)"
+        ),
         source=f"{CLOSURE}; the cosine of the lean (under 0.3 um at 2 mrad) is left out",
         size="0.1 to 2 mrad",
         fingerprint="A tower-position error that grows linearly with the slider's height and changes sign at q0.",
@@ -110,9 +114,11 @@ class TowerTilt(ThreePttEffect):
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Shift of each leg's centre by its height above home."""
-        height = (view.q - view.home)[..., None]
-        return centre_basis(*(height * axis for axis in horizontal_axes(view)))
+        """Shift of each leg's centre, as far from home as it is, by a small turn of its rail."""
+        along, (radial, tangential) = machine(view).rail, horizontal_axes(view)
+        distance = (view.q - view.home)[..., None]
+        turns = tangential, -radial  # about the tangent the upper end goes outward
+        return centre_basis(*(distance * torch.linalg.cross(turn, along) for turn in turns))
 
 
 @dataclass(frozen=True)
