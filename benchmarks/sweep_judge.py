@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from ptt.challenge.hide import FAULTS
 from ptt.challenge.score import judge, remeasure
-from ptt.challenge.truth import MICRO, Truth
+from ptt.challenge.truth import MICRO, READINGS, Truth, off_set_up, rms_length
 from ptt.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
@@ -195,8 +195,17 @@ def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | Non
     found: dict[str, Any] = {"before": before / noise, "after": None if after is None else after / noise}
     found["worse"] = after is not None and after > before + WORSE * noise
     if after is not None and printed_um:
-        found["rosy"] = float(np.hypot(after, noise) / printed_um)
+        found["rosy"] = float(np.hypot(after, scatter(drawn)) / printed_um)
     return found
+
+
+def scatter(drawn: DrawnRig) -> float:
+    """What noise alone, gross errors left out, put into the readings of this very run, um."""
+    noisy, still = (simulate(drawn.rig, drawn.targets, noise=noise) for noise in (True, False))
+    shift = noisy.frame[READINGS].to_numpy(float) - still.frame[READINGS].to_numpy(float)
+    kept = np.isfinite(shift).all(axis=1) & (noisy.frame["role"] != "base").to_numpy() & ~noisy.outlier
+    place, run = still.truth, noisy.frame["run"].to_numpy()
+    return MICRO * rms_length(off_set_up(drawn.rig, shift[kept], place[kept], run[kept]))
 
 
 def printed_heldout(result: Mapping[str, Any]) -> float | None:

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from ptt.challenge.challenge import LEVELS, bench, draw_level, new_challenge, open_challenge, seal, unseal
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
 from ptt.challenge.score import judge, remeasure, score
-from ptt.challenge.truth import MICRO, find_truth, off_frame, reading_noise, rms_length, table_of
+from ptt.challenge.truth import MICRO, find_truth, off_frame, off_set_up, reading_noise, rms_length, table_of
 from ptt.commands.challenge import app
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
@@ -185,6 +185,38 @@ def test_off_frame_takes_rigid_motions_off_and_nothing_else() -> None:
     shift = random.normal(size=(40, 3))
     np.testing.assert_allclose(off_frame(shift + moved, place), off_frame(shift, place), atol=1e-12)
     assert rms_length(off_frame(shift, place)) > 0.8 * rms_length(shift)
+
+
+def test_a_known_set_up_holds_nothing_and_one_for_each_run_holds_more() -> None:
+    random = np.random.default_rng(2)
+    place, run = random.uniform(-60, 60, (40, 3)), np.repeat([0, 1], 20)
+    moved = np.where(run[:, None] == 0, 0.0, np.cross([1e-4, -2e-4, 3e-4], place) + np.array([0.1, -0.2, 0.3]))
+    left = {}
+    for policy in ("trusted", "measured", "fitted", "fitted-per-run"):
+        file = bench()
+        file = replace(file, tracker=file.tracker.model_copy(update={"frame": policy}))
+        rig = replace(draw_rig("none", 1, bench(), "volume", rows=40).rig, machine=file)
+        left[policy] = rms_length(off_set_up(rig, moved, place, run))
+    assert left["trusted"] == left["measured"] == rms_length(moved)
+    assert 0.1 * left["trusted"] < left["fitted"] < left["trusted"]
+    assert left["fitted-per-run"] < 1e-9
+
+
+def test_the_tool_error_is_taken_as_the_set_up_allows() -> None:
+    """A homing error in a trusted frame is all there; fitted frames take most of it off."""
+    drawn = drawn_with("homing-offset", seed=3)
+    sizes = {}
+    for policy in ("trusted", "fitted"):
+        file = replace(drawn.rig.machine, tracker=drawn.rig.machine.tracker.model_copy(update={"frame": policy}))
+        rig = replace(drawn.rig, machine=file)
+        tracker = rig.tracker.model_copy(update={"translation_mm": (0.0,) * 3, "rotation_mrad": (0.0,) * 3})
+        known = replace(drawn, rig=replace(rig, tracker=tracker))
+        sizes[policy] = remeasure(Model(file), known).to_dict()["before"]["total"]
+        run = simulate(known.rig, known.targets, noise=False)
+        error = run.truth - run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)
+        if policy == "trusted":
+            assert sizes[policy] == pytest.approx(MICRO * rms_length(error))
+    assert sizes["fitted"] < 0.8 * sizes["trusted"]
 
 
 def test_reading_noise_is_what_readings_scatter_by() -> None:

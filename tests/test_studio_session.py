@@ -15,12 +15,12 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 import pytest
-from ptt.diagnosis.long import choose_diagnosis, diagnose_long
 from typer.testing import CliRunner
 
 from ptt.chunks import CHUNK, LONG
 from ptt.commands.main import app
 from ptt.commands.report import report as report_verb
+from ptt.diagnosis.long import choose_diagnosis, diagnose_long
 from ptt.diagnosis.verdict import diagnose
 from ptt.errors import InputError, ModelError, PttError
 from ptt.machine import EffectEntry, ParameterEntry, parse_machine

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ptt.challenge.hide import FAULTS, hide_faults
-from ptt.challenge.truth import COUNTS, READINGS, Truth, find_truth, off_frame, reading_noise, rms_length
+from ptt.challenge.truth import COUNTS, READINGS, Truth, find_truth, off_set_up, reading_noise, rms_length
 from ptt.effects import library
 from ptt.machine import MachineFile
 from ptt.rig import RunResult, simulate
@@ -164,11 +164,12 @@ def _best_size(sound: DrawnRig, still: RunResult, noise: float, name: str, seed:
 
 
 def _size(drawn: DrawnRig, still: RunResult) -> float:
-    """What one fault leaves in the readings once the frame is out, mm."""
+    """What one fault leaves in the readings once the tracker's set-up is out, mm."""
     frame = simulate(drawn.rig, drawn.targets, noise=False).frame
     shift = frame[READINGS].to_numpy(float) - still.frame[READINGS].to_numpy(float)
     read = np.isfinite(shift).all(axis=1) & (frame["role"] != "base").to_numpy()
-    return rms_length(off_frame(shift[read], frame[TARGET].to_numpy(float)[read]))
+    place, run = frame[TARGET].to_numpy(float), frame["run"].to_numpy()
+    return rms_length(off_set_up(drawn.rig, shift[read], place[read], run[read]))
 
 
 def _sound(case: Case, seed: int) -> DrawnRig:

@@ -46,6 +46,9 @@ class Judgement:
 class ToolError:
     """Where the tool really went against where it was wanted, without noise, after the best rigid motion.
 
+    The motion is one for each run where the machine file sets the tracker up anew each time, and none where it trusts
+    the tracker's frame.
+
     Attributes:
         before: (n, 3) mm, with the controller's own commands.
         after: (n, 3) mm, with the model's commands; None where the machine cannot follow them.
@@ -186,12 +189,12 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     try:
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
-            return ToolError(_error(before), None)
+            return ToolError(_error(before, drawn), None)
         sent = pd.DataFrame(commands.q, columns=["b1", "b2", "b3"])
-        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False))
+        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn)
     except WorkspaceError:
         after = None
-    return ToolError(_error(before), after)
+    return ToolError(_error(before, drawn), after)
 
 
 def _explained(fault: Fault, keys: Sequence[str], truth: Truth) -> bool:
@@ -206,11 +209,19 @@ def _works(key: str, keys: Sequence[str], truth: Truth) -> bool:
     return truth.left([other for other in keys if other != key]) - truth.left(keys) >= UNSEEN
 
 
-def _error(run: RunResult) -> np.ndarray:
+def _error(run: RunResult, drawn: DrawnRig) -> np.ndarray:
     poses = (run.frame["role"] != "base").to_numpy()
     wanted, went = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)[poses], run.truth[poses]
-    goal, here = wanted - wanted.mean(axis=0), went - went.mean(axis=0)
-    return np.asarray(Rotation.align_vectors(goal, here)[0].apply(here) - goal)
+    policy = drawn.rig.machine.tracker.frame
+    if policy == "trusted":
+        return went - wanted
+    label = run.frame["run"].to_numpy()[poses] if policy == "fitted-per-run" else np.zeros(len(went))
+    error = np.empty_like(went)
+    for one in np.unique(label):
+        rows = label == one
+        goal, here = wanted[rows] - wanted[rows].mean(axis=0), went[rows] - went[rows].mean(axis=0)
+        error[rows] = Rotation.align_vectors(goal, here)[0].apply(here) - goal
+    return error
 
 
 def _rms(error: np.ndarray) -> dict[str, float]:

@@ -40,7 +40,7 @@ class Fault:
     Attributes:
         name: of the effect, or of a fault outside the library.
         values: keys and values of the rig.
-        signature: readings with all faults less readings without this one, best rigid motion taken off, (n, 3) mm.
+        signature: readings with all faults less readings without this one, less what the set-up may hold, (n, 3) mm.
         size: root mean square of its length, mm.
         counts: whether it leaves at least twice the noise of one reading.
         known: whether an effect of the library describes it.
@@ -200,6 +200,28 @@ def off_frame(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
     return np.asarray(shift - (rigid @ np.linalg.lstsq(rigid, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
 
 
+def off_set_up(rig: Rig, shift: np.ndarray, place: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Take off what the tracker's set-up may hold: a rigid motion, one for each run, or nothing if it is known.
+
+    Args:
+        rig: its machine file says what is known of the frame.
+        shift: (n, 3) mm.
+        place: (n, 3) mm, where.
+        run: (n,), label or number of each row's run.
+
+    Returns:
+        (n, 3) mm.
+    """
+    policy = rig.machine.tracker.frame
+    if policy in ("trusted", "measured"):
+        return shift
+    left = np.array(shift)
+    for label in np.unique(run) if policy == "fitted-per-run" else [None]:
+        rows = np.ones(len(left), dtype=bool) if label is None else run == label
+        left[rows] = off_frame(left[rows], place[rows])
+    return left
+
+
 def rms_length(shift: np.ndarray) -> float:
     """Root mean square length of (n, 3) vectors."""
     return float(np.sqrt(np.square(shift).sum(axis=1).mean()))
@@ -210,7 +232,7 @@ def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library
     poses = problem.used
     shift = (problem.table.measured - without[READINGS].to_numpy(float))[poses]
     signature = np.full_like(problem.table.measured, np.nan)
-    signature[poses] = off_frame(shift, problem.table.target[poses])
+    signature[poses] = off_set_up(drawn.rig, shift, problem.table.target[poses], problem.table.run[poses])
     size = rms_length(signature[poses])
     return Fault(FAULTS[key].called, drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has)
 
