@@ -97,6 +97,33 @@ def test_commands_between_the_heights_of_a_raster_are_uncertain(tmp_path):
     assert between.sent.all() and np.isfinite(between.q).all()  # sent, and said
 
 
+def bent(height: np.ndarray, seed: int) -> np.ndarray:
+    """Screws with a level, a slope and a bow of their own, in um: what a usual curve looks like on a short travel."""
+    place = (height - height.mean()) / np.ptp(height)
+    level, slope, bow = np.random.default_rng(seed).normal(0.0, (60.0, 300.0, 60.0), (3, 3)).T[..., None]
+    return np.asarray((level + slope * place + bow * np.cos(2 * np.pi * place)).round(2))
+
+
+@pytest.mark.parametrize("partners", [(), ("homing-offset", "lead-scale")], ids=["alone", "beside homing and lead"])
+@pytest.mark.parametrize("frame", ["trusted", "fitted"])
+def test_a_smooth_screw_is_corrected_between_the_heights_of_a_raster(tmp_path, frame, partners):
+    """Without homing and lead in the model the curve must not bend between the heights to imitate them."""
+    file = replace(FILE, tracker=TrackerSpec(frame=frame, sigma_mm=SIGMA))
+    height = np.arange(150.0, 421.0, 15.0)
+    side = [-12.0, -4.0, 4.0, 12.0]
+    grid, between = (np.array(list(product(side, side, z))) for z in ([-30.0, 30.0], [-20.0, -10.0, 0.0, 10.0, 20.0]))
+    before, after = [], []
+    for seed in range(3):
+        drive = {"map_height_mm": height.tolist(), "map_um": bent(height, seed).tolist()}
+        rig, problem, ladder, model = learn(tmp_path, grid, drive, (*partners, "screw-error-map"), file)
+        corrected, bare = compensate(model, make_table(between)), compensate(Model(file), make_table(between))
+        aim = shown(problem, ladder, between)
+        before.append(1e3 * np.linalg.norm(went(rig, between, bare.q) - aim, axis=1).mean())
+        after.append(1e3 * np.linalg.norm(went(rig, between, corrected.q) - aim, axis=1).mean())
+    assert max(before) > 50.0
+    assert max(after) < 15.0 and (np.array(after) < before).all()
+
+
 def test_what_is_kept_reads_back_and_belongs_to_its_values(tmp_path):
     place = np.random.default_rng(4).uniform(-50, 50, (60, 3)).round(4)
     _, _, ladder, model = learn(tmp_path, place, DRIVE, EFFECTS)

@@ -24,6 +24,8 @@ class Parameter:
         usual_rad: usual size on a serial arm, where it differs.
         held: kept near zero at its usual size by a prior, because the effect is defined without it; what data of
             finite length leave of it is small.
+        lent: effects whose own cause each of the `count` held values is. Where such an effect is not in the model, the
+            fit frees the value: else the rest of the effect would have to imitate it.
     """
 
     stem: str
@@ -38,6 +40,7 @@ class Parameter:
     axis: bool = False
     usual_rad: float | None = None
     held: bool = False
+    lent: tuple[str, ...] = ()
     onward: bool = False
 
     def size(self, joints: int) -> int:

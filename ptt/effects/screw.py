@@ -64,7 +64,8 @@ class ScrewErrorMap(Effect):
     """Smooth error of the screw along its length, without the parts that homing and lead are.
 
     A curve that has no level and no slope over its whole range has a little of both over the heights that were
-    visited; that little is held near zero, so that homing and lead stay their own causes.
+    visited; that little is held near zero beside homing and lead, so that these stay their own causes. Without them it
+    is free: a curve that had to imitate them would bend wildly where no height was visited.
     """
 
     name: ClassVar[str] = "screw-error-map"
@@ -91,6 +92,7 @@ class ScrewErrorMap(Effect):
             axis=True,
             usual_rad=4e-5,
             held=True,
+            lent=("lead-scale", "homing-offset"),
         ),
         Parameter("from", "mm", 1.0, "lower end of the range", True, role="given", axis=True),
         Parameter("to", "mm", 1.0, "upper end of the range", True, role="given", axis=True),
@@ -102,7 +104,7 @@ class ScrewErrorMap(Effect):
             "dq_i = sum_j a_ij N_j(x) + b_i (2 x - 1) + c_i, x = (q_i - from_i)/(to_i - from_i) held to 0..1; N_j the "
             "15 bending modes of a natural cubic spline on 17 knots, the first one high, the j-th about 1/j^2 (the "
             "prior of a smoothing spline); b and c, what a curve leaves of slope and level over the visited heights, "
-            "are held near zero"
+            "are held near zero where lead-scale and homing-offset are in the model"
         ),
         source=(
             f"{SCREW_STANDARD}: travel variation; the form of a controller's leadscrew compensation table; shapes: "

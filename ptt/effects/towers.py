@@ -125,7 +125,8 @@ class TowerTilt(ThreePttEffect):
 class GuideStraightness(ThreePttEffect):
     """Slider i wanders sideways along its rail, without the parts that tower position and tilt are.
 
-    As with the screw's curve, the little level and slope that the visited heights leave is held near zero.
+    As with the screw's curve, the little level and slope that the visited heights leave is held near zero beside the
+    effects that it is, and free without them.
     """
 
     name: ClassVar[str] = "guide-straightness"
@@ -134,7 +135,16 @@ class GuideStraightness(ThreePttEffect):
             "radial", "mm", 0.02, "heights of bow, double bow, ... outward, each in its usual share", True, SHAPES
         ),
         Parameter("tangential", "mm", 0.02, "the same along increasing azimuth", True, SHAPES),
-        Parameter("straight", "mm", 0.004, "slope and level, radial and tangential, of the curve", True, 4, held=True),
+        Parameter(
+            "straight",
+            "mm",
+            0.004,
+            "slope and level, radial and tangential, of the curve",
+            True,
+            4,
+            held=True,
+            lent=("tower-tilt", "tower-position") * 2,
+        ),
         Parameter("from", "mm", 1.0, "lower end of the range", True, role="given"),
         Parameter("to", "mm", 1.0, "upper end of the range", True, role="given"),
     )
@@ -144,8 +154,8 @@ class GuideStraightness(ThreePttEffect):
         cause="The rail is bowed or its bolts pull it, so the slider wanders sideways as it travels.",
         equation=(
             "dc_i = u_i f_i(x) + t_i g_i(x), f and g = sum_j a_j N_j(x) + b (2 x - 1) + c with the shapes N_j of "
-            "screw-error-map, x = (q_i - from_i)/(to_i - from_i) held to 0..1; b and c are held near zero, because "
-            "level and slope are tower-position and tower-tilt"
+            "screw-error-map, x = (q_i - from_i)/(to_i - from_i) held to 0..1; b and c are held near zero where "
+            "tower-position and tower-tilt, which level and slope are, are in the model"
         ),
         source=f"straightness of a linear motion: ISO 230-1; {CLOSURE}",
         size="0.005 to 0.03 mm",

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.effects.parameter import Parameter
 from ptt.model import Model, Term, parameter_names
 from ptt.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.view import View
@@ -27,9 +28,10 @@ class Layout:
         scale: (u,) usual size of each unknown.
         lower: (u,) bound in units of scale.
         upper: (u,) bound in units of scale.
-        held: (u,) bool, kept near zero at its scale by definition of the effect.
+        held: (u,) bool, kept near zero at its scale by definition of the effect and of those beside it.
         owner: (u,) int, index of the term; FRAME or MOUNT for those.
-        group: (u,) int, unknowns of one parameter, which share how large they may be; -1 for frames and mounts.
+        group: (u,) int, unknowns of one parameter (slopes and levels apart), which share how large they may be; -1 for
+            frames and mounts.
         kinds: of each group: 'free', 'held' as above, or 'searched'.
         names: one for each unknown.
         frames: number of frames.
@@ -97,6 +99,7 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         The layout.
     """
     kind, joints = model.file.machine.kind, problem.view.joints
+    fitted = {term.effect.name for term in terms if not all(p.stem in term.fixed for p in term.effect.parameters)}
     free, scale, lower, upper, held, owner, group, names = [], [], [], [], [], [], [], []
     kinds: list[str] = []
     for index, term in enumerate(terms):
@@ -109,10 +112,11 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
                 scale += [parameter.usual] * size
                 lower += [parameter.lower / parameter.usual] * size
                 upper += [parameter.upper / parameter.usual] * size
-                held += [parameter.held] * size
                 owner += [index] * size
-                group += [len(kinds)] * size
-                kinds.append("searched" if parameter.role == "searched" else "held" if parameter.held else "free")
+                part = _kinds(parameter, size, fitted)
+                held += [own == "held" for own, _ in part]
+                group += [len(kinds) + list(dict.fromkeys(part)).index(own) for own in part]
+                kinds += [own for own, _ in dict.fromkeys(part)]
         free.append(np.array(flags, dtype=bool))
         local = parameter_names(term.effect, kind, joints)
         names += [f"{term.effect.key} {name}" for name, flag in zip(local, flags, strict=True) if flag]
@@ -139,3 +143,13 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
         np.array(owner, dtype=int), np.array(group, dtype=int), tuple(kinds), tuple(names), problem.frames,
         problem.mounts,
     )  # fmt: skip
+
+
+def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
+    """Of each value: its kind, and whose cause it is where it is lent; values alike in both share one size."""
+    kind = "searched" if parameter.role == "searched" else "held" if parameter.held else "free"
+    if not parameter.lent:
+        return [(kind, "")] * size
+    # Slope and level are told apart: where a frame takes the level, a large slope must not make it uncertain.
+    owners = parameter.lent * (size // len(parameter.lent))
+    return [("held", "") if name in fitted else ("free", name) for name in owners]
