@@ -167,6 +167,16 @@ def test_speed_at_a_sharp_turn_is_halfway() -> None:
     np.testing.assert_allclose(speed[:, 0], [1, 1, 1, 0, -1, -1, -1], atol=1e-12)
 
 
+def test_every_run_is_led_in_and_out_by_itself() -> None:
+    """The jump back to where the next run begins is part of neither."""
+    time, run = np.arange(8.0), np.repeat([0, 1], 4)
+    command = np.repeat(np.array([0.0, 2.0, 4.0, 6.0] * 2)[:, None], 3, 1)
+    tool = np.outer(command[:, 0], [1.0, 0.0, 0.0])
+    still = np.zeros(8, dtype=bool)
+    np.testing.assert_allclose(slider_speed(command, tool, time, still, run), 2.0, atol=1e-12)
+    assert np.abs(slider_speed(command, tool, time, still) - 2.0).max() > 1.0
+
+
 def test_standstill_keeps_the_direction() -> None:
     path = column(0.0, 0.0, 1.0, 1.0, 0.5, 0.5)
     np.testing.assert_array_equal(travel_direction(path)[:, 0], [0, 0, 1, 1, -1, -1])

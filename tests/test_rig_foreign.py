@@ -104,6 +104,17 @@ def test_plans_have_about_the_rows_asked_for_and_can_be_run(path: str, rows: int
         assert (np.abs(drawn.targets[TARGET]) <= drawn.room + 1e-3).all().all()
 
 
+def test_poses_of_a_run_without_stops_lie_close() -> None:
+    """Speeds between poses are told by chords: the way turns by no more than a few degrees from one to the next."""
+    for seed in range(12):
+        drawn = draw_foreign(seed, "speed", rows=130, noise="white")
+        way = np.diff(drawn.targets[TARGET].to_numpy(), axis=0)
+        # The middle of a spiral is a corner, which the rig rounds off.
+        unit = (way / np.linalg.norm(way, axis=1, keepdims=True))[10:]
+        assert ((unit[1:] * unit[:-1]).sum(1) > np.cos(np.radians(20.0))).all(), drawn.notes
+        assert drawn.rig.tracker.datum_every == 0
+
+
 def test_forms_of_repeats() -> None:
     foreign = draw_machine_file(2)
     drawing = draw_machine(foreign.file.machine)

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ptt.machine import MachineFile, ThreePttSpec
+from ptt.machine import MachineFile, ThreePttSpec, TrackerSpec
 from ptt.rig.draw import DrawnRig, Protocol
 from ptt.rig.draw_machine import Foreign, draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.nominal import Array, draw_machine
-from ptt.rig.paths import SMOOTH, draw_plan
+from ptt.rig.paths import PER_TURN, SMOOTH, draw_plan
 from ptt.rig.rig import parse_rig
 
 Random = np.random.Generator
@@ -52,16 +52,21 @@ def draw_foreign(
     spec = foreign.file.machine
     assert isinstance(spec, ThreePttSpec)
     cycles, conditions = CONDITIONS[protocol](random)
+    moving = protocol == "speed"
+    if moving and foreign.file.tracker.frame == "measured":  # nor starts and ends it standing before base reflectors
+        foreign = replace(foreign, file=replace(foreign.file, tracker=TrackerSpec()))
     if path is None and protocol in ("path", "speed"):
         path = str(random.choice(SMOOTH))
     repeats = "none" if cycles > 1 else repeats  # what is run through under every load is repeated thereby
-    plan = draw_plan(seed, draw_machine(spec), foreign.room, max(rows // cycles, 8), path, repeats)
+    count = max(rows // cycles, PER_TURN if moving else 8)
+    plan = draw_plan(seed, draw_machine(spec), foreign.room, count, path, repeats, smooth=moving)
     conditions["cycles"] = cycles if cycles > 1 else plan.cycles
     per_run = foreign.file.tracker.frame == "fitted-per-run"
     conditions["run_per_cycle"] = per_run
     values = draw_noise(kind, seed)
     tracker = {**_set_up(random, foreign.file), **values}
-    tracker["datum_every"] = int(random.integers(10, 30)) * int(random.random() < 0.3)
+    datum = int(random.integers(10, 30)) * int(random.random() < 0.3)
+    tracker["datum_every"] = 0 if moving else datum  # nobody breaks off a smooth run
     told = random.random() < 0.5
     file = _tell(foreign.file, stated_sigma(values, AWAY) * random.uniform(0.8, 1.25) if told else None)
     dwell = float(np.round(random.uniform(2.0, 12.0), 1))

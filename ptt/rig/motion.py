@@ -75,7 +75,7 @@ def travel_direction(slider: Array) -> Array:
     return np.take_along_axis(sign, at, axis=0)
 
 
-def slider_speed(command: Array, tool: Array, time: Array, still: Array) -> Array:
+def slider_speed(command: Array, tool: Array, time: Array, still: Array, run: Array | None = None) -> Array:
     """Slider speeds at the rows of a path that is run without stopping.
 
     Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, the
@@ -86,10 +86,15 @@ def slider_speed(command: Array, tool: Array, time: Array, still: Array) -> Arra
         tool: (n, 3) mm.
         time: (n,) s.
         still: (n,) bool, rows that are read at standstill.
+        run: (n,) number of each row's run; every run is led in and out by itself. None for a single one.
 
     Returns:
         (n, 3) mm/s, zero at standstill.
     """
+    if run is not None and len(np.unique(run)) > 1:
+        parts = [np.flatnonzero(run == number) for number in np.unique(run)]
+        speeds = [slider_speed(command[rows], tool[rows], time[rows], still[rows]) for rows in parts]
+        return np.concatenate(speeds)[np.argsort(np.concatenate(parts))]
     speed = np.zeros_like(command)
     if still.all():
         return speed

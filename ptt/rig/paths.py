@@ -12,6 +12,7 @@ from ptt.rig.targets import as_targets, make_volume
 
 Random = np.random.Generator
 REPEATS = ("none", "consecutive", "cycles", "shuffled", "nine")
+PER_TURN = 40  # poses from which a chord's direction is within a hundredth of the path's
 NINE = (32, 9)  # poses and visits of the source paper's raster
 
 
@@ -38,7 +39,14 @@ class Plan:
 
 
 def draw_plan(
-    seed: int, drawing: Drawing, room: Array, rows: int, path: str | None = None, repeats: str | None = None
+    seed: int,
+    drawing: Drawing,
+    room: Array,
+    rows: int,
+    path: str | None = None,
+    repeats: str | None = None,
+    *,
+    smooth: bool = False,
 ) -> Plan:
     """Draw a path and how its poses are repeated.
 
@@ -49,6 +57,7 @@ def draw_plan(
         rows: about how many readings; never more than a few over it.
         path: kind of path, None lets the seed choose.
         repeats: form of the repeats, None lets the seed choose.
+        smooth: it is run without stopping, so that poses lie close enough to tell the speed between them.
 
     Returns:
         The targets.
@@ -63,13 +72,13 @@ def draw_plan(
     elif path == "one-way":
         table = _one_way(drawing, random, count, room)
     else:
-        table = as_targets(make_path(path, count, room, random))
+        table = as_targets(make_path(path, count, room, random, smooth=smooth))
     table = _repeat(table, repeats, times, random, whole=path in ("volume", "one-way"))
     cycled = repeats in ("cycles", "nine") or (path in ("volume", "one-way") and repeats != "none")
     return Plan(table, times if cycled else 1, path, repeats)
 
 
-def make_path(kind: str, rows: int, room: Array, random: Random) -> Array:
+def make_path(kind: str, rows: int, room: Array, random: Random, *, smooth: bool = False) -> Array:
     """Poses of a path.
 
     Args:
@@ -77,11 +86,14 @@ def make_path(kind: str, rows: int, room: Array, random: Random) -> Array:
         rows: number of poses n.
         room: (3,) mm, half size of the workspace.
         random: of its proportions.
+        smooth: no more turns than poses lie close on.
 
     Returns:
         (n, 3) mm, to 0.1 um, inside the room.
     """
-    return np.round(CURVES[kind](rows, random) * room, 4)
+    most = rows / PER_TURN if smooth else np.inf
+    points = ROUND[kind](rows, random, most) if kind in ROUND else FREE[kind](rows, random)
+    return np.round(points * room, 4)
 
 
 def _cloud(rows: int, random: Random) -> Array:
@@ -108,26 +120,27 @@ def _round(angle: Array, radius: Array | float, height: Array | float) -> Array:
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, angle.shape)])
 
 
-def _helix(rows: int, random: Random) -> Array:
-    angle = 2.0 * np.pi * random.uniform(1.0, 5.0) * np.arange(rows) / rows
+def _helix(rows: int, random: Random, most: float) -> Array:
+    angle = 2.0 * np.pi * min(random.uniform(1.0, 5.0), most) * np.arange(rows) / rows
     return _round(angle, random.uniform(0.5, 1.0), np.linspace(-1.0, 1.0, rows))
 
 
-def _circle(rows: int, random: Random) -> Array:
-    angle = 2.0 * np.pi * int(random.integers(1, 4)) * np.arange(rows) / rows
+def _circle(rows: int, random: Random, most: float) -> Array:
+    angle = 2.0 * np.pi * min(int(random.integers(1, 4)), most) * np.arange(rows) / rows
     return _round(angle, random.uniform(0.6, 1.0), random.uniform(-0.8, 0.8))
 
 
-def _spiral(rows: int, random: Random) -> Array:
+def _spiral(rows: int, random: Random, most: float) -> Array:
     """Out from the middle, on a dish."""
     part = np.arange(1, rows + 1) / rows
     dish = random.uniform(0.0, 1.5)
-    return _round(2.0 * np.pi * random.uniform(3.0, 7.0) * np.sqrt(part), np.sqrt(part), dish * (part - 0.5))
+    turns = min(random.uniform(3.0, 7.0), most)
+    return _round(2.0 * np.pi * turns * np.sqrt(part), np.sqrt(part), dish * (part - 0.5))
 
 
-def _loop(rows: int, random: Random) -> Array:
+def _loop(rows: int, random: Random, most: float) -> Array:
     swing = 2.0 * np.pi * np.arange(rows) / rows
-    return _round(2.0 * swing, 0.75 + 0.25 * np.cos(swing), np.sin(swing + random.uniform(0.0, 6.0)))
+    return _round(min(2.0, most) * swing, 0.75 + 0.25 * np.cos(swing), np.sin(swing + random.uniform(0.0, 6.0)))
 
 
 def _star(rows: int, random: Random) -> Array:
@@ -146,17 +159,15 @@ def _walk(rows: int, random: Random) -> Array:
     return np.abs((place + 1.0) % 4.0 - 2.0) - 1.0
 
 
-CURVES: dict[str, Callable[[int, Random], Array]] = {
-    "cloud": _cloud,
-    "raster": _raster,
+ROUND: dict[str, Callable[[int, Random, float], Array]] = {  # can be run without stopping
     "helix": _helix,
     "circle": _circle,
     "spiral": _spiral,
     "loop": _loop,
-    "star": _star,
-    "walk": _walk,
 }
-SMOOTH = ("helix", "circle", "spiral", "loop")  # can be run without stopping
+FREE: dict[str, Callable[[int, Random], Array]] = {"cloud": _cloud, "raster": _raster, "star": _star, "walk": _walk}
+CURVES = ("cloud", "raster", *ROUND, "star", "walk")
+SMOOTH = tuple(ROUND)
 PATHS = ("volume", "one-way", *CURVES)
 
 
