@@ -208,3 +208,28 @@ def test_a_path_cut_short_says_that_more_is_missing(tmp_path):
     assert found.verdict == "unknown"
     assert "no more steps were allowed" in found.words
     assert found.depends_on == () or found.depends_on[0].share > 0.0
+
+
+def test_other_candidates_show_no_size_that_the_run_does_not_tell(tmp_path):
+    """Joint offsets imitate a lean or a zero only along what hardly shows: a quarter of a metre, told by nothing."""
+    usual = {f"{name}/{p.name}": p.usual for name, cls in library().items() for p in cls.parameters}
+    shown = 0
+    for fault, seed in (("tower-tilt", 1), ("homing-offset", 2), ("joint-clearance", 21)):
+        _, found = learn(tmp_path, "single", seed, fault=fault)
+        for other in found.candidates[len(found.suggested) :]:
+            for name, _, value, std in other.parameters:
+                size = usual[f"{other.effect.partition('[')[0]}/{name.partition(' ')[0]}"]
+                assert std is not None and std < size
+                assert abs(value) < 30.0 * size, (other.effect, name)
+                shown += 1
+    assert shown > 30
+
+
+def test_a_later_step_says_after_which_its_error_is(tmp_path):
+    _, found = learn(tmp_path, "multi", 1)
+    steps = found.candidates[: len(found.suggested)]
+    assert len(steps) > 1
+    assert " after " not in steps[0].words
+    for number, step in enumerate(steps[1:], start=1):
+        assert f"held-out error after {steps[0].effect}" in step.words
+        assert all(before.effect in step.words for before in steps[:number])

@@ -9,12 +9,14 @@ import torch
 from ptt.chunks import numbers
 from ptt.dependence.dependence import Dependence
 from ptt.design.separation import Separation, plan_separation
+from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.depends import dependences, rest_of, unknowns_of
 from ptt.diagnosis.find import STEPS, Found, Progress, find
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
+from ptt.diagnosis.score import State
 from ptt.diagnosis.steps import Step, held_out, name_steps, share_of
 from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict
@@ -44,7 +46,8 @@ class Candidate:
         explained_share: of the residual's variance after the frame that it takes by itself.
         heldout_before: error on hidden blocks without it, um.
         heldout_after: error on hidden blocks with it, um.
-        parameters: (name, unit, value, standard deviation or None where the data do not tell it).
+        parameters: (name, unit, value, standard deviation or None where the data do not tell it); of what is no step,
+            only those that they tell.
         indistinguishable_from: effects that would do as well.
         sum_of: two or more effects that would do the same together.
         words: why, for a machinist.
@@ -328,9 +331,9 @@ def _errors(found: Found, keys: tuple[str, ...], clean: Problem) -> dict[str, di
 def _steps(
     found: Found, named: tuple[Step, ...], terms: tuple[Term, ...], chances: Probability, noise: Noise, problem: Problem
 ) -> list[Candidate]:
-    result = []
-    for step in named:
-        name = found.system.atoms[step.key].name
+    result: list[Candidate] = []
+    for index, step in enumerate(named):
+        name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
         term = next((item for item in terms if item.effect.key == name), None)
         if term is None:
             continue
@@ -346,7 +349,7 @@ def _steps(
                 _parameters(term, problem),
                 step.others,
                 together,
-                explain_step(term, step.others, together, errors, noise, problem),
+                explain_step(term, step.others, together, errors, noise, problem, before),
             )
         )
     return result
@@ -364,10 +367,7 @@ def _others(found: Found, named: tuple[Step, ...], chances: Probability, problem
         if atom.name in taken or gain.nats <= 0.0 or len(result) == MOST_SHOWN:
             continue
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
-        values = state.posterior.values[state.of(gain.key)] * found.system.scale[atom.columns]
-        assert atom.effect is not None
-        names = _names(atom.effect, problem)
-        parameters = tuple((name, unit, float(value), None) for (name, unit), value in zip(names, values, strict=False))
+        parameters = _told(state, atom, found.system.scale[atom.columns], problem)
         after = held_out(scorer, (gain.key,)) * 1e3
         chance = chances.effects.get(atom.name, 0.0)
         share = share_of(scorer, gain.key)
@@ -375,6 +375,21 @@ def _others(found: Found, named: tuple[Step, ...], chances: Probability, problem
             Candidate(atom.name, chance, float(np.exp(-gain.nats)), share, before, after, parameters, (), (), "")
         )
     return result
+
+
+def _told(
+    state: State, atom: Atom, scale: np.ndarray, problem: Problem
+) -> tuple[tuple[str, str, float, float | None], ...]:
+    """Values of an effect that the run tells better than the prior does, and better than the usual size.
+
+    An effect that is not there can learn any size along what it hardly shows: a joint a foot off its place.
+    """
+    assert atom.effect is not None
+    own = state.of(atom.key)
+    values, std = state.posterior.values[own] * scale, state.std[own]
+    told = std**2 < MEASURED * np.minimum((state.posterior.prior * state.posterior.phi)[own], 1.0)
+    rows = zip(_names(atom.effect, problem), values, std * scale, told, strict=False)  # what is linear comes first
+    return tuple((*name, float(value), float(error)) for name, value, error, seen in rows if seen)
 
 
 def _names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
