@@ -19,6 +19,21 @@ SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
 
 
 @dataclass(frozen=True)
+class Turn:
+    """How the values of an effect follow from those of the fewer columns that its rows tell apart.
+
+    Attributes:
+        ways: (w, r) orthonormal columns.
+        group: which learned variance each value has, (w,).
+        scale: (w,) size of a unit of each value.
+    """
+
+    ways: np.ndarray
+    group: np.ndarray
+    scale: np.ndarray
+
+
+@dataclass(frozen=True)
 class Atom:
     """A named effect in one shape, or a block of unknown physics.
 
@@ -33,6 +48,7 @@ class Atom:
         effect: the effect; None for a block.
         shape: its searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
+        turn: from its columns to its values; None where each column is one.
     """
 
     key: str
@@ -45,11 +61,25 @@ class Atom:
     effect: Effect | None = None
     shape: Mapping[str, Tensor] | None = None
     block: Block | None = None
+    turn: Turn | None = None
 
     @property
     def groups(self) -> int:
         """Number of learned variances."""
         return len(self.most)
+
+    def amplitudes(self, values: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Its linear values in their units from those of its columns, (w,).
+
+        Args:
+            values: of its columns.
+            scale: (P,) of all columns of the system.
+        """
+        return self.sizes(scale) * (values if self.turn is None else self.turn.ways @ values)
+
+    def sizes(self, scale: np.ndarray) -> np.ndarray:
+        """Units of its linear values, (w,); `scale` as in `amplitudes`."""
+        return scale[self.columns] if self.turn is None else self.turn.scale
 
 
 def odds_of_effect(effects: int, shapes: int) -> float:
@@ -142,14 +172,16 @@ def _kinds_of_values(
     """Of each value: its learned variance, whether it cannot be negative, whether it is near zero by definition.
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
-    superfluous values beside the few that matter would cost an effect its evidence.
+    superfluous values beside the few that matter would cost an effect its evidence. What is kept near zero has one a
+    joint altogether: where zero lies divides cosines from sines, which nature does not.
     """
-    joints, group, bounded, held, first = problem.view.joints, [], [], [], 1
+    joints, group, bounded, held, first, curves = problem.view.joints, [], [], [], 1, 0
     for parameter in effect.parameters:
         size = parameter.size(joints)
         apart = joints if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 else 0
         if apart:
-            group.append(first + np.repeat(np.arange(joints), parameter.count))
+            begin = curves = (curves or first) if parameter.held else first
+            group.append(begin + np.repeat(np.arange(joints), parameter.count))
         else:
             group.append(np.full(size, 0 if parameter.role == "linear" and not parameter.held else first))
         first += max(apart, 1)

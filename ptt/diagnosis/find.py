@@ -235,7 +235,7 @@ def _opened(found: Found, atom: Atom, shape: Mapping[str, Tensor], problem: Prob
     assert atom.effect is not None
     joints, kind = problem.view.joints, problem.file.machine.kind
     theta = flatten(atom.effect, shape, joints)
-    amplitudes = found.state.posterior.values[found.state.of(atom.key)] * found.system.scale[atom.columns]
+    amplitudes = atom.amplitudes(found.state.posterior.values[found.state.of(atom.key)], found.system.scale)
     theta[: len(amplitudes)] = torch.as_tensor(amplitudes)
     place = 0
     for parameter in (declared.on(kind) for declared in atom.effect.parameters):

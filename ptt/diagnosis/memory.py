@@ -1,6 +1,7 @@
 """Memory of the noise: what makes readings alike beside the model, and normal sums under it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def sum_rows(joined: np.ndarray, memory: Memory, clock: Clock, pose: np.ndarray)
     gram = flat.T @ flat
     if not memory.pose:
         return gram, log_noise
-    taken, more = _of_poses(flat, memory, pose)
+    taken, more = of_poses(pose_parts(flat, pose), memory)
     return gram - taken, log_noise + more
 
 
@@ -115,12 +116,64 @@ def as_sums(gram: np.ndarray, log_noise: float) -> Sums:
     return Sums(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]), log_noise)
 
 
-def _of_poses(flat: np.ndarray, memory: Memory, pose: np.ndarray) -> tuple[np.ndarray, float]:
-    """What free errors of each pose take off the sums, and half the log-determinant that they cost."""
+PoseParts = list[tuple[int, int, np.ndarray]]  # visits of a pose, poses of so many visits, sums of their totals
+
+
+@dataclass
+class RowSums:
+    """Normal sums of some rows under any memory of the noise; what memories of poses share is kept.
+
+    Attributes:
+        joined: columns, and the readings as the last, (m, 3, P + 1) whitened.
+        base: sums of the base reflectors, (P + 1, P + 1), or a single zero.
+        clock: of the rows.
+        pose: (m,) int, equal for visits of one pose.
+    """
+
+    joined: np.ndarray
+    base: np.ndarray
+    clock: Clock
+    pose: np.ndarray
+
+    def of(self, memory: Memory) -> Sums:
+        """Normal sums under a memory."""
+        if memory.wander is not None:
+            gram, log_noise = sum_rows(self.joined, memory, self.clock, self.pose)
+            return as_sums(gram + self.base, log_noise)
+        if not memory.pose:
+            return as_sums(self._white, 0.0)
+        taken, log_noise = of_poses(self._parts, memory)
+        return as_sums(self._white - taken, log_noise)
+
+    @cached_property
+    def _white(self) -> np.ndarray:
+        flat = self.joined.reshape(-1, self.joined.shape[2])
+        return np.asarray(flat.T @ flat + self.base)
+
+    @cached_property
+    def _parts(self) -> PoseParts:
+        return pose_parts(self.joined.reshape(-1, self.joined.shape[2]), self.pose)
+
+
+def pose_parts(flat: np.ndarray, pose: np.ndarray) -> PoseParts:
+    """What any memory of poses needs of some rows.
+
+    Args:
+        flat: columns, and the readings as the last, (3 m, P + 1) whitened.
+        pose: (m,) int, equal for visits of one pose.
+    """
     order = np.argsort(pose, kind="stable")
     first = np.flatnonzero(np.diff(pose[order], prepend=pose[order[:1]] - 1))
     visits = np.diff(np.append(first, len(order)))
     cross = np.add.reduceat(flat.reshape(len(order), -1)[order], first, axis=0)
-    weight = 1.0 / (visits + 1.0 / memory.pose)
-    cross = (cross * np.sqrt(weight)[:, None]).reshape(-1, flat.shape[1])
-    return cross.T @ cross, 1.5 * float(np.log1p(memory.pose * visits).sum())
+    parts = []
+    for count in np.unique(visits):
+        own = cross[visits == count].reshape(-1, flat.shape[1])
+        parts.append((int(count), len(own) // 3, own.T @ own))
+    return parts
+
+
+def of_poses(parts: PoseParts, memory: Memory) -> tuple[np.ndarray, float]:
+    """What free errors of each pose take off the sums, and half the log-determinant that they cost."""
+    taken = sum(gram / (visits + 1.0 / memory.pose) for visits, _, gram in parts)
+    return np.asarray(taken), 1.5 * float(sum(poses * np.log1p(memory.pose * visits) for visits, poses, _ in parts))

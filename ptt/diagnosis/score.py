@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from scipy import linalg
@@ -18,7 +18,7 @@ RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screene
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
-ROUGHLY = 0.3  # the same while atoms are only screened
+UNSEEN = 0.02  # variance over noise of all that is left out where memories of the noise are compared
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
 
@@ -51,13 +51,33 @@ class State:
     def worth(self, key: str) -> float:
         """About what an atom is worth: half of Wald's statistic of its values, nats."""
         own = self.of(key)
-        values, spread = self.posterior.values[own], self.posterior.covariance[np.ix_(own, own)]
+        values, spread = self.posterior.values[own], self.covariance[np.ix_(own, own)]
         return 0.5 * float(values @ np.linalg.lstsq(spread, values, rcond=1e-12)[0])
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Of the posterior, (p, p)."""
+        return self.posterior.covariance
 
     @property
     def std(self) -> np.ndarray:
         """Posterior standard deviations, (p,)."""
-        return np.sqrt(np.diag(self.posterior.covariance))
+        return np.sqrt(np.diag(self.covariance))
+
+    def errors(self, atom: Atom, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations of an atom's linear values after and before the data, in their units, (w,) each.
+
+        Args:
+            atom: the atom.
+            scale: (P,) of all columns of the system.
+        """
+        own, phi, size = self.of(atom.key), self.posterior.phi, atom.sizes(scale)
+        if atom.turn is None:
+            return self.std[own] * size, np.sqrt(self.posterior.prior[own] * phi) * size
+        ways, before = atom.turn.ways, self.scales[atom.key][atom.turn.group] * phi
+        unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
+        after = np.einsum("ij,jk,ik->i", ways, self.covariance[np.ix_(own, own)], ways, optimize=True) + unseen
+        return np.sqrt(after) * size, np.sqrt(before) * size
 
 
 @dataclass(frozen=True)
@@ -221,13 +241,14 @@ class Scorer:
     def best_memory(self, state: State) -> tuple[Memory, float]:
         """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""
         system, at = self.system, state.memory
-        joined = state.columns
+        ways = self._ways(state)
+        among = system.among(state.columns, ways)
         seen: dict[Memory, float] = {}
 
         def value(memory: Memory) -> float:
             if memory not in seen:
-                sums = system.sums_of(joined, memory)
-                fixed = self._fixed(sums.gram, sums.side, sums.square, state.posterior.prior)
+                sums = among(memory)
+                fixed = self._fixed(sums.gram, sums.side, sums.square)
                 seen[memory] = fixed - sums.log_noise + prior_of(memory)
             return seen[memory]
 
@@ -235,13 +256,20 @@ class Scorer:
         best = max([WHITE, at, *tried], key=value)
         return best, value(best) - value(at)
 
-    def _fixed(self, gram: np.ndarray, side: np.ndarray, square: float, prior: np.ndarray) -> float:
-        """Log evidence at given variances."""
-        factor = linalg.cholesky(gram + np.diag(1.0 / prior), lower=True, check_finite=False)
+    def _ways(self, state: State) -> np.ndarray:
+        """Combinations of a state's columns of unit variance that say all but a few hundredths of a nat, (p, r)."""
+        size, gram = np.sqrt(state.posterior.prior), self.system.sums_of(state.columns, state.memory).gram
+        strength, ways = np.linalg.eigh(gram * size[:, None] * size)
+        kept = np.cumsum(np.maximum(strength, 0.0)) > UNSEEN
+        return np.asarray(size[:, None] * ways[:, kept])
+
+    def _fixed(self, gram: np.ndarray, side: np.ndarray, square: float) -> float:
+        """Log evidence of columns of unit variance."""
+        factor = linalg.cholesky(gram + np.eye(len(gram)), lower=True, check_finite=False)
         along = linalg.solve_triangular(factor, side, lower=True, check_finite=False)
         left = max(square - float(along @ along), 1e-12)
         known = self.system.freedom + self.system.count
-        half = float(np.log(np.diag(factor)).sum() + 0.5 * np.log(prior).sum())
+        half = float(np.log(np.diag(factor)).sum())
         return -half - 0.5 * known * float(np.log((self.system.freedom + left) / known))
 
     def _neighbours(self, state: State, value: Callable[[Memory], float]) -> list[Memory]:

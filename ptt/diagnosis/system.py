@@ -1,7 +1,7 @@
 """The linearised problem: whitened columns of everything that may explain the readings, and their normal sums."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
-from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums, block_sums, hide, sum_rows
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, RowSums, Sums, base_sums, block_sums, hide
+from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.effects import Effect
@@ -81,6 +82,20 @@ class System(ABC):
         whole = self.sums(memory)
         return Sums(whole.gram[np.ix_(chosen, chosen)], whole.side[chosen], whole.square, whole.log_noise)
 
+    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
+        """Normal sums of combinations of chosen columns, under any memory.
+
+        Args:
+            chosen: (p,) indices.
+            ways: (p, r) the combinations.
+        """
+
+        def sums(memory: Memory) -> Sums:
+            own = self.sums_of(chosen, memory)
+            return Sums(ways.T @ own.gram @ ways, ways.T @ own.side, own.square, own.log_noise)
+
+        return sums
+
     def innovation(self, chosen: np.ndarray, values: np.ndarray, memory: Memory) -> np.ndarray:
         """What a solution leaves beyond what the wander foretells, (m, 3) in noise units."""
         return innovations(self.left(chosen, values), memory.wander, self.clock)[0]
@@ -142,12 +157,18 @@ class RowSystem(System):
         if memory not in self._sums:
             if len(self._sums) > 3:
                 self._sums.pop(next(key for key in self._sums if key != WHITE))
-            self._sums[memory] = self._sum_up(np.arange(self.columns.shape[2]), memory)
+            self._sums[memory] = self._whole.of(memory)
         return self._sums[memory]
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
         """Normal sums of chosen columns, from those of all where they are there."""
-        return super().sums_of(chosen, memory) if memory in self._sums else self._sum_up(chosen, memory)
+        if memory in self._sums:
+            return super().sums_of(chosen, memory)
+        return self._rows(self.columns[:, :, chosen], self.base_columns[:, :, chosen]).of(memory)
+
+    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
+        """Normal sums of combinations of chosen columns, under any memory; what memories of poses share is kept."""
+        return self._rows(self.columns[:, :, chosen] @ ways, self.base_columns[:, :, chosen] @ ways).of
 
     def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
         """What a solution of chosen columns leaves, (m, 3) whitened."""
@@ -160,10 +181,14 @@ class RowSystem(System):
             joined = np.concatenate([self.columns[rows][:, :, chosen], self.values[rows][:, :, None]], axis=2)
             yield hide(*block_sums(joined, self.noise))
 
-    def _sum_up(self, chosen: np.ndarray, memory: Memory) -> Sums:
-        joined = np.concatenate([self.columns[:, :, chosen], self.values[:, :, None]], axis=2)
-        gram, log_noise = sum_rows(joined, memory, self.clock, self.pose)
-        return as_sums(gram + base_sums(self.base_columns[:, :, chosen], self.base_values), log_noise)
+    def _rows(self, columns: np.ndarray, base_columns: np.ndarray) -> RowSums:
+        joined = np.concatenate([columns, self.values[:, :, None]], axis=2)
+        base = base_sums(base_columns, self.base_values) if len(self.base_values) else np.zeros((1, 1))
+        return RowSums(joined, base, self.clock, self.pose)
+
+    @cached_property
+    def _whole(self) -> RowSums:
+        return self._rows(self.columns, self.base_columns)
 
 
 def build_system(
@@ -200,11 +225,13 @@ def build_system(
     atoms = atoms_of(linear, fitted, problem, candidates)
     atoms |= atoms_of_blocks(blocks, linear.columns.shape[2], odds_of_block(len(blocks)))
     more = columns.shape[2] - len(linear.scale)
+    scale = np.concatenate([linear.scale, np.ones(more)])
+    few = narrow(atoms, columns, scale)
     return RowSystem(
-        np.flatnonzero(rows), linear.frame, atoms, clock_of(problem, rows), noise, freedom,
-        np.concatenate([linear.scale, np.ones(more)]), columns, linear.values[rows], pose_groups(problem.table)[rows],
+        np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
+        few.scale(scale), few.columns(columns), linear.values[rows], pose_groups(problem.table)[rows],
         travel_blocks(problem.table)[rows], _levers(linear, noise, rows),
-        np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)]), linear.base_values,
+        few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
     )  # fmt: skip
 
 

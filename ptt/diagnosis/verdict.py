@@ -296,7 +296,6 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...]) -> tuple[Ter
         The terms, in the order of a model.
     """
     system, state, current = found.system, found.state, replace(model, terms=())
-    std, prior = state.std, np.sqrt(state.posterior.prior * state.posterior.phi)
     for key in (*found.scorer.given, *keys):
         atom, own = system.atoms[key], state.of(key)
         term = next((t for t in found.fitted.model.terms if t.effect.key == atom.name), None)
@@ -309,10 +308,10 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...]) -> tuple[Ter
             torch.full_like(term.theta, torch.nan),
             torch.ones(len(term.theta), dtype=torch.bool),
         )
-        scale = system.scale[atom.columns]
-        theta[free] = torch.as_tensor(state.posterior.values[own] * scale)
-        error[free] = torch.as_tensor(std[own] * scale)
-        seen[free] = torch.as_tensor(std[own] ** 2 < MEASURED * prior[own] ** 2)
+        theta[free] = torch.as_tensor(atom.amplitudes(state.posterior.values[own], system.scale))
+        std, prior = state.errors(atom, system.scale)
+        error[free] = torch.as_tensor(std)
+        seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
         current = current + replace(term, theta=theta, std=error, measured=seen)
     return current.terms
 
@@ -367,7 +366,7 @@ def _others(found: Found, named: tuple[Step, ...], chances: Probability, problem
         if atom.name in taken or gain.nats <= 0.0 or len(result) == MOST_SHOWN:
             continue
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
-        parameters = _told(state, atom, found.system.scale[atom.columns], problem)
+        parameters = _told(state, atom, found.system.scale, problem)
         after = held_out(scorer, (gain.key,)) * 1e3
         chance = chances.effects.get(atom.name, 0.0)
         share = share_of(scorer, gain.key)
@@ -385,10 +384,10 @@ def _told(
     An effect that is not there can learn any size along what it hardly shows: a joint a foot off its place.
     """
     assert atom.effect is not None
-    own = state.of(atom.key)
-    values, std = state.posterior.values[own] * scale, state.std[own]
-    told = std**2 < MEASURED * np.minimum((state.posterior.prior * state.posterior.phi)[own], 1.0)
-    rows = zip(_names(atom.effect, problem), values, std * scale, told, strict=False)  # what is linear comes first
+    values = atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
+    std, prior = state.errors(atom, scale)
+    told = std**2 < MEASURED * np.minimum(prior, atom.sizes(scale)) ** 2
+    rows = zip(_names(atom.effect, problem), values, std, told, strict=False)  # what is linear comes first
     return tuple((*name, float(value), float(error)) for name, value, error, seen in rows if seen)
 
 

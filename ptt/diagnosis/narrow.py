@@ -1,0 +1,91 @@
+"""Wide effects in as few columns as the rows can tell apart: maps of many harmonics are mostly the same few curves.
+
+Unknowns that share one prior variance may be turned into others that do, so nothing of an explanation changes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom, Turn
+
+WIDE = 150  # columns up to which an effect costs a search little
+UNSEEN = 1e-9  # of the largest eigenvalue: a shape of which the rows show less than rounding
+LEAST = 1e-3  # variance over noise that a shape puts into the readings when it is as large as it may be
+
+
+@dataclass(frozen=True)
+class Narrowed:
+    """Atoms on fewer columns.
+
+    Attributes:
+        atoms: by key, each with its new columns.
+        place: old index -> new index of each column that stays as it is, -1 for the others.
+        turned: keys of the atoms whose columns are new, in the order in which their columns follow the others.
+    """
+
+    atoms: dict[str, Atom]
+    place: np.ndarray
+    turned: tuple[str, ...]
+    old: Mapping[str, np.ndarray]
+
+    def columns(self, columns: np.ndarray) -> np.ndarray:
+        """Old columns (.., P) as the new ones."""
+        parts = [columns[..., self.place >= 0]]
+        for key in self.turned:
+            turn = self.atoms[key].turn
+            assert turn is not None
+            parts.append(columns[..., self.old[key]] @ turn.ways)
+        return np.concatenate(parts, axis=-1)
+
+    def scale(self, scale: np.ndarray) -> np.ndarray:
+        """Sizes of the units of the new columns, (P,); those of turned ones are in their turn."""
+        return np.concatenate([scale[self.place >= 0], *(np.ones(len(self.atoms[k].columns)) for k in self.turned)])
+
+
+def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) -> Narrowed:
+    """Turn the columns of wide effects, group by group, to the directions that the rows show.
+
+    Args:
+        atoms: by key.
+        columns: (m, 3, P) whitened.
+        scale: (P,) size of a unit of each column.
+
+    Returns:
+        The atoms on fewer columns.
+    """
+    wide = [key for key, atom in atoms.items() if _is_wide(atom)]
+    stays = np.ones(columns.shape[2], dtype=bool)
+    for key in wide:
+        stays[atoms[key].columns] = False
+    place = np.where(stays, np.cumsum(stays) - 1, -1)
+    found = {key: atom if key in wide else replace(atom, columns=place[atom.columns]) for key, atom in atoms.items()}
+    first = int(stays.sum())
+    for key in wide:
+        atom = atoms[key]
+        ways, group = _seen(columns[:, :, atom.columns].reshape(-1, len(atom.columns)), atom.group, atom.most)
+        own = np.arange(first, first + len(group))
+        turn = Turn(ways, atom.group, scale[atom.columns])
+        found[key] = replace(atom, columns=own, group=group, bounded=np.zeros(len(own), dtype=bool), turn=turn)
+        first += len(group)
+    return Narrowed(found, place, tuple(wide), {key: atoms[key].columns for key in wide})
+
+
+def _is_wide(atom: Atom) -> bool:
+    return atom.effect is not None and len(atom.columns) > WIDE and not atom.bounded.any()
+
+
+def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of unknowns that rows (m, w) show, one group at a time, (w, r), and the group of each."""
+    ways, owner = [], []
+    for index, largest in enumerate(most):
+        own = np.flatnonzero(group == index)
+        strength, turned = np.linalg.eigh(flat[:, own].T @ flat[:, own])
+        kept = np.flatnonzero(strength > max(UNSEEN * strength[-1], LEAST / largest))
+        kept = kept if len(kept) else np.array([len(own) - 1])
+        part = np.zeros((flat.shape[1], len(kept)))
+        part[own] = turned[:, kept]
+        ways.append(part)
+        owner.append(np.full(len(kept), index))
+    return np.concatenate(ways, axis=1), np.concatenate(owner)

@@ -1,0 +1,61 @@
+"""Fewer columns say the same of a wide effect, and kept sums are those of the whole covariance."""
+
+import numpy as np
+from scipy.stats import multivariate_normal
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.memory import Memory, RowSums
+from ptt.diagnosis.narrow import narrow
+from ptt.diagnosis.wander import Clock
+from ptt.effects.registry import library, make_effect
+from ptt.fit.evidence import learn
+
+ROWS, WIDTH, KNOWN = 60, 160, 3
+
+
+def wide() -> tuple[dict[str, Atom], np.ndarray, np.ndarray, np.ndarray]:
+    """A map of 80 harmonics, cosines and sines, over a third of a turn in two groups, behind three other columns."""
+    random = np.random.default_rng(3)
+    angle = random.uniform(0.0, 2.0, (ROWS, 3))
+    order = np.arange(1, WIDTH // 2 + 1)
+    shapes = np.concatenate([np.cos(angle[..., None] * order), np.sin(angle[..., None] * order)], axis=2)
+    columns = np.concatenate([random.normal(size=(ROWS, 3, KNOWN)), 3.0 * shapes], axis=2)
+    group = np.arange(WIDTH) % 2
+    effect = make_effect(library(), "joint-error-map")
+    whole = Atom("map", "map", np.arange(KNOWN, KNOWN + WIDTH), group, np.ones(2), 7.0, np.zeros(WIDTH, bool), effect)
+    few = Atom("few", "few", np.arange(1, KNOWN), np.zeros(2, int), np.ones(1), 7.0, np.zeros(2, bool), effect)
+    values = columns[:, :, KNOWN:] @ random.normal(0.0, 0.3, WIDTH) + random.normal(size=(ROWS, 3))
+    return {"map": whole, "few": few}, columns, np.linspace(0.5, 2.0, KNOWN + WIDTH), values
+
+
+def test_fewer_columns_have_the_evidence_and_the_values_of_all() -> None:
+    atoms, columns, scale, values = wide()
+    narrowed = narrow(atoms, columns, scale)
+    turned = narrowed.columns(columns)
+    assert turned.shape[2] < 0.75 * columns.shape[2] and len(narrowed.scale(scale)) == turned.shape[2]
+    np.testing.assert_array_equal(turned[:, :, narrowed.atoms["few"].columns], columns[:, :, atoms["few"].columns])
+    told = []
+    for atom, all_ in ((atoms["map"], columns), (narrowed.atoms["map"], turned)):
+        own = all_[:, :, atom.columns].reshape(3 * ROWS, -1)
+        found = learn(own.T @ own, own.T @ values.ravel(), values.ravel() @ values.ravel(), values.size, atom.group,
+                      freedom=50.0, ceiling=atom.most)  # fmt: skip
+        told.append((found, atom.amplitudes(found.values, scale if atom.turn is None else narrowed.scale(scale))))
+    (whole, plain), (few, mapped) = told
+    np.testing.assert_allclose(few.total, whole.total, atol=0.01)
+    np.testing.assert_allclose(few.scales, whole.scales, rtol=0.02)
+    error = np.sqrt(np.diag(whole.covariance)) * scale[KNOWN:]
+    assert np.abs((mapped - plain) / error).max() < 0.02
+
+
+def test_kept_sums_are_those_of_the_whole_covariance() -> None:
+    """Evidence of white readings whose poses err together, by the dense normal density."""
+    random = np.random.default_rng(4)
+    pose = np.array([0, 0, 1, 2, 2, 2, 3, 0])
+    values = random.normal(size=(len(pose), 3))
+    sums = RowSums(values[:, :, None], np.zeros((1, 1)), Clock(np.arange(8.0), np.arange(8) == 0), pose)
+    for size in (0.0, 0.5, 40.0):
+        found = sums.of(Memory(None, size))
+        covariance = np.eye(len(pose)) + size * (pose[:, None] == pose)
+        density = sum(multivariate_normal(cov=covariance).logpdf(column) for column in values.T)
+        mine = -0.5 * found.square - found.log_noise - 0.5 * values.size * np.log(2.0 * np.pi)
+        np.testing.assert_allclose(mine, density, rtol=1e-10)
