@@ -141,6 +141,37 @@ def telescope_terms() -> list[Row]:
         value, std = (part / ARCSEC for part in found[key])
         print(f"  {name:<24}{value:8.1f} +- {std:4.1f}{published:20.1f} +- {error:.1f}")
         rows.append({"set": "telescope", "term": name, "arcsec": value, "std": std, "published": (published, error)})
+    return rows + telescope_drift(problem, fitted)
+
+
+def telescope_drift(problem: Problem, fitted: FitResult) -> list[Row]:
+    """Print how what the terms leave moves during each night: mean along azimuth and altitude, arcsec on the sky.
+
+    In the second night it moves steadily, in both; no published term has time in it. A diagnosis that names something
+    that changed during the run is right that something did; as a step it is only an approximation.
+    """
+    q, hours = problem.view.q.numpy(), problem.view.time.numpy() / 3600.0
+    azimuth, altitude = -q[:, 1], q[:, 2]
+    level = np.column_stack([-np.sin(azimuth), -np.cos(azimuth), np.zeros(len(q))])
+    upward = np.column_stack(
+        [-np.sin(altitude) * np.cos(azimuth), np.sin(altitude) * np.sin(azimuth), np.cos(altitude)]
+    )
+    kept = problem.used & ~fitted.outliers
+    night = np.cumsum(np.diff(hours, prepend=hours[:1]) > 6.0)
+    rows = []
+    for which in np.unique(night):
+        own = np.flatnonzero(kept & (night == which))
+        for part in np.array_split(own, 4):
+            sky = [(fitted.residual[part] * way[part]).sum(axis=1) / STAR_MM / ARCSEC for way in (level, upward)]
+            told = [(float(item.mean()), float(item.std() / np.sqrt(len(item)))) for item in sky]
+            text = "".join(
+                f"{name:>10} {mean:6.1f} +- {error:.1f}"
+                for name, (mean, error) in zip(("az", "alt"), told, strict=True)
+            )
+            print(f"  night {which + 1}, {hours[part[0]]:5.1f} .. {hours[part[-1]]:5.1f} h {text}")
+            rows.append(
+                {"set": "telescope", "night": int(which) + 1, "hours": float(hours[part].mean()), "arcsec": told}
+            )
     return rows
 
 
