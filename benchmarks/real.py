@@ -141,15 +141,17 @@ def telescope_terms() -> list[Row]:
         value, std = (part / ARCSEC for part in found[key])
         print(f"  {name:<24}{value:8.1f} +- {std:4.1f}{published:20.1f} +- {error:.1f}")
         rows.append({"set": "telescope", "term": name, "arcsec": value, "std": std, "published": (published, error)})
-    return rows + telescope_drift(problem, fitted)
+    return rows
 
 
-def telescope_drift(problem: Problem, fitted: FitResult) -> list[Row]:
+def telescope_drift() -> list[Row]:
     """Print how what the terms leave moves during each night: mean along azimuth and altitude, arcsec on the sky.
 
     In the second night it moves steadily, in both; no published term has time in it. A diagnosis that names something
     that changed during the run is right that something did; as a step it is only an approximation.
     """
+    problem = open_set(*telescope())
+    fitted = fit(with_effects(problem, ("dh-offsets", "self-weight")), problem)
     q, hours = problem.view.q.numpy(), problem.view.time.numpy() / 3600.0
     azimuth, altitude = -q[:, 1], q[:, 2]
     level = np.column_stack([-np.sin(azimuth), -np.cos(azimuth), np.zeros(len(q))])
@@ -274,7 +276,7 @@ def main() -> None:
     asked = parser.parse_args()
     torch.set_num_threads(1)
     work: dict[str, Callable[[], list[Row] | None]] = {
-        "telescope": telescope_terms,
+        "telescope": lambda: telescope_terms() + telescope_drift(),
         "humanoid": lambda: humanoid_ladder() + humanoid_left_out(),
         "short": short_runs,
         "transfer": lambda: transfer(asked.stride),
