@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import SECOND, present_candidates
-from ptt.diagnosis.gross import alone, gross_errors
+from ptt.diagnosis.gross import MOST, alone, gross_errors, stand_out
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
@@ -103,7 +103,8 @@ def find(
         seen = find_period(scorer, state, problem)
         if turn == TURNS - 1:
             break
-        if turn > 0 and seen is None and settled(state, system):
+        far, gross = gross, _sift_again(found, problem)
+        if turn > 0 and seen is None and settled(state, system) and (far == gross).all():
             needless = _needless(found, fitted.model, problem)
             if not needless:
                 break
@@ -112,7 +113,6 @@ def find(
             continue
         periods += [] if seen is None else [(seen.joint, seen.length)]
         carried = carried_by(state, system, problem)
-        gross = _sift_again(found, problem)
         noise = noise_again(problem, system, state)
         current = moved(found, model, problem)
         blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
@@ -153,15 +153,18 @@ def settled(state: State, system: System) -> bool:
 def _sift(fitted: FitResult, problem: Problem, candidates: list[Effect], noise: Noise) -> np.ndarray:
     """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
     linear = linear_columns(fitted, problem, candidates, noise)
-    far = gross_errors(
-        linear.columns, linear.values, linear.rows, linear.simple, few_shapes(linear.trials, linear.simple)
-    )
-    return alone(far, problem.used)
+    saturated = few_shapes(linear.trials, linear.simple)
+    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated)
 
 
 def _sift_again(found: Found, problem: Problem) -> np.ndarray:
-    """The same against the explanation that was found, for rows left out before too."""
-    return found.gross
+    """The same against the explanation that was found, beside the rows that were left out before."""
+    system, state = found.system, found.state
+    white = system.innovation(state.columns, state.posterior.values, state.memory) / np.sqrt(state.posterior.phi)
+    here = np.ones(len(white), dtype=bool)
+    gross = found.gross.copy()
+    gross[system.rows[alone(stand_out(white, here), white, here)]] = True
+    return gross if gross.sum() <= MOST * problem.used.sum() else found.gross
 
 
 def _without(model: Model, keys: Sequence[str]) -> Model:

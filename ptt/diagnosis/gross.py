@@ -1,10 +1,14 @@
 """Gross errors: readings that neither the present model nor any effect that might be missing can explain."""
 
 import numpy as np
+from scipy import stats
 
-from ptt.fit.outliers import inside, linear_residual
+from ptt.fit.outliers import linear_residual
 
-COMPANY = 2  # far rows among the four nearest from which a row is one of a stretch
+CHANCE = 1e-3  # chance that a table of sound readings loses one
+TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be its own are kept
+ALIKE = 0.5  # share of a shift by which two rows of one stretch differ at most
+COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
 MOST = 0.12  # share of rows beyond which far rows are no exceptions
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
 
@@ -28,13 +32,15 @@ def gross_errors(
     Returns:
         (n,) bool.
     """
-    far = far_rows(columns, values, rows, simple)
+    far, left = far_rows(columns, values, rows, simple)
     if far.any() and 3 * rows.sum() > PLENTY * len(saturated):
-        far = far_rows(columns, values, rows, saturated)
-    return far
+        far, left = far_rows(columns, values, rows, saturated)
+    return alone(far, left, rows)
 
 
-def far_rows(columns: np.ndarray, values: np.ndarray, rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+def far_rows(
+    columns: np.ndarray, values: np.ndarray, rows: np.ndarray, chosen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Rows far from a robust fit: least squares reweighted with Cauchy weights, row by row.
 
     Args:
@@ -44,25 +50,48 @@ def far_rows(columns: np.ndarray, values: np.ndarray, rows: np.ndarray, chosen: 
         chosen: columns of the model.
 
     Returns:
-        (n,) bool.
+        (n,) bool, and what the fit leaves, (n, 3), zero on rows that do not count.
     """
     width = len(chosen)
-    left, _ = linear_residual(values[rows], columns[rows][..., chosen], np.zeros(width), np.eye(width))
-    far = np.zeros(len(values), dtype=bool)
-    far[rows] = ~inside(left, np.ones(len(left), dtype=bool))
-    return far
+    left = np.zeros_like(values)
+    left[rows], _ = linear_residual(values[rows], columns[rows][..., chosen], np.zeros(width), np.eye(width))
+    return stand_out(left, rows), left
 
 
-def alone(far: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Far rows that stand alone: several in a row are a knock, a slip or another reflector, not broken beams.
+def stand_out(left: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows that lie far outside the bulk of what is left.
+
+    Args:
+        left: (n, 3) in units of noise.
+        rows: rows that count, (n,) bool.
+
+    Returns:
+        (n,) bool.
+    """
+    squared = np.square(left).sum(axis=1)
+    width = max(1.0, float(np.median(squared[rows])) / float(stats.chi2.median(3))) if rows.any() else 1.0
+    return rows & (squared > TAIL * width * stats.chi2.isf(CHANCE / max(int(rows.sum()), 1), 3))
+
+
+def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Far rows that stand alone: several in a row with one shift are a knock, a slip or another reflector.
+
+    Broken beams may follow each other too, but each is off by something of its own.
 
     Args:
         far: (n,) bool.
+        left: what a model leaves, (n, 3) in units of noise.
         used: rows whose readings count, (n,) bool.
 
     Returns:
         (n,) bool; none where so many are far that the model is to blame.
     """
-    near = np.convolve(far, [1, 1, 0, 1, 1], mode="same")[: len(far)]
-    lone = far & (near < COMPANY)
+    company, size, count = np.zeros(len(far), dtype=int), np.linalg.norm(left, axis=1), len(far)
+    for step in (1, 2):
+        near, before = np.arange(step, count), np.arange(count - step)
+        apart = np.linalg.norm(left[near] - left[before], axis=1)
+        alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
+        company[near] += alike
+        company[before] += alike
+    lone = far & (company < COMPANY)
     return lone if lone.sum() <= MOST * used.sum() else np.zeros_like(far)

@@ -12,9 +12,9 @@ from ptt.diagnosis.system import System
 from ptt.holdout import BLOCKS, blocks
 from ptt.problem import Problem
 
-CHANCE_LACK = 1e-3  # lack of fit
-CHANCE_FIELD = 5e-4  # a network over position predicts held-out residuals
-CHANCE_DEPENDS = 1e-3  # a smooth function of a context variable predicts residuals
+CHANCE_LACK = 1e-4  # lack of fit
+CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals
+CHANCE_DEPENDS = 1e-5  # a smooth function of a context variable predicts residuals
 LIGHT = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2), affine=(False,), restarts=1)
 MOST_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
 

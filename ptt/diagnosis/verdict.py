@@ -234,7 +234,7 @@ def conclude(
     terms = fitted_terms(found, model, tuple(step.key for step in named))
     fitted_model = replace(model, terms=terms)
     rms_um = _errors(found, tuple(step.key for step in named), clean)
-    verdict = _verdict(found, bool(named), rest, problem, rms_um["after"]["total"])
+    verdict = _verdict(found, bool(named), rest, problem)
     depends = dependences(unknowns, left, shown) or rest.depends_on
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
@@ -265,12 +265,12 @@ def conclude(
     return replace(result, words=explain_verdict(result, steps))
 
 
-def _verdict(found: Found, named: bool, rest: Rest, problem: Problem, after_um: float) -> Verdict:
+def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict:
     state, system = found.state, found.system
     odd = any(system.atoms[key].block is not None for key in state.keys) or state.memory.pose > 0.0
     if odd or system.clock.is_fault(state.memory.wander) or rest.significant:
         return "unknown"
-    if problem.noise is not None and after_um > EXCESS * problem.noise.total * 1e3:
+    if problem.noise is not None and noise_left(system, state).total > EXCESS * problem.noise.total:
         return "unknown"
     return "missing" if named else "nothing-missing"
 

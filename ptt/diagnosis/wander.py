@@ -10,7 +10,7 @@ CONSTANTS = 7  # time constants between the shortest that is told from white noi
 SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
 LEAST_STEPS = 12
 USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
-FAULT = 3.0  # variance over that of the white noise from which a wander is no tracker's any more
+FAULT = 10.0  # variance over that of the white noise from which a wander is no tracker's: air and stand do three sigma
 
 
 @dataclass(frozen=True)
