@@ -82,9 +82,10 @@ class Atom:
         return scale[self.columns] if self.turn is None else self.turn.scale
 
 
-def odds_of_effect(effects: int, shapes: int) -> float:
+def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
     """Nats against one effect out of those that the data can test, in one of its shapes."""
-    return EFFECT_ODDS + float(np.log(max(effects, 1))) + SHAPE_POWER * float(np.log(max(shapes, 1)))
+    each = EFFECT_ODDS + float(np.log(max(effects, 1)))
+    return effect.stands_for * each + SHAPE_POWER * float(np.log(max(shapes, 1)))
 
 
 def odds_of_block(blocks: int) -> float:
@@ -113,10 +114,12 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         shapes = len(tuple(term.effect.search(problem.view)))
         kinds = _kinds_of_values(term.effect, problem, free)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
-        atoms[key] = _effect_atom(key, columns, kinds, odds_of_effect(len(names), shapes), own.effect, None)
+        atoms[key] = _effect_atom(
+            key, columns, kinds, odds_of_effect(term.effect, len(names), shapes), own.effect, None
+        )
     for number, trial in enumerate(linear.trials):
         kinds = _kinds_of_values(trial.effect, problem, slice(0, len(trial.columns)))
-        odds = odds_of_effect(len(names), trial.trials)
+        odds = odds_of_effect(trial.effect, len(names), trial.trials)
         key = f"{trial.effect.key}#{number}"
         atoms[key] = _effect_atom(key, trial.columns, kinds, odds, trial.effect, trial.shape)
     return atoms

@@ -11,15 +11,17 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import SECOND, present_candidates
 from ptt.diagnosis.gross import MOST, alone, gross_errors, stand_out
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, loose, search, without
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.system import System, build_system
+from ptt.diagnosis.system import RowSystem, System, build_system
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
-from ptt.fit.linear import few_shapes, linear_columns
+from ptt.effects.sudden import Sudden
+from ptt.fit.linear import Shape, few_shapes, linear_columns
 from ptt.fit.solve import FitResult, fit
 from ptt.model import Model, Term
 from ptt.noise import Noise
@@ -83,6 +85,7 @@ def find(
     current, gross = model, np.zeros(problem.table.rows, dtype=bool)
     carried = np.zeros((problem.table.rows, 3))
     kept: tuple[str, ...] | None = None
+    moments: dict[str, list[Shape]] = {}
     memory, periods, barred = WHITE, list[tuple[int, float]](), frozenset[str]()
     for turn in range(TURNS):
         tell(f"linearise {turn + 1}")
@@ -91,7 +94,8 @@ def find(
         if turn == 0:
             gross = _sift(fitted, problem, candidates, noise)
         rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
-        system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, span=span)
+        shapes = {effect.key: [*effect.search(problem.view), *moments.get(effect.key, ())] for effect in candidates}
+        system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, shapes, span)
         scorer = Scorer(system, model.keys, steps, barred)
         tell(f"search {turn + 1}")
         if kept is None:
@@ -111,6 +115,7 @@ def find(
             barred, kept = barred | set(needless), tuple(key for key in kept or () if key not in needless)
             current, memory = _without(fitted.model, needless), state.memory
             continue
+        moments = _moments(found, candidates)
         periods += [] if seen is None else [(seen.joint, seen.length)]
         carried = carried_by(state, system, problem)
         noise = noise_again(problem, system, state)
@@ -118,6 +123,27 @@ def find(
         blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
         kept, memory = (*current.keys, *blocks), state.memory
     return found
+
+
+def _moments(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
+    """The row at which each sudden effect would do best in place of everything that changes in time.
+
+    Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one.
+    """
+    system, state, atoms = found.system, found.state, found.system.atoms
+    assert isinstance(system, RowSystem)
+    timely = [key for key in loose(found.scorer, state) if _is_timely(atoms[key])]
+    still = found.scorer.score(without(state, *timely), WHITE, state.scales)
+    left = np.zeros((system.at.problem.table.rows, 3))
+    left[system.rows] = system.left(still.columns, still.posterior.values)
+    used = np.isin(np.arange(len(left)), system.rows)
+    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
+    return {effect.key: [best_moment(system.at, left, used, effect)] for effect in sudden}
+
+
+def _is_timely(atom: Atom) -> bool:
+    """Whether an atom is something that changes in the course of the run."""
+    return isinstance(atom.effect, Sudden) or (atom.block is not None and "time" in atom.block.on)
 
 
 def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:

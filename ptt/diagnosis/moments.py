@@ -9,15 +9,13 @@ import torch
 from ptt.chain import predict
 from ptt.chunks import map_chunks, numbers
 from ptt.diagnosis.blocks import unknown_blocks
+from ptt.diagnosis.moment import along, best_row
 from ptt.diagnosis.summed import Ansatz, Run, columns_of
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
-from ptt.fit.linear import Linear, Shape
+from ptt.fit.linear import Linear, Place, Shape
 from ptt.fit.solve import FitResult
 from ptt.problem import Problem, apply_frames
-
-SEGMENTS = 40  # of a chunk: what a jump does to the readings changes little within one
-EDGE = 5  # rows before and after any moment
 
 Carried = Mapping[str, np.ndarray]  # name of a block -> its values
 
@@ -60,46 +58,19 @@ def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carri
         linear, _ = columns_of(chunk, run, at, {}, ())
         left = linear.residual - _of_blocks(chunk, linear, run, at, carried) @ at.noise.whitener.T
         rows = linear.rows & run.problem.used[numbers(chunk)]
-        return [_along(linear, left, rows, effect) for effect in sudden]
+        return [along(_place(linear), left, rows, effect) for effect in sudden]
 
     parts = list(zip(*map_chunks(work, run.chunks), strict=True))
     found: dict[str, Shape] = {}
     for effect, clock, own in zip(sudden, clocks, parts, strict=True):
-        row = _best_row(*(np.concatenate(some) for some in zip(*own, strict=True)))
+        row = best_row(*(np.concatenate(some) for some in zip(*own, strict=True)))
         found[effect.key] = {"after": torch.tensor([clock[row]], dtype=torch.float64)}
     return found
 
 
-def _along(
-    linear: Linear, left: np.ndarray, used: np.ndarray, effect: Sudden
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What each row of a chunk says for an effect, (m, p); of segments of rows their number and columns' gram."""
+def _place(linear: Linear) -> Place:
     assert linear.at is not None
-    columns = linear.at.columns(effect, {"after": torch.tensor([-torch.inf], dtype=torch.float64)})
-    columns = np.where(used[:, None, None], columns, 0.0)
-    segments = np.array_split(columns, min(SEGMENTS, len(columns)))
-    gram = np.array([np.tensordot(segment, segment, axes=((0, 1), (0, 1))) for segment in segments])
-    return np.einsum("ncp,nc->np", columns, left), np.array([len(segment) for segment in segments]), gram
-
-
-def _best_row(along: np.ndarray, lengths: np.ndarray, gram: np.ndarray) -> int:
-    """The last row before the moment from which on an effect takes most, the same effect all along taken off."""
-    whole, whole_side = gram.sum(axis=0), along.sum(axis=0)
-    spread = np.linalg.pinv(whole, hermitian=True)
-    after_side = whole_side - np.cumsum(along, axis=0)
-    before = np.cumsum(gram, axis=0) - 0.5 * gram  # at the middle of each segment
-    taken, first = np.zeros(len(along)), 0
-    for length, passed in zip(lengths, before, strict=True):
-        after = whole - passed
-        rows = slice(first, first + length)
-        side = after_side[rows] - after @ spread @ whole_side
-        taken[rows] = np.einsum("np,pq,nq->n", side, _inverse(after - after @ spread @ after), side)
-        first += length
-    return EDGE + int(np.argmax(taken[EDGE : len(taken) - EDGE]))
-
-
-def _inverse(gram: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.inv(gram + np.eye(len(gram))))  # one usual size: what is not seen is not blown up
+    return linear.at
 
 
 def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.score import Scorer, State
 
-TEMPER = 2.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
+TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
 VERDICTS = ("missing", "nothing-missing", "unknown")
 
 

@@ -14,7 +14,7 @@ from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.effects import Effect
-from ptt.fit.linear import Linear, Shapes, linear_columns
+from ptt.fit.linear import Linear, Place, Shapes, linear_columns
 from ptt.fit.solve import FitResult
 from ptt.fit.whitened import whiten
 from ptt.holdout import blocks as travel_blocks
@@ -129,6 +129,7 @@ class RowSystem(System):
         pose: (m,) int, equal for visits of one pose.
         block: (m,) int, held-out block of travel, -1 for none.
         levers: joint -> how it moves each reading, (m, 3) whitened.
+        at: where columns of further shapes come from.
         base_columns: of the base reflectors, (b, 3, P) in units of their own noise.
         base_values: (b, 3).
     """
@@ -138,6 +139,7 @@ class RowSystem(System):
     pose: np.ndarray
     block: np.ndarray
     levers: dict[int, np.ndarray]
+    at: Place
     base_columns: np.ndarray
     base_values: np.ndarray
     _sums: dict[Memory, Sums] = field(default_factory=dict)
@@ -230,7 +232,7 @@ def build_system(
     return RowSystem(
         np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
         few.scale(scale), few.columns(columns), linear.values[rows], pose_groups(problem.table)[rows],
-        travel_blocks(problem.table)[rows], _levers(linear, noise, rows),
+        travel_blocks(problem.table)[rows], _levers(linear, noise, rows), linear.at,
         few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
     )  # fmt: skip
 

@@ -28,6 +28,7 @@ class Effect:
         parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
         requires: contexts of `View.varies` without which the data cannot test it.
         follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
+        stands_for: commoner causes that it looks like together, each of which it has to be likelier than.
         reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
         of_run: belongs to the run that it was fitted on (a set-up, a knocked tripod), not to the machine.
         card: cause, source, usual size, fingerprint, remedy; None makes one of the docstring.
@@ -47,6 +48,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     requires: ClassVar[tuple[str, ...]] = ()
     follows_clock: ClassVar[bool] = False
+    stands_for: ClassVar[int] = 1
     reverses: ClassVar[bool] = False
     of_run: ClassVar[bool] = False
     card: ClassVar[Card | None] = None
