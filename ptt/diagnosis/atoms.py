@@ -113,6 +113,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
             continue
         shapes = len(tuple(term.effect.search(problem.view)))
         kinds = _kinds_of_values(term.effect, problem, free)
+        odds = odds_of_effect(term.effect, len(names), shapes)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
         atoms[key] = _effect_atom(
             key, columns, kinds, odds_of_effect(term.effect, len(names), shapes), own.effect, None

@@ -180,7 +180,7 @@ def _sift(fitted: FitResult, problem: Problem, candidates: list[Effect], noise: 
     """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
     linear = linear_columns(fitted, problem, candidates, noise)
     saturated = few_shapes(linear.trials, linear.simple)
-    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated)
+    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, problem.view.q.numpy())
 
 
 def _sift_again(found: Found, problem: Problem) -> np.ndarray:
@@ -188,8 +188,8 @@ def _sift_again(found: Found, problem: Problem) -> np.ndarray:
     system, state = found.system, found.state
     white = system.innovation(state.columns, state.posterior.values, state.memory) / np.sqrt(state.posterior.phi)
     here = np.ones(len(white), dtype=bool)
-    gross = found.gross.copy()
-    gross[system.rows[alone(stand_out(white, here), white, here)]] = True
+    gross, travel = found.gross.copy(), problem.view.q.numpy()[system.rows]
+    gross[system.rows[alone(stand_out(white, here), white, here, travel)]] = True
     return gross if gross.sum() <= MOST * problem.used.sum() else found.gross
 
 

@@ -10,11 +10,17 @@ TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be it
 ALIKE = 0.5  # share of a shift by which two rows of one stretch differ at most
 COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
 MOST = 0.12  # share of rows beyond which far rows are no exceptions
+CROWD = 0.01  # chance of as many neighbours along a joint's travel from which they are no accident
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
 
 
 def gross_errors(
-    columns: np.ndarray, values: np.ndarray, rows: np.ndarray, simple: np.ndarray, saturated: np.ndarray
+    columns: np.ndarray,
+    values: np.ndarray,
+    rows: np.ndarray,
+    simple: np.ndarray,
+    saturated: np.ndarray,
+    travel: np.ndarray,
 ) -> np.ndarray:
     """Find gross errors.
 
@@ -28,6 +34,7 @@ def gross_errors(
         rows: rows that count, (n,) bool.
         simple: columns of the present model.
         saturated: columns of the saturated model.
+        travel: joint values, (n, k).
 
     Returns:
         (n,) bool.
@@ -35,7 +42,7 @@ def gross_errors(
     far, left = far_rows(columns, values, rows, simple)
     if far.any() and 3 * rows.sum() > PLENTY * len(saturated):
         far, left = far_rows(columns, values, rows, saturated)
-    return alone(far, left, rows)
+    return alone(far, left, rows, travel)
 
 
 def far_rows(
@@ -73,15 +80,17 @@ def stand_out(left: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return rows & (squared > TAIL * width * stats.chi2.isf(CHANCE / max(int(rows.sum()), 1), 3))
 
 
-def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray) -> np.ndarray:
+def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, travel: np.ndarray) -> np.ndarray:
     """Far rows that stand alone: several in a row with one shift are a knock, a slip or another reflector.
 
-    Broken beams may follow each other too, but each is off by something of its own.
+    Broken beams may follow each other too, but each is off by something of its own. They also come wherever the machine
+    stands: far rows that crowd on a part of a joint's travel are that part's.
 
     Args:
         far: (n,) bool.
         left: what a model leaves, (n, 3) in units of noise.
         used: rows whose readings count, (n,) bool.
+        travel: joint values, (n, k).
 
     Returns:
         (n,) bool; none where so many are far that the model is to blame.
@@ -93,5 +102,18 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray) -> np.ndarray:
         alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
-    lone = far & (company < COMPANY)
+    lone = far & (company < COMPANY) & ~_crowded(far, used, travel)
     return lone if lone.sum() <= MOST * used.sum() else np.zeros_like(far)
+
+
+def _crowded(far: np.ndarray, used: np.ndarray, travel: np.ndarray) -> np.ndarray:
+    """Far rows next to each other along a joint's travel, where more of them are than chance would put there."""
+    crowded, rows = np.zeros_like(far), np.flatnonzero(used)
+    expected = far.sum() ** 2 / max(len(rows), 1)
+    for column in travel.T:
+        order = rows[np.argsort(column[rows], kind="stable")]
+        pairs = far[order[1:]] & far[order[:-1]]
+        if stats.poisson.sf(pairs.sum() - 1, expected) < CROWD:
+            crowded[order[1:][pairs]] = True
+            crowded[order[:-1][pairs]] = True
+    return crowded

@@ -313,7 +313,7 @@ def _gross(
     wider, everything = columns_of(chunk, run, at, trials)
     own = np.concatenate([wider.simple, np.arange(wider.columns.shape[2], everything.shape[2])])
     assert len(own) == len(simple)
-    return gross_errors(everything, wider.values, rows, own, few_shapes(wider.trials, own))
+    return gross_errors(everything, wider.values, rows, own, few_shapes(wider.trials, own), chunk.view.q.numpy())
 
 
 def _system(
