@@ -30,7 +30,7 @@ def run_verb(verb: str, *arguments: object) -> int:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
 def test_every_mistake_is_named_and_cured_on_foreign_machines(case: object) -> None:
     """Two drawn machines each, run with everything; the benchmark does it on twenty and with fewer columns."""
-    for seed in (0, 5):
+    for seed in (0, 6):
         have = case.have[0]  # type: ignore[attr-defined]
         tried = try_case(case, have, seed)  # type: ignore[arg-type]
         assert tried.shows

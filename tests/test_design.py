@@ -234,7 +234,7 @@ def test_the_separation_that_is_promised_is_reached(bench: MachineFile, tmp_path
 
 
 def test_a_path_that_picked_wrong_is_put_right(bench: MachineFile, tmp_path: Path) -> None:
-    rig = make_rig(bench, geometry={"lean_radial_mrad": [0.6, 0.0, 0.0]})
+    rig = make_rig(bench, geometry={"lean_radial_mrad": [1.0, 0.0, 0.0]})
     path, problem, found = measure(rig, tmp_path, 15.0, 1.0)
     assert "tower-tilt" in found.suggested[0] and len(found.suggested[0]) > 1
     plan = plan_separation(found.fitted, problem, found.suggested)

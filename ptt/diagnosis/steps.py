@@ -118,13 +118,16 @@ def _ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
     def other(atom: Atom) -> bool:
         return atom.effect is not None and atom.effect.name != own.partition("[")[0]
 
-    # The screen holds the others' variances, so what it says of the effect itself is what to compare with.
-    usual = max(gain.nats for gain in scorer.screen(less) if atoms[gain.key].name == own)
+    # The screen holds the others' variances, so what it says of the effect itself is what to compare with. What the
+    # data cannot tell apart is a tie whatever was likelier before them, so the odds are left aside.
+    usual = max(gain.nats + atoms[gain.key].odds for gain in scorer.screen(less) if atoms[gain.key].name == own)
+    here = state.total + atoms[key].odds
     found: dict[str, float] = {}
-    for gain in scorer.screen(less, other)[:MOST_LOOKED_AT]:
-        if gain.nats < usual - TIE - LOOSELY:
+    for gain in sorted(scorer.screen(less, other), key=lambda gain: -gain.nats - atoms[gain.key].odds)[:MOST_LOOKED_AT]:
+        odds = atoms[gain.key].odds
+        if gain.nats + odds < usual - TIE - LOOSELY:
             break
         total = scorer.score((*less.keys, gain.key), less.memory, {**less.scales, gain.key: gain.scales}).total
-        if total > state.total - TIE:
+        if total + odds > here - TIE:
             found[atoms[gain.key].name] = total
     return tuple(sorted(found, key=lambda name: -found[name])[:MOST_TIES])
