@@ -1,6 +1,5 @@
 """Normal equations as sums over rows: what chunks accumulate, what blocks hold out, what a cluster could reduce."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -172,40 +171,3 @@ def gain(projected: Projected, chosen: np.ndarray) -> tuple[float, int]:
     seen = strength > projected.least(chosen)
     along = directions[:, seen].T @ projected.side[chosen]
     return float(along @ (along / strength[seen])), int(seen.sum())
-
-
-def held_out_solutions(sums: Sums, chosen: np.ndarray, hidden: Sequence[int]) -> list[np.ndarray]:
-    """Solutions on all blocks but one, for each block.
-
-    Args:
-        sums: by block.
-        chosen: indices of the columns.
-        hidden: blocks to be hidden in turn.
-
-    Returns:
-        One (p,) solution for each hidden block.
-    """
-    few, everything = sums.of(chosen), np.arange(len(chosen))
-    gram, side, square, _ = few.total
-    return [
-        solve(gram - few.gram[index], side - few.side[index], square - float(few.square[index]), everything).values
-        for index in hidden
-    ]
-
-
-def held_out_squares(sums: Sums, chosen: np.ndarray) -> np.ndarray:
-    """Sum of squares of each block when everything was fitted on the others.
-
-    Args:
-        sums: by block.
-        chosen: indices of the columns.
-
-    Returns:
-        (b,).
-    """
-    blocks = [index for index in range(len(sums.count)) if sums.count[index]]
-    result = np.zeros(len(sums.count))
-    for index, values in zip(blocks, held_out_solutions(sums, chosen, blocks), strict=True):
-        gram = sums.gram[index][np.ix_(chosen, chosen)]
-        result[index] = sums.square[index] - 2.0 * values @ sums.side[index][chosen] + values @ gram @ values
-    return result

@@ -17,7 +17,7 @@ from ptt.model import Model
 from ptt.problem import build_problem
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
-from ptt.sums import accumulate, gain, held_out_squares, project, solve
+from ptt.sums import accumulate, gain, project, solve
 from ptt.table import read_table
 
 MACHINE = bench_machine()
@@ -147,18 +147,6 @@ def test_projected_gain_is_what_a_fit_gains():
     left = [solve(gram, side, square, chosen).left for chosen in (first, np.arange(7))]
     assert seen == 3
     assert took == pytest.approx(left[0] - left[1], rel=1e-9)
-
-
-def test_held_out_squares_are_those_of_refits():
-    random = np.random.default_rng(3)
-    columns, values = random.normal(size=(50, 3, 4)), random.normal(size=(50, 3))
-    block = np.arange(50) // 10
-    squares = held_out_squares(accumulate(columns, values, block, 5), np.arange(4))
-    for index in range(5):
-        rows = block != index
-        fitted, *_ = np.linalg.lstsq(columns[rows].reshape(-1, 4), values[rows].ravel(), rcond=None)
-        left = values[~rows] - columns[~rows] @ fitted
-        assert squares[index] == pytest.approx(np.square(left).sum(), rel=1e-9)
 
 
 def test_innovations_of_a_wander_are_white_and_cost_its_determinant():
