@@ -16,17 +16,17 @@ import torch
 
 from ptt.effects import library
 from ptt.effects.base import linear_size
-from ptt.fit.linear import usual_sizes
-from ptt.fit.observability import unobservable
-from ptt.fit.solve import FitResult, fit
+from ptt.fitting.linear import usual_sizes
+from ptt.fitting.observability import unobservable
+from ptt.fitting.solve import FitResult, fit
 from ptt.machine import MachineFile, load_machine
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.nominal import draw_machine
 from ptt.rig.rig import Rig
 from ptt.rig.simulate import RunResult, simulate
-from ptt.table import read_table
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import read_table
 
 WHITE = 0.004  # mm, of one coordinate: white noise, as the standard errors assume
 ROWS = 300

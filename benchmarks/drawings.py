@@ -16,18 +16,18 @@ import pandas as pd
 import torch
 
 from ptt.challenge.truth import table_of
-from ptt.compensate import compensate
+from ptt.correct.compensate import compensate
 from ptt.effects import library
-from ptt.fit.solve import FitResult, fit
-from ptt.frames import best_fit
+from ptt.fitting.solve import FitResult, fit
 from ptt.machine import MachineFile, load_machine
-from ptt.model import Model
-from ptt.problem import build_problem
+from ptt.model.model import Model
 from ptt.rig.nominal import draw_machine
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import make_volume
-from ptt.table import make_table
+from ptt.run.frames import best_fit
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 
 OFF = (5.0, 20.0)  # mm
 ROWS = (40, 300)

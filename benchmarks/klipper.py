@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 import torch
 
-from ptt.chain import linearise
 from ptt.effects import library
 from ptt.machine import MachineFile, parse_machine
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.model import Term, start_term
-from ptt.table import make_table
-from ptt.view import View, build_view
+from ptt.model.chain import linearise
+from ptt.model.model import Term, start_term
+from ptt.run.table import make_table
+from ptt.run.view import View, build_view
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "klipper_delta" / "probes_flat.csv"
 EFFECTS = ("homing-offset", "tower-position", "link-length")

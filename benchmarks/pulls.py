@@ -23,14 +23,14 @@ from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
 from ptt.effects import library
 from ptt.effects.base import linear_size
-from ptt.fit.linear import usual_sizes
-from ptt.fit.solve import FitResult, fit
-from ptt.model import Model
-from ptt.problem import build_problem
+from ptt.fitting.linear import usual_sizes
+from ptt.fitting.solve import FitResult, fit
+from ptt.model.model import Model
 from ptt.rig.draw import PROTOCOLS, DrawnRig, draw_rig, fault_names
 from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.rig import Rig
 from ptt.rig.simulate import simulate
+from ptt.run.problem import build_problem
 
 FAMILIES = ("single", "several", "foreign")
 ROWS = 240

@@ -31,11 +31,11 @@ from real_data import ARCSEC, STAR_MM, here, humanoid, open_set, other_arm, tele
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.errors import PttError
-from ptt.fit.solve import FitResult, fit
-from ptt.holdout import blocks
-from ptt.ladder.climb import climb
-from ptt.model import Model, Term, parameter_names, start_term
-from ptt.problem import Problem
+from ptt.fitting.solve import FitResult, fit
+from ptt.judge.ladder.climb import climb
+from ptt.model.model import Model, Term, parameter_names, start_term
+from ptt.run.holdout import blocks
+from ptt.run.problem import Problem
 
 FOLDERS = {
     "telescope": "rts2_pointing", "humanoid": "dlr_justin", "short": "ur10_ipa", "transfer": "ur10_ipa",

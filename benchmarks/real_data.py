@@ -18,9 +18,9 @@ from ur10 import MACHINE, read_series
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.serial import levers
 from ptt.machine import MachineFile, load_machine, parse_machine
-from ptt.problem import Problem, build_problem
-from ptt.table import Table, make_table
-from ptt.view import View
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table, make_table
+from ptt.run.view import View
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data"

@@ -16,15 +16,15 @@ import numpy as np
 import pandas as pd
 import torch
 
-from ptt.design.separation import Separation, plan_separation
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.machine import MachineFile, load_machine
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model
+from ptt.plan.separation import Separation, plan_separation
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import as_targets, make_helix, there_and_back
-from ptt.table import read_table, table_to_frame, write_table
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import read_table, table_to_frame, write_table
 
 Random = np.random.Generator
 MOST_TRIED = 12  # rigs drawn for each that counts

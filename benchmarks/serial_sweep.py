@@ -19,10 +19,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from ptt.diagnosis.verdict import diagnose
 from ptt.machine import MachineFile, load_machine
-from ptt.model import Model
-from ptt.problem import build_problem
+from ptt.model.model import Model
 from ptt.rig.draw_arm import ARM_FAULTS, NAMES, ArmFault, draw_arm
-from ptt.table import make_table
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 
 MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 SIGMA = 0.01  # mm

@@ -16,10 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from ptt.check import Check, check_setup
-from ptt.check.rigid import align_many, rms
-from ptt.check.score import forward_many
-from ptt.check.setup import Setup
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.rig.draw_faults import KNOWN, Scene
 from ptt.rig.draw_foreign import draw_foreign
@@ -28,7 +24,11 @@ from ptt.rig.nominal import draw_machine
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.schema import Section
 from ptt.rig.simulate import simulate
-from ptt.table import Table, make_table, take_rows
+from ptt.run.table import Table, make_table, take_rows
+from ptt.setup import Check, check_setup
+from ptt.setup.rigid import align_many, rms
+from ptt.setup.score import forward_many
+from ptt.setup.setup import Setup
 
 Random = np.random.Generator
 Make = Callable[[MachineFile, Table, Random], tuple[MachineFile, Table]]

@@ -35,11 +35,11 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.truth import MICRO, Truth, table_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.errors import PttError
-from ptt.model import Model
-from ptt.problem import build_problem
+from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_noise import NOISES
+from ptt.run.problem import build_problem
 
 BLANK: dict[str, Any] = {"rows": 0, "noise": "", "path": "", "hidden": {}, "counted": [], "outside": []}
 

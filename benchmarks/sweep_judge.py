@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from ptt.challenge.hide import FAULTS
 from ptt.challenge.score import judge, remeasure
 from ptt.challenge.truth import MICRO, READINGS, Truth, off_set_up, rms_length
-from ptt.model import Model
+from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.motion import travel_direction

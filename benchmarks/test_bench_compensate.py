@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.compensate import compensate
+from ptt.correct.compensate import compensate
 from ptt.effects import library
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model
-from ptt.problem import build_problem
-from ptt.table import make_table, read_table
+from ptt.model.model import Model
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, read_table
 
 MACHINE = "data/sealed_three/machine.toml"
 EFFECTS = ("backlash", "axis-compliance", "frame-growth")

@@ -8,20 +8,20 @@ import torch
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from ptt.chain import predict
 from ptt.effects import library
 from ptt.effects.base import flatten, linear_size
 from ptt.effects.bench import sample_machine
-from ptt.fit.layout import lay_out
-from ptt.fit.linear import usual_sizes
-from ptt.fit.observability import unobservable
-from ptt.fit.search import open_terms
-from ptt.fit.solve import fit
-from ptt.model import Model
-from ptt.noise import Noise
-from ptt.problem import Problem, apply_frames, build_problem
-from ptt.table import make_table
-from ptt.view import build_view
+from ptt.fitting.layout import lay_out
+from ptt.fitting.linear import usual_sizes
+from ptt.fitting.observability import unobservable
+from ptt.fitting.search import open_terms
+from ptt.fitting.solve import fit
+from ptt.model.chain import predict
+from ptt.model.model import Model
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, apply_frames, build_problem
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 SIGMA = 0.003
 GEOMETRY = ("homing-offset", "tower-position", "tower-tilt", "link-length")  # with the frame 24 free parameters

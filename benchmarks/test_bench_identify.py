@@ -13,15 +13,15 @@ import pytest
 import torch
 from scipy import optimize
 
-from ptt.chain import predict
 from ptt.effects.registry import library, make_effect
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 from ptt.machine import JointSpec, MachineFile, SerialSpec, load_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model
-from ptt.problem import build_problem
-from ptt.table import make_table
-from ptt.view import build_view
+from ptt.model.chain import predict
+from ptt.model.model import Model
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 POSES, SIGMA = 100, 0.01

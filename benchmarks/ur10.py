@@ -25,13 +25,13 @@ from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
 from nets import RbfSettings, train_rbf
 from ptt.effects.registry import library, make_effect
-from ptt.fit.solve import FitResult, fit, residual_of
-from ptt.holdout import blocks
+from ptt.fitting.solve import FitResult, fit, residual_of
 from ptt.machine import MachineFile, load_machine
-from ptt.model import Model
-from ptt.noise import Noise
-from ptt.problem import Problem, build_problem
-from ptt.table import Table, concat_tables, read_table
+from ptt.model.model import Model
+from ptt.run.holdout import blocks
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table, concat_tables, read_table
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "ur10_ipa"

@@ -7,17 +7,17 @@ import numpy as np
 import pandas as pd
 
 from nets import GaussianRbf
-from ptt.compensate import compensate
+from ptt.correct.compensate import compensate
+from ptt.correct.training.train import PROTOCOLS, correction_of, fit_physics, learn_rest, sound
 from ptt.effects.registry import library, make_effect
-from ptt.evaluate import AXES, Evaluation, compare_errors, errors_of, evaluate_pair
-from ptt.holdout import pose_groups
+from ptt.judge.evaluate import AXES, Evaluation, compare_errors, errors_of, evaluate_pair
 from ptt.machine import load_machine
-from ptt.model import Model, read_model
-from ptt.plots.compensation import mean_by_pose, plot_error_curves, plot_path, plot_reductions
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model, read_model
 from ptt.rig import Rig, load_rig, simulate, write_run
-from ptt.table import Table, make_table, read_table
-from ptt.training.train import PROTOCOLS, correction_of, fit_physics, learn_rest, sound
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table, make_table, read_table
+from ptt.show.plots.compensation import mean_by_pose, plot_error_curves, plot_path, plot_reductions
 
 HERE = Path(__file__).parent
 GEOMETRY = ("homing-offset", "lead-scale", "once-per-rev", "tower-position", "tower-tilt", "link-length", "windup")

@@ -13,22 +13,22 @@ from matplotlib.figure import Figure
 from ptt.challenge.challenge import Sealed, open_challenge
 from ptt.challenge.score import Score, score
 from ptt.challenge.truth import find_truth
-from ptt.compare.comparison import Comparison, compare_run
-from ptt.compensate import compensate
+from ptt.correct.compensate import compensate
+from ptt.correct.training.train import Training, correction_of, train
 from ptt.diagnosis.noise import noise_floor
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect, parse_key
-from ptt.evaluate import errors_of
 from ptt.files import write_bytes
-from ptt.ladder.climb import Ladder, climb
+from ptt.judge.compare.comparison import Comparison, compare_run
+from ptt.judge.evaluate import errors_of
+from ptt.judge.ladder.climb import Ladder, climb
 from ptt.machine import MachineFile, load_machine, save_machine
-from ptt.model import read_model, write_model
-from ptt.plots.compare import plot_comparison
-from ptt.plots.ladder import plot_ladder
-from ptt.problem import build_problem
+from ptt.model.model import read_model, write_model
 from ptt.rig import simulate, write_run
-from ptt.table import Table, read_table
-from ptt.training.train import Training, correction_of, train
+from ptt.run.problem import build_problem
+from ptt.run.table import Table, read_table
+from ptt.show.plots.compare import plot_comparison
+from ptt.show.plots.ladder import plot_ladder
 
 HERE = Path(__file__).parent
 SEALED = ("sealed_one", "sealed_three")

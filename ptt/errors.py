@@ -68,7 +68,7 @@ class SetupError(PttError):
     """A set-up mistake that makes everything after it worthless.
 
     Attributes:
-        check: what was found, a `ptt.check.Check`.
+        check: what was found, a `ptt.setup.Check`.
     """
 
     exit_code = 3

@@ -150,7 +150,7 @@ class TargetsSpec(_Frozen):
 
 
 class CovarianceSpec(_Frozen):
-    """What a fit left uncertain, parameters and tracker frame together; written and read by `ptt.fit.kept`.
+    """What a fit left uncertain, parameters and tracker frame together; written and read by `ptt.fitting.kept`.
 
     Attributes:
         of: names of the parameters.

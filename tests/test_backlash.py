@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from ptt.backlash.dead_travel import measure_reversal
-from ptt.backlash.measure import as_reversal_amount, measure_backlash, reversal_compensation, travel_direction
-from ptt.backlash.scale import read_scale_log
 from ptt.errors import TableError
+from ptt.run.backlash.dead_travel import measure_reversal
+from ptt.run.backlash.measure import as_reversal_amount, measure_backlash, reversal_compensation, travel_direction
+from ptt.run.backlash.scale import read_scale_log
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 LEAD = 5.0

@@ -20,13 +20,13 @@ from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import InputError
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 from ptt.machine import load_machine, save_machine
-from ptt.model import Model, Term, write_model
-from ptt.problem import build_problem
+from ptt.model.model import Model, Term, write_model
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
-from ptt.table import read_table
+from ptt.run.problem import build_problem
+from ptt.run.table import read_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 KNOWN = library()

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
-from ptt.check import MISTAKES, check_setup
-from ptt.check.machine import describe_machine
 from ptt.commands.main import run_alone
 from ptt.machine import MachineFile, load_machine, parse_machine
-from ptt.table import Table, make_table, read_table, write_table
+from ptt.run.table import Table, make_table, read_table, write_table
+from ptt.setup import MISTAKES, check_setup
+from ptt.setup.machine import describe_machine
 
 DATA = Path(__file__).parent.parent / "data" / "sealed_one"
 

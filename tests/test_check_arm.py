@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ptt.check import check_setup
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.rig.draw_arm import draw_arm
-from ptt.table import Table, make_table
+from ptt.run.table import Table, make_table
+from ptt.setup import check_setup
 
 MACHINES = Path(__file__).parent.parent / "data" / "machines"
 Change = Callable[[Table], Table]

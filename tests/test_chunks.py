@@ -8,12 +8,12 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ptt.chunks import cut, enter, map_chunks, stretches, take
 from ptt.effects.memory import gradual_reversal, play
+from ptt.fitting.chunks import cut, enter, map_chunks, stretches, take
 from ptt.machine import load_machine
-from ptt.problem import Problem, build_problem
-from ptt.table import make_table
-from ptt.turns import remember
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+from ptt.run.turns import remember
 
 MACHINE = "data/sealed_one/machine.toml"
 GAP = torch.tensor([0.04, 3.0, 0.3], dtype=torch.float64)

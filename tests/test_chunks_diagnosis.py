@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.chunks import cut, numbers, sample_stretches, take
 from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.long import STRETCH, diagnose_long
@@ -22,16 +21,17 @@ from ptt.diagnosis.system import RowSystem, build_system, clock_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.diagnosis.wander import Wander
 from ptt.effects import library
-from ptt.fit.linear import assemble
-from ptt.fit.solve import fit
+from ptt.fitting.chunks import cut, numbers, sample_stretches, take
+from ptt.fitting.linear import assemble
+from ptt.fitting.solve import fit
 from ptt.machine import load_machine
-from ptt.model import Model
-from ptt.noise import Noise
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
-from ptt.table import read_table
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import read_table
 
 FILE = load_machine("data/sealed_one/machine.toml")
 MODEL = Model(FILE)

@@ -12,18 +12,18 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from ptt.commands.main import app, run_alone
-from ptt.compare.comparison import AXES, compare_run, figures
-from ptt.compare.text import format_comparison
 from ptt.effects.registry import library, make_effect
+from ptt.judge.compare.comparison import AXES, compare_run, figures
+from ptt.judge.compare.text import format_comparison
 from ptt.machine import parse_machine, save_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model, Term
-from ptt.noise import Noise
-from ptt.plots.common import round_down
-from ptt.plots.compare import plot_comparison
-from ptt.plots.periods import joint_periods
-from ptt.problem import build_problem
-from ptt.table import make_table, write_table
+from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, write_table
+from ptt.show.plots.common import round_down
+from ptt.show.plots.compare import plot_comparison
+from ptt.show.plots.periods import joint_periods
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 NOISE = 0.004  # mm

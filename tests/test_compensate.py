@@ -12,18 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from ptt.chain import predict
 from ptt.commands.main import app
-from ptt.compensate import compensate, missing_context
+from ptt.correct.compensate import compensate, missing_context
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
 from ptt.machine import ControllerSpec, EffectEntry, ParameterEntry, load_machine, save_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model, Term, read_model
+from ptt.model.chain import predict
+from ptt.model.model import Model, Term, read_model
 from ptt.rig import parse_rig, simulate
-from ptt.table import Table, make_table, read_table, write_table
-from ptt.view import build_view
+from ptt.run.table import Table, make_table, read_table, write_table
+from ptt.run.view import build_view
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = load_machine(DATA / "machine.toml")

@@ -14,8 +14,8 @@ from ptt.dependence.periods import periodogram, refine_frequency, trial_frequenc
 from ptt.dependence.strata import find_poses, whiten
 from ptt.dependence.where import by_level, part_of, where_it_fails, worst_region
 from ptt.machine import parse_machine
-from ptt.problem import build_problem
-from ptt.table import make_table
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 
 SIGMA = 0.005
 ROD, REACH = 300.0, 100.0

@@ -13,26 +13,26 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.design.arm import telling_poses
-from ptt.design.contest import open_contest
-from ptt.design.first_run import plan_first_run, repeats_in
-from ptt.design.foresight import beside, columns_of, see_plan
-from ptt.design.separation import Separation, plan_separation
-from ptt.design.space import build_space, can_drive, directions, draw_poses
-from ptt.design.visits import both_ways, in_driving_order, single, table_of
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects import library
 from ptt.errors import InputError, WorkspaceError
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, parse_machine
 from ptt.mechanisms.dexterity import singularities
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model
+from ptt.plan.arm import telling_poses
+from ptt.plan.contest import open_contest
+from ptt.plan.first_run import plan_first_run, repeats_in
+from ptt.plan.foresight import beside, columns_of, see_plan
+from ptt.plan.separation import Separation, plan_separation
+from ptt.plan.space import build_space, can_drive, directions, draw_poses
+from ptt.plan.visits import both_ways, in_driving_order, single, table_of
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import as_targets, make_helix, there_and_back
-from ptt.table import read_table, table_to_frame, write_table
-from ptt.view import build_view
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import read_table, table_to_frame, write_table
+from ptt.run.view import build_view
 
 ARM = """
 [machine]

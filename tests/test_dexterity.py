@@ -13,7 +13,7 @@ from ptt.mechanisms.dexterity import condition_number, determinant, manipulabili
 from ptt.mechanisms.statics import GRAVITY, axis_forces, link_forces
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
-from ptt.plots.workspace import plot_workspace_map
+from ptt.show.plots.workspace import plot_workspace_map
 
 SINE = math.sqrt(3.0) / 2.0
 

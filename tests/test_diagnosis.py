@@ -12,13 +12,13 @@ from ptt.commands.main import app
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.effects import library
+from ptt.fitting.sums import accumulate, gain, project, solve
 from ptt.machine import format_machine
-from ptt.model import Model
-from ptt.problem import build_problem
+from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
-from ptt.sums import accumulate, gain, project, solve
-from ptt.table import read_table
+from ptt.run.problem import build_problem
+from ptt.run.table import read_table
 
 MACHINE = bench_machine()
 

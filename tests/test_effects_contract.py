@@ -7,7 +7,6 @@ import torch
 import typer
 from typer.testing import CliRunner
 
-from ptt.chain import differentiate
 from ptt.commands.effects import effects as verb
 from ptt.effects import Effect, Parameter, library
 from ptt.effects.bench import sample_view
@@ -18,6 +17,7 @@ from ptt.effects.phrases import Phrase
 from ptt.effects.registry import load_effects, make_effect, parse_key
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
+from ptt.model.chain import differentiate
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

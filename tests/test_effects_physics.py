@@ -9,7 +9,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import root
 from torch.testing import assert_close
 
-from ptt.chain import components, differentiate, predict
 from ptt.effects import library
 from ptt.effects.base import total_size
 from ptt.effects.bench import sample_view, take
@@ -21,9 +20,10 @@ from ptt.errors import ModelError
 from ptt.machine import parse_machine
 from ptt.mechanisms.statics import GRAVITY
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.model import Model, read_model
-from ptt.table import make_table
-from ptt.view import build_view
+from ptt.model.chain import components, differentiate, predict
+from ptt.model.model import Model, read_model
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 import torch
 
-from ptt.chain import predict
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.effects import library
 from ptt.machine import format_machine
-from ptt.problem import build_problem
+from ptt.model.chain import predict
 from ptt.rig.rig import parse_rig
 from ptt.rig.simulate import simulate, write_run
-from ptt.table import read_table
+from ptt.run.problem import build_problem
+from ptt.run.table import read_table
 
 TRUSTED = replace(bench_machine(), tracker=bench_machine().tracker.model_copy(update={"frame": "trusted"}))
 WARM = {"room": {"rise_k": 30.0, "time_constant_s": 400.0}}

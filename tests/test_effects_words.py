@@ -16,17 +16,17 @@ from ptt.commands.main import app
 from ptt.diagnosis.words import explain_step, explain_verdict, sentences
 from ptt.effects import library
 from ptt.effects.phrases import figure
-from ptt.fit.gauge import sparsest
-from ptt.fit.solve import fit, residual_of
+from ptt.fitting.gauge import sparsest
+from ptt.fitting.solve import fit, residual_of
 from ptt.machine import format_machine, load_machine
-from ptt.model import Model
-from ptt.noise import Noise
-from ptt.problem import build_problem
+from ptt.model.model import Model
 from ptt.rig.draw_arm import unweighed
 from ptt.rig.rig import parse_rig
 from ptt.rig.serial_arm import ArmFaults, ArmRig
 from ptt.rig.simulate import simulate, write_run
-from ptt.table import make_table, read_table
+from ptt.run.noise import Noise
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, read_table
 
 MACHINE = bench_machine()
 KNOWN = library()

@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.errors import TableError
-from ptt.evaluate import compare_errors, errors_of, evaluate_pair, match_rows
+from ptt.judge.evaluate import compare_errors, errors_of, evaluate_pair, match_rows
 from ptt.machine import load_machine
-from ptt.table import make_table, write_table
+from ptt.run.table import make_table, write_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 RANDOM = np.random.default_rng(5)

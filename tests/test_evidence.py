@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from ptt.fit.evidence import WIDTH, Posterior, learn
+from ptt.fitting.evidence import WIDTH, Posterior, learn
 
 ROWS = 40
 FREE = 1e3  # wide enough, and readings' own covariance can still be inverted to many digits

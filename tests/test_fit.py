@@ -11,25 +11,25 @@ from hypothesis import strategies as st
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from ptt.chain import predict
 from ptt.effects import library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
 from ptt.errors import MachineError, ModelError, TableError
-from ptt.fit.gauss_newton import bounded_step, descend
-from ptt.fit.observability import correlations, unobservable
-from ptt.fit.outliers import inside
-from ptt.fit.report import format_fit, report_fit
-from ptt.fit.search import best_shape
-from ptt.fit.solve import FitResult, fit, residual_of, rms, unseen_directions
-from ptt.frames import rotation
-from ptt.holdout import BLOCKS, blocks, folds, pose_groups
+from ptt.fitting.gauss_newton import bounded_step, descend
+from ptt.fitting.observability import correlations, unobservable
+from ptt.fitting.outliers import inside
+from ptt.fitting.report import format_fit, report_fit
+from ptt.fitting.search import best_shape
+from ptt.fitting.solve import FitResult, fit, residual_of, rms, unseen_directions
 from ptt.machine import BasePoint, MachineFile, format_machine, parse_machine
-from ptt.model import Model, Term, read_model, write_model
-from ptt.noise import given_noise, noise_from_repeats, noise_from_std
-from ptt.problem import Problem, build_problem
-from ptt.table import Table, make_table
-from ptt.view import build_view
+from ptt.model.chain import predict
+from ptt.model.model import Model, Term, read_model, write_model
+from ptt.run.frames import rotation
+from ptt.run.holdout import BLOCKS, blocks, folds, pose_groups
+from ptt.run.noise import given_noise, noise_from_repeats, noise_from_std
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table, make_table
+from ptt.run.view import build_view
 
 SIGMA = 0.003
 TRACKER = Rotation.from_rotvec([0.3, 2.0, 1.0]).as_matrix()
@@ -106,7 +106,7 @@ def test_fit_agrees_with_scipy_on_the_same_residual() -> None:
     problem, _ = hidden_backlash(80)
     result = fitted(["homing-offset", "link-length"], problem, robust=False)
     layout, whitener = result.layout, result.noise.whitener
-    from ptt.fit.whitened import build_system
+    from ptt.fitting.whitened import build_system
 
     def residual(unknowns: np.ndarray) -> np.ndarray:
         system = build_system(layout, problem, whitener, unknowns)
@@ -437,8 +437,8 @@ def test_windup_length_is_found() -> None:
 def test_the_drawing_after_alignment_is_one_figure_whoever_prints_it() -> None:
     """Also with a frame of base reflectors, which a best motion of all readings would bend toward the errors."""
     from ptt.commands.common import Reading, open_run
-    from ptt.compare.comparison import compare_run
-    from ptt.ladder.climb import climb
+    from ptt.judge.compare.comparison import compare_run
+    from ptt.judge.ladder.climb import climb
 
     data = Path(__file__).resolve().parents[1] / "data"
     for run, drawing in (("experiment1.csv", "machine.toml"), ("sealed_one/run.csv", "sealed_one/machine.toml")):

@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 from ptt.commands.main import app
 from ptt.errors import MachineError
 from ptt.files import sha256
-from ptt.history import read_entries, record, runs_of
-from ptt.ladder.climb import climb
+from ptt.judge.history import read_entries, record, runs_of
+from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
-from ptt.model import Model
-from ptt.plots.ladder import plot_history, plot_ladder
-from ptt.problem import Problem
-from ptt.table import write_table
+from ptt.model.model import Model
+from ptt.run.problem import Problem
+from ptt.run.table import write_table
+from ptt.show.plots.ladder import plot_history, plot_ladder
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from ptt.errors import TableError
-from ptt.iso.axis import axis_figures
-from ptt.iso.figures import align_to_targets, is_axis_file, iso_of_poses, read_axis_figures
-from ptt.iso.pose import accuracy_and_repeatability, distance_figures, group_rows, pose_report
-from ptt.table import make_table
+from ptt.judge.iso.axis import axis_figures
+from ptt.judge.iso.figures import align_to_targets, is_axis_file, iso_of_poses, read_axis_figures
+from ptt.judge.iso.pose import accuracy_and_repeatability, distance_figures, group_rows, pose_report
+from ptt.run.table import make_table
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "iso230" / "iso230_points.csv"
 

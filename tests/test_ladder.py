@@ -8,13 +8,13 @@ import torch
 from test_fit import KNOWN, empty_run, hidden_backlash, machine, measure, term
 
 from ptt.errors import ModelError
-from ptt.fit.solve import fit
-from ptt.ladder.climb import FOLDS, climb, descend
-from ptt.ladder.text import format_ladder, verdicts
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
-from ptt.table import Table
-from ptt.view import build_view
+from ptt.fitting.solve import fit
+from ptt.judge.ladder.climb import FOLDS, climb, descend
+from ptt.judge.ladder.text import format_ladder, verdicts
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table
+from ptt.run.view import build_view
 
 
 def effects(*names: str) -> list:
@@ -52,7 +52,7 @@ def test_effects_that_are_not_there_rarely_seem_to_help() -> None:
 
 def test_held_out_errors_are_those_of_fits_that_did_not_see_the_rows() -> None:
     problem, _ = hidden_backlash(100)
-    from ptt.holdout import folds
+    from ptt.run.holdout import folds
 
     ladder = climb(Model(problem.file), problem, effects("backlash"))
     model = Model(problem.file) + KNOWN["backlash"]()

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.chain import predict
 from ptt.effects import Effect, library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
-from ptt.fit.linear import Linear, assemble, linear_columns, usual_sizes
-from ptt.fit.solve import FitResult, fit
+from ptt.fitting.linear import Linear, assemble, linear_columns, usual_sizes
+from ptt.fitting.solve import FitResult, fit
 from ptt.machine import BasePoint
-from ptt.model import Model
-from ptt.problem import Problem, apply_frames, build_problem
-from ptt.table import make_table
-from ptt.view import build_view
+from ptt.model.chain import predict
+from ptt.model.model import Model
+from ptt.run.problem import Problem, apply_frames, build_problem
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 KNOWN = library()
 SIGMA = 0.003

@@ -8,7 +8,7 @@ from ptt.diagnosis.memory import Memory, RowSums
 from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.wander import Clock
 from ptt.effects.registry import library, make_effect
-from ptt.fit.evidence import learn
+from ptt.fitting.evidence import learn
 
 ROWS, WIDTH, KNOWN = 60, 160, 3
 

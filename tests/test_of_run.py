@@ -10,13 +10,13 @@ import pytest
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.compensate import compensate
+from ptt.correct.compensate import compensate
 from ptt.machine import TrackerSpec, load_machine, save_machine
-from ptt.model import read_model
+from ptt.model.model import read_model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
-from ptt.table import make_table
+from ptt.run.table import make_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = replace(load_machine(DATA / "machine.toml"), tracker=TrackerSpec(sigma_mm=0.004), text="")

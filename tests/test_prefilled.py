@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ptt.chain import differentiate
 from ptt.challenge.challenge import bench
 from ptt.commands.main import app
 from ptt.diagnosis.verdict import diagnose
@@ -14,12 +13,13 @@ from ptt.effects.contract import check_effect
 from ptt.effects.prefilled import prefilled
 from ptt.effects.registry import library, make_effect, parse_key
 from ptt.errors import InputError
-from ptt.ladder.climb import climb
-from ptt.model import Model
-from ptt.problem import build_problem
+from ptt.judge.ladder.climb import climb
+from ptt.model.chain import differentiate
+from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
-from ptt.table import read_table
+from ptt.run.problem import build_problem
+from ptt.run.table import read_table
 
 RANGES = {"b2": [270.0, 283.0, 296.0], "x": [-50.0, 0.0, 50.0]}
 WARM = [20.0, 23.0, 26.0]

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from ptt.effects import library
-from ptt.fit.observability import unobservable
-from ptt.fit.solve import fit, residual_of
+from ptt.fitting.observability import unobservable
+from ptt.fitting.solve import fit, residual_of
 from ptt.machine import MachineFile, load_machine
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model
 from ptt.rig.draw_arm import draw_arm
-from ptt.table import make_table
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
 
 ROOT = Path(__file__).resolve().parents[1]
 SIGMA = 0.01

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ptt.errors import TableError
-from ptt.readers import Mapping, Request, load_mapping, read_any, save_mapping
-from ptt.readers.columns import UNITS, canonical, dimension_of, file_title, to_standard
-from ptt.readers.mapping import Ask
-from ptt.readers.text import find_decimal, find_delimiter
-from ptt.readers.titles import meaning_of, split_unit
-from ptt.table import read_table
+from ptt.run.readers import Mapping, Request, load_mapping, read_any, save_mapping
+from ptt.run.readers.columns import UNITS, canonical, dimension_of, file_title, to_standard
+from ptt.run.readers.mapping import Ask
+from ptt.run.readers.text import find_decimal, find_delimiter
+from ptt.run.readers.titles import meaning_of, split_unit
+from ptt.run.table import read_table
 
 FIXTURES = Path(__file__).parent / "fixtures"
 UR10 = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "ur10_ipa"

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 
 BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 

@@ -12,26 +12,26 @@ from test_fit import KNOWN, empty_run, machine, measure, term
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
+from ptt.correct.training.compensator import Compensator, load_compensator, save_compensator
+from ptt.correct.training.train import train
 from ptt.diagnosis.rest import LIGHT
 from ptt.effects.bench import sample_machine
 from ptt.errors import InputError, ModelError
 from ptt.files import sha256
-from ptt.history import record
-from ptt.ladder.climb import climb
+from ptt.judge.history import record
+from ptt.judge.ladder.climb import climb
 from ptt.machine import save_machine
-from ptt.model import Model
-from ptt.problem import build_problem
-from ptt.report import interactive
-from ptt.report.blocks import side_by_side
-from ptt.report.contents import Contents, gather, with_network
-from ptt.report.html import render, write_report
-from ptt.report.numbers import chance, percent, plus_minus
-from ptt.report.sections import sections_of
-from ptt.report.source import Source, short_names, source_of
-from ptt.table import make_table, write_table
-from ptt.training.compensator import Compensator, load_compensator, save_compensator
-from ptt.training.train import train
-from ptt.view import build_view
+from ptt.model.model import Model
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, write_table
+from ptt.run.view import build_view
+from ptt.show.report import interactive
+from ptt.show.report.blocks import side_by_side
+from ptt.show.report.contents import Contents, gather, with_network
+from ptt.show.report.html import render, write_report
+from ptt.show.report.numbers import chance, percent, plus_minus
+from ptt.show.report.sections import sections_of
+from ptt.show.report.source import Source, short_names, source_of
 
 HOSTILE = "<script>alert('x')</script>\"><img src=http://evil.example/x>"
 VOID = {"meta", "img", "br", "link", "hr", "input"}
@@ -262,7 +262,7 @@ def test_bad_input_is_one_line_and_leaves_no_file(
     if broken == "folder":
         out = tmp_path / "file" / "report.html"
         (tmp_path / "file").write_text("in the way")
-        monkeypatch.setattr("ptt.report.html.gather", lambda *given, **options: minimal)
+        monkeypatch.setattr("ptt.show.report.html.gather", lambda *given, **options: minimal)
     if broken == "column":
         run = tmp_path / "bad.csv"
         run.write_text("x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas\n1,2,3,1,2,--\n")
@@ -296,7 +296,7 @@ def test_options_return_in_the_commands(folder: Path, tmp_path: Path) -> None:
     paths = {"run": [folder / "run.csv"], "also": [other], "model": [folder / "model.toml"]}
     source = source_of(paths, ["payload_kg=2"])
     assert source.clean(f"{other}: 120 rows") == "second run.csv: 120 rows"
-    from ptt.report.commands import commands_of
+    from ptt.show.report.commands import commands_of
 
     last = commands_of(source, load_compensator(folder / "model.toml").model, network=False)[-1].line
     assert last == (

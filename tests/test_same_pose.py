@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
-from ptt.compare.lack_of_fit import lack_of_fit_of
-from ptt.evaluate import evaluate_pair, match_rows
-from ptt.holdout import pose_groups
-from ptt.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
-from ptt.problem import build_problem
-from ptt.same_pose import SAME_POSE, count_places, number_alike, same_places
-from ptt.table import make_table, read_table, write_table
+from ptt.judge.compare.lack_of_fit import lack_of_fit_of
+from ptt.judge.evaluate import evaluate_pair, match_rows
+from ptt.run.holdout import pose_groups
+from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
+from ptt.run.problem import build_problem
+from ptt.run.same_pose import SAME_POSE, count_places, number_alike, same_places
+from ptt.run.table import make_table, read_table, write_table
 
 UP = np.ones((1, 3))
 

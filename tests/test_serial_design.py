@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.design.arm import choose_from
-from ptt.design.selection import log_volume, select_poses
 from ptt.effects.registry import library
 from ptt.errors import InputError
-from ptt.fit.indices import observability_indices, project_off
+from ptt.fitting.indices import observability_indices, project_off
 from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.dexterity import condition_number
 from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, singular_families
 from ptt.mechanisms.serial import Serial
-from ptt.model import Model
-from ptt.table import make_table, read_table, write_table
+from ptt.model.model import Model
+from ptt.plan.arm import choose_from
+from ptt.plan.selection import log_volume, select_poses
+from ptt.run.table import make_table, read_table, write_table
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 
@@ -119,7 +119,7 @@ def test_iiwa_is_as_even_as_its_elbow_allows() -> None:
 
 
 def test_dexterity_of_an_arm_is_told_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ptt.plots import arm_dexterity
+    from ptt.show.plots import arm_dexterity
 
     monkeypatch.setattr(arm_dexterity, "SAMPLES", 2_000)
     picture = tmp_path / "iiwa.png"
@@ -133,7 +133,7 @@ def test_dexterity_of_an_arm_is_told_and_drawn(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize("joints", ["joint = [{ alpha_deg = 90 }, {}]", "joint = [{ a_mm = 300 }, { a_mm = 200 }]"])
 def test_an_arm_that_moves_in_two_directions_only_can_be_driven(joints: str) -> None:
     """A mount of two axes and a flat arm are singular nowhere that matters; the flat arm stretched out is."""
-    from ptt.design.space import build_space, can_drive
+    from ptt.plan.space import build_space, can_drive
 
     text = f'[machine]\nkind = "serial"\nconvention = "standard"\ntool_mm = [400, 0, 0]\n{joints}\n'
     space = build_space(parse_machine(text))

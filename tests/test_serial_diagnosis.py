@@ -10,13 +10,13 @@ import torch
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.errors import ModelError
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model
 from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
-from ptt.table import Table, make_table
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table, make_table
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 
@@ -99,7 +99,7 @@ def test_sound_rig_agrees_with_the_mechanism(name: str) -> None:
 
 
 def test_link_weights_load_the_joints_as_the_rig_feels_them() -> None:
-    from ptt.view import build_view
+    from ptt.run.view import build_view
 
     file = arm("ur10")
     q = np.random.default_rng(4).uniform(-2.0, 2.0, (15, 6))
@@ -125,7 +125,7 @@ def test_mount_and_frame_are_found_beside_the_links() -> None:
 
 def test_corrected_commands_mend_the_arm() -> None:
     """Perturbation compensation T(p - dp): measured again on the rig, unseen poses, tool point at the reflector."""
-    from ptt.compensate import compensate
+    from ptt.correct.compensate import compensate
 
     file = arm("ur10", tool="trusted", frame="trusted")
     random = np.random.default_rng(12)

@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ptt.design.separation import plan_separation
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
-from ptt.model import Model
-from ptt.problem import build_problem
+from ptt.model.model import Model
+from ptt.plan.separation import plan_separation
 from ptt.rig.draw_arm import ARM_FAULTS, NAMES, ArmFault, draw_arm
 from ptt.rig.serial_arm import ArmFaults, ArmRig
-from ptt.table import make_table
-from ptt.view import build_view
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

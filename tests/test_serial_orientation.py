@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.chain import predict
 from ptt.effects.registry import library, make_effect
 from ptt.errors import TableError
-from ptt.fit.orientation import fit_poses, orientation_of
-from ptt.fit.report import format_fit, report_fit
-from ptt.fit.solve import fit
+from ptt.fitting.orientation import fit_poses, orientation_of
+from ptt.fitting.report import format_fit, report_fit
+from ptt.fitting.solve import fit
 from ptt.machine import load_machine
 from ptt.mechanisms.rotations import quaternion_of
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.model.chain import predict
+from ptt.model.model import Model
 from ptt.rig.draw_arm import draw_arm
 from ptt.rig.serial_arm import rigid
-from ptt.table import make_table
-from ptt.view import build_view
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 
@@ -77,7 +77,7 @@ def test_pose_fit_predicts_unseen_poses() -> None:
 
 
 def test_turn_columns_are_the_derivative_of_the_orientation() -> None:
-    from ptt.fit.orientation import _turn_columns
+    from ptt.fitting.orientation import _turn_columns
 
     file = load_machine(MACHINES / "ur10.toml")
     view = build_view(file, make_table(None, np.random.default_rng(0).uniform(-2, 2, (6, 6)), payload_kg=3.0))

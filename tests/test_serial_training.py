@@ -13,16 +13,16 @@ from typer.testing import CliRunner
 from nets import RbfSettings
 from ptt.commands.main import app
 from ptt.commands.train import train as train_command
-from ptt.compensate import compensate
+from ptt.correct.compensate import compensate
+from ptt.correct.training.compensator import load_compensator, save_compensator
+from ptt.correct.training.rest import correction_of, spaces_of
+from ptt.correct.training.train import Training, random_protocol, train
 from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
+from ptt.model.model import Model
 from ptt.rig.serial_arm import ArmFaults, ArmRig
-from ptt.table import make_table, write_table
-from ptt.training.compensator import load_compensator, save_compensator
-from ptt.training.rest import correction_of, spaces_of
-from ptt.training.train import Training, random_protocol, train
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table, write_table
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.chain import predict
 from ptt.effects.registry import library, make_effect
 from ptt.errors import MachineError
-from ptt.fit.solve import fit
+from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine, parse_machine
-from ptt.model import Model, parameter_names
-from ptt.mounts import place_mounts
-from ptt.problem import build_problem
+from ptt.model.chain import predict
+from ptt.model.model import Model, parameter_names
 from ptt.rig.draw_arm import draw_masses, unweighed
 from ptt.rig.serial_arm import ArmFaults, ArmRig
-from ptt.table import make_table
-from ptt.view import build_view
+from ptt.run.mounts import place_mounts
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 SIGMA = 0.01
@@ -154,7 +154,7 @@ def test_payload_pulls_along_the_machines_gravity() -> None:
 
 
 def test_zero_sag_is_nominal_and_a_saved_model_reads_back() -> None:
-    from ptt.model import read_model, write_model
+    from ptt.model.model import read_model, write_model
 
     file = arm("ur10")
     random = np.random.default_rng(3)

@@ -8,17 +8,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.compensate import NetworkError, compensate
+from ptt.correct.compensate import NetworkError, compensate
 from ptt.correct.doubt import doubtful
 from ptt.effects.registry import library, make_effect
-from ptt.fit.kept import kept_covariance
-from ptt.history import record
-from ptt.ladder.climb import Ladder, climb
+from ptt.fitting.kept import kept_covariance
+from ptt.judge.history import record
+from ptt.judge.ladder.climb import Ladder, climb
 from ptt.machine import MachineFile, TrackerSpec, format_machine, load_machine, parse_machine
-from ptt.model import Model, read_model
-from ptt.problem import build_problem
+from ptt.model.model import Model, read_model
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.table import make_table, read_table
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, read_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SIGMA = 0.004

@@ -11,14 +11,14 @@ from test_fit import empty_run, machine, measure
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.compare.comparison import compare_run
-from ptt.compare.text import format_comparison
-from ptt.fit.outliers import EXCEPTIONS, inside
-from ptt.fit.report import report_fit
-from ptt.fit.solve import residual_of
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
-from ptt.table import Table
+from ptt.fitting.outliers import EXCEPTIONS, inside
+from ptt.fitting.report import report_fit
+from ptt.fitting.solve import residual_of
+from ptt.judge.compare.comparison import compare_run
+from ptt.judge.compare.text import format_comparison
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table
 
 SEALED = Path(__file__).resolve().parents[1] / "data" / "sealed_three"
 NAMES = ("backlash", "axis-compliance", "frame-growth")

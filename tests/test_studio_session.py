@@ -17,25 +17,25 @@ import plotly.graph_objects as go
 import pytest
 from typer.testing import CliRunner
 
-from ptt.chunks import CHUNK, LONG
 from ptt.commands.main import app
 from ptt.commands.report import report as report_verb
 from ptt.diagnosis.long import choose_diagnosis, diagnose_long
 from ptt.diagnosis.verdict import diagnose
 from ptt.errors import InputError, ModelError, PttError
+from ptt.fitting.chunks import CHUNK, LONG
 from ptt.machine import EffectEntry, ParameterEntry, parse_machine
-from ptt.readers import Mapping
-from ptt.report.contents import gather
-from ptt.studio import field, figures, jobs
-from ptt.studio.answers import agreed
-from ptt.studio.controller import LIMIT, RESERVED, Studio, safe_name
-from ptt.studio.looks import Look
-from ptt.studio.page_finish import commands_of
-from ptt.studio.page_model import ladder_of, words_of
-from ptt.studio.results import Changed, Source
-from ptt.studio.server import Opening, keep_opening
-from ptt.studio.session import Session, key_of, parameter_rows
-from ptt.studio.worker import QuestionError
+from ptt.run.readers import Mapping
+from ptt.show.report.contents import gather
+from ptt.show.studio import field, figures, jobs
+from ptt.show.studio.answers import agreed
+from ptt.show.studio.controller import LIMIT, RESERVED, Studio, safe_name
+from ptt.show.studio.looks import Look
+from ptt.show.studio.page_finish import commands_of
+from ptt.show.studio.page_model import ladder_of, words_of
+from ptt.show.studio.results import Changed, Source
+from ptt.show.studio.server import Opening, keep_opening
+from ptt.show.studio.session import Session, key_of, parameter_rows
+from ptt.show.studio.worker import QuestionError
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
@@ -330,7 +330,7 @@ def test_answers_that_contradict_each_other_are_left_out():
 
 
 def test_a_long_run_is_referred_to_the_command_line(here: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("ptt.chunks.LONG", 200)
+    monkeypatch.setattr("ptt.fitting.chunks.LONG", 200)
     with pytest.raises(InputError, match=r"run: ptt diagnose run\.csv"):
         jobs.learn(RUN, MACHINE, silent)
     with pytest.raises(InputError, match=r"run: ptt report run\.csv"):
@@ -425,7 +425,7 @@ def test_names_of_uploads_lose_their_folders(given: str, kept: str):
 
 
 def test_uploads_have_a_limit():
-    from ptt.studio.server import UploadLimit
+    from ptt.show.studio.server import UploadLimit
 
     seen: list[int] = []
 

@@ -23,13 +23,13 @@ from ptt.challenge.truth import find_truth, table_of
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
-from ptt.fit.solve import fit
-from ptt.model import Model, parameter_names
-from ptt.problem import build_problem
+from ptt.fitting.solve import fit
+from ptt.model.model import Model, parameter_names
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
 from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_noise import NOISES
+from ptt.run.problem import build_problem
 
 KNOWN = library()
 GAUGE_FREE = {

@@ -17,10 +17,10 @@ from ptt.commands.main import app
 from ptt.errors import TableError
 from ptt.machine import TargetsSpec, TrackerSpec, format_machine, load_machine, parse_machine, save_machine
 from ptt.mechanisms import build_mechanism
-from ptt.problem import build_problem
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.table import make_table, read_table
-from ptt.target_frame import find_frame, kept_frame
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, read_table
+from ptt.run.target_frame import find_frame, kept_frame
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = replace(load_machine(DATA / "machine.toml"), tracker=TrackerSpec(sigma_mm=0.004), text="")

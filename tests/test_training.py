@@ -9,19 +9,10 @@ import pytest
 
 from ptt.commands.common import open_model
 from ptt.commands.main import guard, run_alone
-from ptt.compensate import compensate
-from ptt.effects.registry import library, make_effect
-from ptt.errors import InputError, TableError
-from ptt.evaluate import evaluate_pair
-from ptt.holdout import pose_groups
-from ptt.machine import load_machine
-from ptt.model import read_model
-from ptt.problem import build_problem
-from ptt.rig import load_rig, simulate, write_run
-from ptt.table import make_table, read_table
-from ptt.training.compensator import load_compensator, save_compensator
-from ptt.training.heldout import evaluate_heldout
-from ptt.training.train import (
+from ptt.correct.compensate import compensate
+from ptt.correct.training.compensator import load_compensator, save_compensator
+from ptt.correct.training.heldout import evaluate_heldout
+from ptt.correct.training.train import (
     block_protocol,
     correction_of,
     fit_physics,
@@ -31,6 +22,15 @@ from ptt.training.train import (
     sound,
     train,
 )
+from ptt.effects.registry import library, make_effect
+from ptt.errors import InputError, TableError
+from ptt.judge.evaluate import evaluate_pair
+from ptt.machine import load_machine
+from ptt.model.model import read_model
+from ptt.rig import load_rig, simulate, write_run
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, read_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 EFFECTS = ("homing-offset", "lead-scale", "tower-position", "tower-tilt", "link-length", "once-per-rev", "windup")

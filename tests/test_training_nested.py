@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from nets import RbfSettings
+from ptt.correct.training.nested import hold_out
+from ptt.correct.training.train import fit_physics, learn_rest, random_protocol, sound, train
 from ptt.machine import MachineFile, parse_machine
-from ptt.model import Model
-from ptt.problem import Problem, build_problem
-from ptt.table import make_table
-from ptt.training.nested import hold_out
-from ptt.training.train import fit_physics, learn_rest, random_protocol, sound, train
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
 
 SMALL = RbfSettings(centre_counts=(16, 32), spreads=(2.0, 4.0), restarts=1, folds=5)
 RANDOM = np.random.default_rng(11)

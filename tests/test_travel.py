@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ptt.backlash.reversal import travel_direction
-from ptt.travel import arrival_direction, run_starts
+from ptt.run.backlash.reversal import travel_direction
+from ptt.run.travel import arrival_direction, run_starts
 
 
 def test_a_joint_that_stands_through_a_run_does_not_arrive_as_the_next_run_moves():

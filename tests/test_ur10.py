@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ptt.fit.orientation import fit_poses, orientation_of
-from ptt.fit.solve import fit
-from ptt.problem import Problem
+from ptt.fitting.orientation import fit_poses, orientation_of
+from ptt.fitting.solve import fit
+from ptt.run.problem import Problem
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

@@ -9,12 +9,12 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from ptt.challenge.truth import MICRO, UNSEEN, Fault, Truth, table_of
-from ptt.compensate import Correction, compensate
+from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
-from ptt.model import Model, parameter_names
-from ptt.noise import Noise
+from ptt.model.model import Model, parameter_names
 from ptt.rig import RunResult, simulate
 from ptt.rig.draw import DrawnRig
+from ptt.run.noise import Noise
 
 Found = Literal["found", "explained", "missed", "too small"]
 Named = Literal["right", "fair", "partial", "wrong"]

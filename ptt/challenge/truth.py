@@ -13,13 +13,13 @@ from ptt.challenge.hide import FAULTS, clear_faults
 from ptt.effects import Library
 from ptt.effects.metrology import rigid_basis
 from ptt.effects.registry import make_effect, parse_key
-from ptt.fit.solve import FitResult, fit
-from ptt.model import Model
-from ptt.noise import Noise
-from ptt.problem import Problem, build_problem
+from ptt.fitting.solve import FitResult, fit
+from ptt.model.model import Model
 from ptt.rig import Rig, simulate
 from ptt.rig.draw import DrawnRig
-from ptt.table import Table, make_table
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table, make_table
 
 COUNTS = 2.0  # times the noise of one reading that a fault must leave to count
 UNSEEN = 25.0  # sum of squares in noise units, over a whole run, below which nobody can tell: five sigma

@@ -9,8 +9,8 @@ from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Rea
 
 if TYPE_CHECKING:
     from ptt.commands.common import Opened, Progress
-    from ptt.ladder.climb import Ladder
-    from ptt.problem import Problem
+    from ptt.judge.ladder.climb import Ladder
+    from ptt.run.problem import Problem
 
 Out = Annotated[Path, typer.Option("--out", metavar="M2.toml", help="Where the new model is written.")]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Folder for a picture of the ladder.")]
@@ -36,7 +36,7 @@ def add(
     """Add effects to a model, refit everything jointly, and show the error fall step by step."""
     from ptt.commands.common import open_run, progress
     from ptt.effects.registry import library, make_effect, parse_key
-    from ptt.ladder.climb import climb
+    from ptt.judge.ladder.climb import climb
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     known = opened.library or library()
@@ -61,9 +61,9 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
 
     from ptt.commands.common import show
     from ptt.diagnosis.words import sentences
-    from ptt.fit.report import format_fit
-    from ptt.history import record
-    from ptt.ladder.text import format_ladder
+    from ptt.fitting.report import format_fit
+    from ptt.judge.history import record
+    from ptt.judge.ladder.text import format_ladder
     from ptt.machine import save_machine
 
     if opened.compensator.network is not None:
@@ -72,7 +72,7 @@ def finish(ladder: "Ladder", opened: "Opened", verb: str, out: Path | None, plot
     if out is not None:
         save_machine(record(ladder, verb, opened.files), out)
     if plots is not None:
-        from ptt.plots.ladder import plot_ladder
+        from ptt.show.plots.ladder import plot_ladder
 
         plot_ladder(ladder, plots / "ladder.png")
     last = ladder.steps[-1].fitted

@@ -8,7 +8,7 @@ import typer
 from ptt.commands.common import Json
 
 if TYPE_CHECKING:
-    from ptt.backlash.measure import BacklashResult
+    from ptt.run.backlash.measure import BacklashResult
 
 
 def backlash(
@@ -31,8 +31,8 @@ def backlash(
     json: Json = False,
 ) -> None:
     """Measure the backlash of each slider, by data length and by scale counts, for each payload."""
-    from ptt.backlash.measure import measure_backlash
-    from ptt.backlash.scale import read_scale_log
+    from ptt.run.backlash.measure import measure_backlash
+    from ptt.run.backlash.scale import read_scale_log
 
     lead = _lead_of(model) if lead_mm is None and model is not None else lead_mm
     resolution = None if resolution_um is None else 1e-3 * resolution_um

@@ -71,9 +71,9 @@ def reveal(
     from ptt.challenge.challenge import open_challenge
     from ptt.challenge.score import score
     from ptt.challenge.truth import find_truth
+    from ptt.correct.training.train import correction_of
     from ptt.files import write_text
     from ptt.rig import format_rig
-    from ptt.training.train import correction_of
 
     library = open_library(Reading(effects=effects, json=json))
     compensator = open_model(model, library)

@@ -8,8 +8,8 @@ import typer
 from ptt.commands.common import Also, Json, Map, Reading, Set, Targets, note, open_model, read_rows, show, states_units
 
 if TYPE_CHECKING:
-    from ptt.check import Check
     from ptt.machine import MachineFile
+    from ptt.setup import Check
 
 First = Annotated[Path, typer.Argument(metavar="RUN.csv|MACHINE.toml", help="A run, or a machine file alone.")]
 Machine = Annotated[Path | None, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")]
@@ -33,8 +33,8 @@ def check(
     json: Json = False,
 ) -> None:
     """Look for mistakes in the set-up: axes, units, sliders, lengths, rows, frames. A machine file alone is drawn."""
-    from ptt.check import check_setup
     from ptt.errors import InputError
+    from ptt.setup import check_setup
 
     if model is None and (run.suffix == ".toml" or run.is_dir()):
         _show_machine(run, drawing, json)
@@ -54,8 +54,8 @@ def check(
 
 def _purpose(run: Path, reading: Reading) -> str:
     """'run' where the file holds readings, else 'targets'."""
-    from ptt.readers import Mapping, load_mapping
-    from ptt.readers.export import Request, read_any
+    from ptt.run.readers import Mapping, load_mapping
+    from ptt.run.readers.export import Request, read_any
 
     if reading.targets is not None:
         return "run"
@@ -68,7 +68,7 @@ def _write(found: "Check", file: "MachineFile", out_run: Path | None, out_model:
     from ptt.commands.common import refuse_readings
     from ptt.errors import InputError
     from ptt.machine import save_machine
-    from ptt.table import write_table
+    from ptt.run.table import write_table
 
     if out_run is not None:
         if several:
@@ -84,7 +84,7 @@ def _write(found: "Check", file: "MachineFile", out_run: Path | None, out_model:
 
 
 def _show_machine(path: Path, drawing: Path | None, json: bool) -> None:
-    from ptt.check.machine import describe_machine
+    from ptt.setup.machine import describe_machine
 
     file = open_model(path).model.file
     described = describe_machine(file)
@@ -95,7 +95,7 @@ def _show_machine(path: Path, drawing: Path | None, json: bool) -> None:
 
 
 def _draw(file: "MachineFile", path: Path) -> None:
-    from ptt.plots.machine import plot_machine
+    from ptt.show.plots.machine import plot_machine
 
     plot_machine(file, path)
     note(f"{path}: the machine as understood")

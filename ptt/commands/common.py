@@ -9,7 +9,7 @@ it imports nothing heavier than typer, because `ptt --help` imports them all::
         effects: Effects = None, json: Json = False,
     ) -> None:
         '''Compare a run with a model.'''
-        from ptt.compare.comparison import compare_run
+        from ptt.judge.compare.comparison import compare_run
 
         opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json))
         with progress() as tell:
@@ -32,14 +32,14 @@ import typer
 from ptt.commands.output import Progress, note, plain, progress, show, tell_notes
 
 if TYPE_CHECKING:
-    from ptt.check import Check
+    from ptt.correct.training.compensator import Compensator
     from ptt.effects.registry import Library
     from ptt.machine import MachineFile
-    from ptt.model import Model
-    from ptt.problem import Problem
-    from ptt.readers import Ask
-    from ptt.table import Table
-    from ptt.training.compensator import Compensator
+    from ptt.model.model import Model
+    from ptt.run.problem import Problem
+    from ptt.run.readers import Ask
+    from ptt.run.table import Table
+    from ptt.setup import Check
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.csv", help="Tracker run: targets or joint commands, and readings.")]
 ModelPath = Annotated[Path, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")]
@@ -116,7 +116,7 @@ class Opened:
     @property
     def set_up(self) -> dict[str, Any]:
         """What the frames of targets and tracker took, and effects of other runs that are left out, for JSON."""
-        from ptt.taken import set_up
+        from ptt.run.taken import set_up
 
         return set_up(self.problem) | {"other_runs": [term.effect.key for term in self.model.aside]}
 
@@ -139,9 +139,9 @@ def open_run(run: Path, model: Path, reading: Reading) -> Opened:
     from dataclasses import replace
 
     from ptt.errors import SetupError
-    from ptt.of_run import for_runs
-    from ptt.taken import set_up_lines
-    from ptt.target_frame import kept_frame
+    from ptt.model.of_run import for_runs
+    from ptt.run.taken import set_up_lines
+    from ptt.run.target_frame import kept_frame
 
     library = open_library(reading)
     compensator = open_model(model, library)
@@ -177,8 +177,8 @@ def check_rows(file: "MachineFile", table: "Table", reading: Reading) -> "Check"
     Raises:
         SetupError: a mistake that is sure.
     """
-    from ptt.check import check_setup
     from ptt.errors import SetupError
+    from ptt.setup import check_setup
 
     ordered = any(text.startswith("order=") for text in reading.set_ or ())
     setup = check_setup(file, table, ordered=ordered, units_said=states_units(reading.map_))
@@ -208,7 +208,7 @@ def open_model(path: Path, library: "Library | None" = None) -> "Compensator":
     Returns:
         Model and network.
     """
-    from ptt.training.compensator import load_compensator
+    from ptt.correct.training.compensator import load_compensator
 
     return load_compensator(path, library)
 
@@ -238,7 +238,7 @@ def read_rows(
     Raises:
         TableError: it cannot be read, or looks as if it were in another unit.
     """
-    from ptt.table import read_table
+    from ptt.run.table import read_table
 
     joints = 3 if file is None or file.machine.kind == "three-ptt" else len(file.machine.joint)
     table = read_table(
@@ -274,7 +274,7 @@ def open_problem(file: "MachineFile", table: "Table") -> "Problem":
     Raises:
         WorkspaceError: commands at which the mechanism does not close, targets out of reach.
     """
-    from ptt.problem import build_problem
+    from ptt.run.problem import build_problem
 
     _check_commands(file, table)
     return build_problem(file, table)
@@ -348,8 +348,8 @@ def _asker(reading: Reading) -> "Ask | None":
 def _check_unit(table: "Table", file: "MachineFile", reading: Reading) -> None:
     """Refuse metres in a mm column; a person who answered on units with --map knows better."""
     from ptt.errors import TableError
-    from ptt.readers.scale import scale_fix
-    from ptt.table import unit_hint
+    from ptt.run.readers.scale import scale_fix
+    from ptt.run.table import unit_hint
 
     spec = file.machine
     size = (
@@ -367,7 +367,7 @@ def states_units(path: Path | None) -> bool:
     """Whether a person said in a file for --map which units the columns are in."""
     if path is None or not path.exists():
         return False
-    from ptt.readers import load_mapping
+    from ptt.run.readers import load_mapping
 
     return bool(load_mapping(path).units)
 

@@ -23,7 +23,7 @@ from ptt.commands.common import (
 )
 
 if TYPE_CHECKING:
-    from ptt.noise import Noise
+    from ptt.run.noise import Noise
 
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Also draw pictures into this folder.")]
 
@@ -42,9 +42,9 @@ def compare(
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on."""
     from dataclasses import replace
 
-    from ptt.chunks import LONG, sample_stretches, take
-    from ptt.compare.comparison import compare_run
-    from ptt.compare.text import format_comparison
+    from ptt.fitting.chunks import LONG, sample_stretches, take
+    from ptt.judge.compare.comparison import compare_run
+    from ptt.judge.compare.text import format_comparison
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway=True))
     aside = opened.compensator.network is not None
@@ -57,7 +57,7 @@ def compare(
     with progress() as tell:
         result = compare_run(opened.model, opened.problem, noise=_noise_of(opened), progress=tell)
         if plots is not None:
-            from ptt.plots.compare import plot_comparison
+            from ptt.show.plots.compare import plot_comparison
 
             pictures = plot_comparison(result, opened.problem, plots, progress=tell)
     if plots is not None:

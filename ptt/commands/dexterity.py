@@ -25,7 +25,7 @@ def dexterity(
     """Say how evenly the tool can be moved, and how far it is from each kind of singularity."""
     import torch
 
-    from ptt.dexterity_report import describe_dexterity
+    from ptt.mechanisms.dexterity_report import describe_dexterity
 
     file = open_model(machine).model.file
     table = None if targets is None else read_rows(targets, file, Reading(map_=map_, json=json), "targets")
@@ -41,8 +41,8 @@ def dexterity(
 def _plot(file: Any, path: Path) -> None:
     from ptt.mechanisms import build_mechanism
     from ptt.mechanisms.serial import Serial
-    from ptt.plots.arm_dexterity import plot_arm_dexterity
-    from ptt.plots.workspace import plot_workspace_map
+    from ptt.show.plots.arm_dexterity import plot_arm_dexterity
+    from ptt.show.plots.workspace import plot_workspace_map
 
     mechanism = build_mechanism(file.machine)
     if isinstance(mechanism, Serial):

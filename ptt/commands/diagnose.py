@@ -49,11 +49,11 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
-    from ptt.check import setup_verdict
-    from ptt.chunks import CHUNK
     from ptt.diagnosis.long import choose_diagnosis
     from ptt.diagnosis.verdict import diagnose as learn_whole
     from ptt.errors import SetupError
+    from ptt.fitting.chunks import CHUNK
+    from ptt.setup import setup_verdict
 
     try:
         opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
@@ -75,7 +75,7 @@ def diagnose(
 
 
 def _write_poses(result: "Diagnosis", out: Path) -> None:
-    from ptt.table import write_table
+    from ptt.run.table import write_table
 
     poses = result.separation.targets if result.separation else None
     if poses is None:

@@ -77,7 +77,7 @@ def _card(what: str, own: list[Path], plot: Path | None, json: bool) -> None:
 
 
 def _draw(effect: "Effect", folder: Path) -> Path:
-    from ptt.plots.effects import plot_effect
+    from ptt.show.plots.effects import plot_effect
 
     path = folder / f"{effect.key.replace('[', ' ').replace(']', '').replace(' ', '-')}.png"
     plot_effect(effect, path)
@@ -127,10 +127,10 @@ def _rest_of(path: Path) -> dict[str, Any]:
 
 
 def _check(file: str, json: bool) -> None:
-    from ptt.chain import differentiate
     from ptt.effects import library
     from ptt.effects.contract import check_effect
     from ptt.errors import ModelError
+    from ptt.model.chain import differentiate
 
     own = {name: cls for name, cls in library(file).items() if name not in library()}
     findings = {name: check_effect(cls(), differentiate) for name, cls in own.items()}

@@ -26,7 +26,7 @@ from ptt.commands.common import (
 )
 
 if TYPE_CHECKING:
-    from ptt.evaluate import Evaluation
+    from ptt.judge.evaluate import Evaluation
 
 
 class Frame(StrEnum):
@@ -73,7 +73,7 @@ def evaluate(
     from dataclasses import replace
 
     from ptt.errors import InputError
-    from ptt.evaluate import GOALS
+    from ptt.judge.evaluate import GOALS
 
     goals = GOALS if goal is None else _goals(goal)
     reading = Reading(also, targets, set_, map_, effects, json, anyway)
@@ -98,7 +98,7 @@ def evaluate(
 def _measured(
     run: Path, after: Path, model: Path | None, frame: Frame | None, z_datum: ZDatum, reading: Reading
 ) -> "Evaluation":
-    from ptt.evaluate import evaluate_pair
+    from ptt.judge.evaluate import evaluate_pair
 
     file = None if model is None else open_model(model, open_library(reading)).model.file
     before_table = read_rows(run, file, reading)
@@ -126,9 +126,9 @@ def _computed(
     """Figures of whole blocks held out, and beside them those of the source paper's random split."""
     from dataclasses import replace
 
+    from ptt.correct.training.heldout import evaluate_heldout
+    from ptt.correct.training.train import PROTOCOLS
     from ptt.errors import InputError
-    from ptt.training.heldout import evaluate_heldout
-    from ptt.training.train import PROTOCOLS
 
     if frame is not None:
         raise InputError("--frame is for two runs", where="--frame", fix="the machine file's policy counts here")

@@ -27,7 +27,7 @@ def fit(
     """Refit the effects of a model to a run, and say what the run can and cannot tell of them."""
     from ptt.commands.add import finish, noisy
     from ptt.commands.common import open_run, progress
-    from ptt.ladder.climb import climb
+    from ptt.judge.ladder.climb import climb
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:

@@ -8,9 +8,9 @@ import typer
 from ptt.commands.common import Also, Effects, Json, Map, Reading, Set, Targets, open_library, parse_settings
 
 if TYPE_CHECKING:
-    from ptt.iso.figures import IsoPoses
+    from ptt.judge.iso.figures import IsoPoses
     from ptt.mechanisms.protocol import Mechanism
-    from ptt.table import Table
+    from ptt.run.table import Table
 
 
 def iso(
@@ -30,7 +30,7 @@ def iso(
     json: Json = False,
 ) -> None:
     """Work out ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
-    from ptt.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
+    from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
     if effects:
         open_library(Reading(effects=effects))  # no figure needs them; a file that cannot be used is said all the same
@@ -51,7 +51,7 @@ def iso(
 
 def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple[Table, bool]":
     """The run, with targets from its commands where it has none, and whether every run has its own tracker set-up."""
-    from ptt.table import read_table
+    from ptt.run.table import read_table
 
     if model is None:
         return read_table(run, **reading), False
@@ -96,7 +96,7 @@ def _axes_lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _pose_lines(figures: dict[str, Any]) -> list[str]:
-    from ptt.iso.pose import named_figures
+    from ptt.judge.iso.pose import named_figures
 
     after = figures["aligned"]
     lines = [

@@ -8,9 +8,9 @@ import typer
 from ptt.commands.common import Effects, Json, Reading, open_library, open_model, read_rows, refuse_readings, show
 
 if TYPE_CHECKING:
-    from ptt.design.first_run import FirstRun
     from ptt.effects import Library
-    from ptt.model import Model
+    from ptt.model.model import Model
+    from ptt.plan.first_run import FirstRun
 
 
 def plan(
@@ -37,8 +37,8 @@ def plan(
     json: Json = False,
 ) -> None:
     """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and say what it will tell."""
-    from ptt.design.first_run import plan_first_run
-    from ptt.table import write_table
+    from ptt.plan.first_run import plan_first_run
+    from ptt.run.table import write_table
 
     refuse_readings(out)
     reading = Reading(effects=effects, json=json)
@@ -59,8 +59,8 @@ def _choose(
     candidates: Path, rows: int, out: Path, model: "Model", known: "Library", reading: Reading, seed: int
 ) -> None:
     """Choose D-optimal rows of a list and say how observable they make the geometry."""
-    from ptt.design.arm import choose_from
-    from ptt.table import take_rows, write_table
+    from ptt.plan.arm import choose_from
+    from ptt.run.table import take_rows, write_table
 
     table = read_rows(candidates, model.file, reading, "targets")
     chosen = choose_from(model, table, rows, known, seed)

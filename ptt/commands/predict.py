@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-    from ptt.compensate import Commands
-    from ptt.table import Table
+    from ptt.correct.compensate import Commands
+    from ptt.run.table import Table
 
 
 CANNOT_WORK = 3  # exit code: poses that cannot work
@@ -64,10 +64,10 @@ def predict(
 
     Rows that cannot be sent have a status, no command, and the nearest command that works; then the exit code is 3.
     """
-    from ptt.compensate import compensate, missing_context
+    from ptt.correct.compensate import compensate, missing_context
+    from ptt.correct.training.train import correction_of
     from ptt.files import write_text
-    from ptt.target_frame import target_frames
-    from ptt.training.train import correction_of
+    from ptt.run.target_frame import target_frames
 
     refuse_readings(out)
     reading = Reading(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
@@ -117,7 +117,7 @@ def _posture(table: "Table") -> "np.ndarray":
 
 def _frame(table: "Table", commands: "Commands") -> "pd.DataFrame":
     """Columns of the input, then what to send; nominal joint commands of the input would be mistaken for it."""
-    from ptt.table import table_to_frame
+    from ptt.run.table import table_to_frame
 
     prefix = table.joint_prefix
     frame = table_to_frame(table.replace(command=None))

@@ -21,7 +21,7 @@ def remove(
     """Take effects out of a model, refit the others jointly, and show what that does to the error."""
     from ptt.commands.add import finish, noisy
     from ptt.commands.common import open_run, progress
-    from ptt.ladder.climb import descend
+    from ptt.judge.ladder.climb import descend
 
     opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:

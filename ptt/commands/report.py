@@ -24,9 +24,9 @@ from ptt.commands.common import (
 
 if TYPE_CHECKING:
     from ptt.commands.common import Opened
-    from ptt.report.contents import Contents
-    from ptt.report.source import Source
-    from ptt.training.compensator import Compensator
+    from ptt.correct.training.compensator import Compensator
+    from ptt.show.report.contents import Contents
+    from ptt.show.report.source import Source
 
 Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The HTML file to write.")]
 Interactive = Annotated[bool, typer.Option("--interactive", help="Embed pictures to turn and point at (plotly).")]
@@ -50,7 +50,7 @@ def report(
     json: Json = False,
 ) -> None:
     """Write one HTML page that needs nothing else: data, error, verdict, ladder, parameters, before and after."""
-    from ptt.report.html import write_report
+    from ptt.show.report.html import write_report
 
     reading = Reading(also, targets, set_, map_, effects, json, anyway)
     opened = open_run(run, model, reading)
@@ -73,13 +73,13 @@ def report(
 def _with_network(opened: "Opened", folder: Path | None) -> "Compensator":
     if folder is None:
         return opened.compensator
-    from ptt.report.contents import with_network
+    from ptt.show.report.contents import with_network
 
     return with_network(opened.compensator, open_model(folder, opened.library), str(folder))
 
 
 def _source(run: Path, model: Path, compensator: Path | None, reading: Reading) -> "Source":
-    from ptt.report.source import source_of
+    from ptt.show.report.source import source_of
 
     trained = compensator or (model if model.is_dir() else None)
     given = {

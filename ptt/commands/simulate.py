@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ptt.rig import RunResult
-    from ptt.table import Table
+    from ptt.run.table import Table
 
 
 def simulate(
@@ -55,7 +55,7 @@ def simulate(
 
 def _commands(table: "Table") -> "pd.DataFrame":
     """The targets as the rig reads them; every pose keeps its role."""
-    from ptt.table import table_to_frame
+    from ptt.run.table import table_to_frame
 
     frame = table_to_frame(table)
     frame["role"] = table.role

@@ -8,7 +8,7 @@ import typer
 from ptt.commands.common import Also, Effects, Map, Set, Targets
 
 if TYPE_CHECKING:
-    from ptt.studio.server import Opening
+    from ptt.show.studio.server import Opening
 
 PORT = 8317
 
@@ -35,7 +35,7 @@ def studio(
 
     if importlib.util.find_spec("nicegui") is None:
         raise InputError("the studio needs nicegui", where="ptt studio", fix="pip install 'ptt[studio]'")
-    from ptt.studio.server import serve
+    from ptt.show.studio.server import serve
 
     opening = read_opening(run, model, also, targets, set_, map_, effects)
     serve(opening, port, show, lambda place: typer.echo(f"ptt studio at {place} (Ctrl+C ends it)"))
@@ -63,8 +63,8 @@ def read_opening(
     """
     from ptt.errors import InputError
     from ptt.machine import format_machine, load_machine
-    from ptt.studio.results import Source
-    from ptt.studio.server import Opening
+    from ptt.show.studio.results import Source
+    from ptt.show.studio.server import Opening
 
     groups = [[run] if run else [], also or [], [targets] if targets else [], [map_] if map_ else [], effects or []]
     files: dict[str, bytes] = {}

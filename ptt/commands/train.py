@@ -9,7 +9,7 @@ import typer
 from ptt.commands.common import Also, Anyway, Effects, Json, Map, Reading, Run, Set, Targets, open_run, progress, show
 
 if TYPE_CHECKING:
-    from ptt.training.train import Training
+    from ptt.correct.training.train import Training
 
 
 class HoldOut(StrEnum):
@@ -35,9 +35,9 @@ def train(
     json: Json = False,
 ) -> None:
     """Fit the effects of a machine file, train the RBF on what is left, and write both as a compensator folder."""
-    from ptt.training.compensator import require_folder, save_compensator
-    from ptt.training.train import PROTOCOLS
-    from ptt.training.train import train as train_model
+    from ptt.correct.training.compensator import require_folder, save_compensator
+    from ptt.correct.training.train import PROTOCOLS
+    from ptt.correct.training.train import train as train_model
 
     require_folder(out)
     opened = open_run(run, machine, Reading(also, targets, set_, map_, effects, json, anyway))

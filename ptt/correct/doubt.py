@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from ptt.chain import Shifts
 from ptt.correct.task import Task
-from ptt.fit.kept import Kept, kept_covariance, tool_sigma
-from ptt.model import Model
+from ptt.fitting.kept import Kept, kept_covariance, tool_sigma
+from ptt.model.chain import Shifts
+from ptt.model.model import Model
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.chain import Shifts, predict
 from ptt.mechanisms.protocol import Mechanism
-from ptt.view import View
+from ptt.model.chain import Shifts, predict
+from ptt.run.view import View
 
 ROUNDS = 12
 SETTLED = 1e-7  # mm: a tool this near its goal ends the iteration

@@ -6,16 +6,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.chain import Shifts
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.nearest import find_ways
 from ptt.correct.newton import MISSED, holding, invert, least_move
 from ptt.effects.reversal import Backlash
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular
-from ptt.model import Model
-from ptt.table import Table, take_rows
-from ptt.view import View, build_view, joint_limits
+from ptt.model.chain import Shifts
+from ptt.model.model import Model
+from ptt.run.table import Table, take_rows
+from ptt.run.view import View, build_view, joint_limits
 
 SPARES = (1e-3, 1e-2, 0.1, 0.4, 1.0)  # shares of the way to a row that is not sent, left unused one after the other
 PASSES = 4  # rows that are not sent change the travel of those behind them

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ptt.mounts import mount_slopes
+from ptt.run.mounts import mount_slopes
 
 if TYPE_CHECKING:
-    from ptt.problem import Problem
+    from ptt.run.problem import Problem
 
 ENOUGH = 12  # rows beyond the number of slopes before anything is taken out
 FAR = 6.0  # robust standard deviations

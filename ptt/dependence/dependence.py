@@ -11,11 +11,11 @@ from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level,
 from ptt.dependence.curves import LOCAL, Finding, describe
 from ptt.dependence.scores import Score, Variable, build_scores
 from ptt.dependence.strata import FEWEST, Poses, find_poses
-from ptt.holdout import blocks as travel_blocks
-from ptt.holdout import pose_groups
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import pose_groups
 
 if TYPE_CHECKING:
-    from ptt.problem import Problem
+    from ptt.run.problem import Problem
 
 LEVEL = 0.005  # chance, over all pairs together, below which a dependence is reported
 PERMUTATIONS = 128

@@ -8,7 +8,7 @@ import numpy as np
 from ptt.dependence.contexts import residual_views
 
 if TYPE_CHECKING:
-    from ptt.problem import Problem
+    from ptt.run.problem import Problem
 
 CELLS = 3  # along each axis
 WORST = 10

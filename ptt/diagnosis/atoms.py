@@ -8,9 +8,9 @@ from torch import Tensor
 
 from ptt.diagnosis.blocks import Block
 from ptt.effects import Effect
-from ptt.fit.linear import Linear
-from ptt.fit.solve import FitResult
-from ptt.problem import Problem
+from ptt.fitting.linear import Linear
+from ptt.fitting.solve import FitResult
+from ptt.run.problem import Problem
 
 EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise
 LARGEST_BLOCK = 1e4  # variance: 2 mm, more than a machine that runs is off by

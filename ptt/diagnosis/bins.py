@@ -4,8 +4,8 @@ import numpy as np
 from scipy import stats
 
 from ptt.dependence.contexts import context_views
-from ptt.noise import Noise
-from ptt.problem import Problem
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
 
 BINS = 32
 CHANCE = 1e-3  # over all variables together

@@ -6,11 +6,11 @@ from functools import partial
 
 import numpy as np
 
-from ptt.chain import Chain
 from ptt.diagnosis.smooth import cosines, harmonics, legendre, product, scaled
 from ptt.diagnosis.span import Context, Span, span_of
 from ptt.effects.geometry import horizontal_axes
-from ptt.problem import Problem
+from ptt.model.chain import Chain
+from ptt.run.problem import Problem
 
 SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
 FINE, COARSE = 24, 4  # shapes along a joint's own travel, and where that only modulates something else

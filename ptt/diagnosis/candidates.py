@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame
-from ptt.fit.solve import FitResult
-from ptt.model import rival
-from ptt.problem import Problem
+from ptt.fitting.solve import FitResult
+from ptt.model.model import rival
+from ptt.run.problem import Problem
 
 SECOND = {"once-per-rev": "harmonic 2", "setup-jump": "second"}  # effects of which a machine may well have two
 

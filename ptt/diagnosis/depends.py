@@ -10,9 +10,9 @@ from ptt.dependence.dependence import Dependence, depends_on
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import without
-from ptt.holdout import blocks as travel_blocks
-from ptt.holdout import pose_groups
-from ptt.problem import Problem
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem
 
 MOST = 5  # lines that anybody reads
 SECOND = ("temperature", "payload", "time")  # variables that a reversal may vary with, as a curve can show them

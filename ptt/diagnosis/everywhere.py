@@ -5,7 +5,6 @@ from functools import partial
 
 import numpy as np
 
-from ptt.chunks import numbers
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.find import Found, Progress, moved, settled
@@ -15,11 +14,12 @@ from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, without
 from ptt.diagnosis.summed import Ansatz, Run, SummedSystem, Trials, sum_up
 from ptt.effects import Library
-from ptt.fit.layout import lay_out
-from ptt.fit.linear import Shape
-from ptt.fit.solve import FitResult, fitted_terms
-from ptt.model import Model
-from ptt.problem import Problem
+from ptt.fitting.chunks import numbers
+from ptt.fitting.layout import lay_out
+from ptt.fitting.linear import Shape
+from ptt.fitting.solve import FitResult, fitted_terms
+from ptt.model.model import Model
+from ptt.run.problem import Problem
 
 TURNS = 3  # of fitting and searching
 LONG_SEARCH = 4  # shapes from which only the best of the sample is taken to all rows

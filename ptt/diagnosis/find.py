@@ -21,11 +21,11 @@ from ptt.diagnosis.system import RowSystem, System, build_system
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.effects.sudden import Sudden
-from ptt.fit.linear import Shape, few_shapes, linear_columns
-from ptt.fit.solve import FitResult, fit
-from ptt.model import Model, Term
-from ptt.noise import Noise
-from ptt.problem import Problem
+from ptt.fitting.linear import Shape, few_shapes, linear_columns
+from ptt.fitting.solve import FitResult, fit
+from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching

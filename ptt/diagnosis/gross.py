@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from ptt.fit.outliers import linear_residual
+from ptt.fitting.outliers import linear_residual
 
 CHANCE = 1e-3  # chance that a table of sound readings loses one
 TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be its own are kept

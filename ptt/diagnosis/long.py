@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from ptt.chunks import CHUNK, LONG, cut, numbers, sample_stretches, take
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.everywhere import Task, find_everywhere
 from ptt.diagnosis.find import STEPS, Found, Progress, find
@@ -14,8 +13,9 @@ from ptt.diagnosis.span import Span, span_of
 from ptt.diagnosis.summed import open_run
 from ptt.diagnosis.verdict import Diagnosis, conclude, diagnose, enough
 from ptt.effects import Library, library
-from ptt.model import Model
-from ptt.problem import Problem
+from ptt.fitting.chunks import CHUNK, LONG, cut, numbers, sample_stretches, take
+from ptt.model.model import Model
+from ptt.run.problem import Problem
 
 SAMPLE, STRETCH = 4_000, 200  # rows that shapes and unknowns are found on, and of each stretch of them
 

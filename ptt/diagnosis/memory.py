@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ptt.diagnosis.wander import Clock, Wander, innovations
-from ptt.noise import Noise
+from ptt.run.noise import Noise
 
 
 @dataclass(frozen=True)

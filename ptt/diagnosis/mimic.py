@@ -10,7 +10,7 @@ from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import State
 from ptt.diagnosis.search import without
 from ptt.diagnosis.system import System
-from ptt.sums import Projected, gain, project
+from ptt.fitting.sums import Projected, gain, project
 
 MOST_PARTS = 4
 PLAIN = 12  # columns up to which an effect is plain enough to be a part of a sum

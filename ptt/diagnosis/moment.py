@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from ptt.effects.sudden import Sudden
-from ptt.fit.linear import Place, Shape
+from ptt.fitting.linear import Place, Shape
 
 SEGMENTS = 40  # what a jump does to the readings changes little within one
 EDGE = 5  # rows before and after any moment

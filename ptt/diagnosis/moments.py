@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.chain import predict
-from ptt.chunks import map_chunks, numbers
 from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.moment import along, best_row
 from ptt.diagnosis.summed import Ansatz, Run, columns_of
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
-from ptt.fit.linear import Linear, Place, Shape
-from ptt.fit.solve import FitResult
-from ptt.problem import Problem, apply_frames
+from ptt.fitting.chunks import map_chunks, numbers
+from ptt.fitting.linear import Linear, Place, Shape
+from ptt.fitting.solve import FitResult
+from ptt.model.chain import predict
+from ptt.run.problem import Problem, apply_frames
 
 Carried = Mapping[str, np.ndarray]  # name of a block -> its values
 

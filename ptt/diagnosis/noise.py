@@ -11,10 +11,10 @@ from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.system import System, build_system
 from ptt.effects import Library
 from ptt.errors import TableError
-from ptt.fit.solve import fit
-from ptt.model import Model
-from ptt.noise import DEFAULT_SIGMA, Noise
-from ptt.problem import Problem
+from ptt.fitting.solve import fit
+from ptt.model.model import Model
+from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.problem import Problem
 
 MOST_REPEATS = 300.0  # degrees of freedom that repeats may claim: they see less than what varies between poses
 STATED = 100.0  # degrees of freedom of a figure that somebody states

@@ -8,7 +8,7 @@ from ptt.diagnosis.atoms import odds_of_block
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.system import RowSystem
 from ptt.diagnosis.wander import innovations
-from ptt.problem import Problem
+from ptt.run.problem import Problem
 
 COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
 FEWEST = 40  # rows from which a spectrum says anything

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from nets import RbfSettings, train_rbf
-from ptt.compare.lack_of_fit import lack_of_fit_of
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.score import State
 from ptt.diagnosis.system import System
-from ptt.holdout import BLOCKS, blocks
-from ptt.problem import Problem
+from ptt.judge.compare.lack_of_fit import lack_of_fit_of
+from ptt.run.holdout import BLOCKS, blocks
+from ptt.run.problem import Problem
 
 CHANCE_LACK = 1e-4  # lack of fit
 CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals

@@ -11,8 +11,8 @@ from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import SHARES, Wander, innovations
-from ptt.fit.evidence import WIDTH, Posterior, learn
-from ptt.model import rival
+from ptt.fitting.evidence import WIDTH, Posterior, learn
+from ptt.model.model import rival
 
 RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screened
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect

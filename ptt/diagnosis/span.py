@@ -7,7 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from ptt.diagnosis.smooth import cosines, ends_of, scaled, unit
-from ptt.problem import Problem
+from ptt.run.problem import Problem
 
 SLOW = 10  # cosines over the time of the run
 LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms

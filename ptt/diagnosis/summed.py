@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from ptt.chunks import map_chunks, numbers
 from ptt.diagnosis.atoms import Atom, atoms_of
 from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.gross import gross_errors
@@ -14,13 +13,14 @@ from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, clock_of, whitened
 from ptt.effects import Effect
-from ptt.fit.linear import Linear, Shape, few_shapes, linear_columns
-from ptt.fit.outliers import inside
-from ptt.fit.solve import FitResult
-from ptt.holdout import blocks as travel_blocks
-from ptt.holdout import pose_groups
-from ptt.noise import Noise
-from ptt.problem import Problem
+from ptt.fitting.chunks import map_chunks, numbers
+from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
+from ptt.fitting.outliers import inside
+from ptt.fitting.solve import FitResult
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import pose_groups
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
 
 Chunks = Sequence[Callable[[], Problem]]
 Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise units and in mm, and its rows

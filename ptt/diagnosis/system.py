@@ -14,13 +14,13 @@ from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.effects import Effect
-from ptt.fit.linear import Linear, Place, Shapes, linear_columns
-from ptt.fit.solve import FitResult
-from ptt.fit.whitened import whiten
-from ptt.holdout import blocks as travel_blocks
-from ptt.holdout import pose_groups
-from ptt.noise import Noise
-from ptt.problem import Problem
+from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
+from ptt.fitting.solve import FitResult
+from ptt.fitting.whitened import whiten
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import pose_groups
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
 
 
 @dataclass

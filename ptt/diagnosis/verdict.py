@@ -6,9 +6,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from ptt.chunks import numbers
 from ptt.dependence.dependence import Dependence
-from ptt.design.separation import Separation, plan_separation
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.depends import dependences, rest_of, unknowns_of
 from ptt.diagnosis.find import STEPS, Found, Progress, find
@@ -22,10 +20,12 @@ from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
 from ptt.errors import TableError
-from ptt.fit.solve import FitResult, rms
-from ptt.model import Model, Term, parameter_names
-from ptt.noise import Noise
-from ptt.problem import Problem
+from ptt.fitting.chunks import numbers
+from ptt.fitting.solve import FitResult, rms
+from ptt.model.model import Model, Term, parameter_names
+from ptt.plan.separation import Separation, plan_separation
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
 
 Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line

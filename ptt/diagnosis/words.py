@@ -7,11 +7,11 @@ import torch
 
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, listed, remedies
-from ptt.fit.gauge import Told, sparsest
-from ptt.model import Term
-from ptt.noise import Noise
-from ptt.problem import Problem
-from ptt.view import View
+from ptt.fitting.gauge import Told, sparsest
+from ptt.model.model import Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+from ptt.run.view import View
 
 MISSING = "Something is missing that no known effect describes"
 EXCESS = 1.5  # times the noise that are worth a word

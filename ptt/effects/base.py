@@ -11,7 +11,7 @@ from ptt.effects.cards.card import Card
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.mechanisms.serial import Serial
-from ptt.view import View
+from ptt.run.view import View
 
 Stage = Literal["drive", "geometry", "structure", "metrology"]
 STAGES: tuple[Stage, ...] = ("drive", "geometry", "structure", "metrology")

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from ptt.machine import MachineFile, parse_machine
-from ptt.table import Table, make_table
-from ptt.view import View, build_view
+from ptt.run.table import Table, make_table
+from ptt.run.view import View, build_view
 
 SEED = 7
 FREE = {"three-ptt": 90, "serial": 260}  # rows that go anywhere

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, flatten, sizes
 from ptt.effects.bench import sample_view
-from ptt.view import View
+from ptt.run.view import View
 
 Differentiate = Callable[[Effect, Tensor, View], tuple[Tensor, Tensor]]
 
@@ -44,7 +44,7 @@ def make_case(effect: Effect, kind: str, differentiate: Differentiate) -> Case:
     Args:
         effect: the effect.
         kind: 'three-ptt' or 'serial'.
-        differentiate: `ptt.chain.differentiate`.
+        differentiate: `ptt.model.chain.differentiate`.
 
     Returns:
         The case.

@@ -46,7 +46,7 @@ def check_effect(effect: Effect, differentiate: Differentiate) -> tuple[Finding,
 
     Args:
         effect: the effect.
-        differentiate: `ptt.chain.differentiate`.
+        differentiate: `ptt.model.chain.differentiate`.
 
     Returns:
         One finding per check and family.

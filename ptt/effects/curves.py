@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.effects.base import Effect
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.effects.shapes import COARSE_SHAPES, from_coarse, smooth_shapes, straight_shapes
-from ptt.view import View
+from ptt.run.view import View
 
 PLACES = 201  # at which a curve is looked at for its highest
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect
 from ptt.effects.sudden import Sudden
-from ptt.view import View
+from ptt.run.view import View
 
 Kind = TypeVar("Kind", bound=Effect)
 

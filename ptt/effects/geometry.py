@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, Stage
 from ptt.mechanisms.statics import link_forces
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.view import View
+from ptt.run.view import View
 
 LEGS = 3
 SLOTS = 15  # of ThreePtt: centre x, y, z and link length of each leg, then tool x, y, z

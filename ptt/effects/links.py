@@ -18,7 +18,7 @@ from ptt.effects.geometry import (
     pull,
 )
 from ptt.effects.phrases import Phrase
-from ptt.view import View
+from ptt.run.view import View
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ptt.turns import LINEAR, REACH, REACH_RAD, Entry, remember
-from ptt.view import View
+from ptt.run.turns import LINEAR, REACH, REACH_RAD, Entry, remember
+from ptt.run.view import View
 
 FORGOTTEN = 1e-20  # share of an earlier state that no later one shows
 

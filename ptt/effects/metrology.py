@@ -12,7 +12,7 @@ from ptt.effects.cards.card import Card
 from ptt.effects.constants import finer
 from ptt.effects.phrases import Phrase
 from ptt.effects.sudden import AFTER, Sudden
-from ptt.view import View
+from ptt.run.view import View
 
 RIGID = "small rigid motion, Rodrigues' formula to first order"
 SETTLING = (1e3, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between

@@ -13,8 +13,8 @@ from ptt.effects.constants import finer
 from ptt.effects.memory import gradual_reversal, play
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.serial import Serial
-from ptt.turns import LINEAR
-from ptt.view import View
+from ptt.run.turns import LINEAR
+from ptt.run.view import View
 
 WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
 

@@ -14,7 +14,7 @@ from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
 from ptt.mechanisms.serial import Serial
-from ptt.view import View
+from ptt.run.view import View
 
 SCREW_STANDARD = "ISO 3408-3 (ball screws, tolerance classes)"
 PHASES = 5  # a turn seen at fewer phases than this cannot part a period from an offset

@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, Parameter, Stage, per_joint
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.mechanisms.serial import LINK_SLOTS, Serial
-from ptt.view import View
+from ptt.run.view import View
 
 BETA = 4  # place of the Hayati angle among a link's slots
 ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least

@@ -11,7 +11,7 @@ from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.cards.card import Card
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
-from ptt.view import View
+from ptt.run.view import View
 
 
 @dataclass(frozen=True)

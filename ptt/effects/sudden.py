@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter
-from ptt.view import View
+from ptt.run.view import View
 
 MOMENTS = 48
 AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows where there is no clock", role="given")

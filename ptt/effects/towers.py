@@ -20,7 +20,7 @@ from ptt.effects.geometry import (
 )
 from ptt.effects.phrases import Phrase, Said
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
-from ptt.view import View
+from ptt.run.view import View
 
 
 @dataclass(frozen=True)

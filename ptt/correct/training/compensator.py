@@ -1,0 +1,163 @@
+"""The folder that train.py writes: model.toml, rbf.safetensors, compensator.json. Never pickle."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from nets import GaussianRbf, NetsError, load_rbf, save_rbf
+from ptt import __version__
+from ptt.correct.doubt import NetworkError
+from ptt.correct.training.rest import Space
+from ptt.correct.training.train import Training
+from ptt.effects import Library
+from ptt.errors import InputError
+from ptt.files import sha256, write_text
+from ptt.fitting.kept import keep_covariance
+from ptt.folders import recover_folder, require_own, write_folder
+from ptt.machine import load_machine, save_machine
+from ptt.model.model import Model, read_model, write_model
+
+MODEL, NETWORK, NOTES = "model.toml", "rbf.safetensors", "compensator.json"
+OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})
+TRIES = 3  # readings of a folder that may be exchanged while it is read
+
+
+@dataclass(frozen=True)
+class Compensator:
+    """A model, and what a network adds to it.
+
+    Attributes:
+        model: the physics.
+        network: the network; None for a bare model.
+        notes: held-out errors, versions, training domain.
+    """
+
+    model: Model
+    network: GaussianRbf | None
+    notes: dict[str, Any]
+
+    @property
+    def error(self) -> NetworkError | None:
+        """What the network leaves of held-out rows, and what is left without it; None without a network."""
+        held = self.notes.get("heldout_rms_um", {})
+        if self.network is None or not {"physics", "rbf"} <= set(held):
+            return None
+        return NetworkError(1e-3 * float(held["rbf"]["total"]), 1e-3 * float(held["physics"]["total"]))
+
+    @property
+    def space(self) -> Space:
+        """What the network's inputs are."""
+        return "joints" if self.notes.get("rbf", {}).get("inputs") == "joints" else "tool"
+
+
+def save_compensator(folder: str | Path, training: Training, inputs: list[str]) -> Path:
+    """Write a compensator folder, whole or not at all: physics and network of one training, never of two.
+
+    Args:
+        folder: made where it does not exist; a compensator that is there is replaced.
+        training: what was trained.
+        inputs: run files it was trained on.
+
+    Returns:
+        The folder.
+
+    Raises:
+        InputError: the folder holds other files too, or cannot be written.
+    """
+    with write_folder(folder, OWN) as place:
+        _write(place, training, inputs)
+    return Path(folder)
+
+
+def require_folder(folder: str | Path) -> None:
+    """Refuse a folder that a compensator cannot be written to, before anything is trained.
+
+    Args:
+        folder: it need not be there.
+
+    Raises:
+        InputError: it is a file, or holds other files, which would be lost.
+    """
+    require_own(folder, OWN)
+
+
+def _write(place: Path, training: Training, inputs: list[str]) -> None:
+    fitted = training.physics.fitted
+    covariance = None if fitted is None else keep_covariance(fitted, 1e-3 * training.heldout_um["physics"]["total"])
+    written = write_model(training.physics.model, [sha256(name) for name in inputs])
+    save_machine(replace(written, covariance=covariance), place / MODEL)
+    digest = save_rbf(training.rbf.network, place / NETWORK)
+    domain = training.rbf.network.domain
+    network = training.rbf.network
+    offset, scale = network.input_mean.numpy(), network.input_scale.numpy()
+    notes = {
+        "format": 1,
+        "ptt": __version__,
+        "sha256": {MODEL: sha256(place / MODEL), NETWORK: digest},
+        "trained_on": [{"file": Path(name).name, "sha256": sha256(name)} for name in inputs],
+        "domain_mm" if training.space == "tool" else "domain_rad": {
+            "low": (domain.low * scale + offset).tolist(),
+            "high": (domain.high * scale + offset).tolist(),
+            "rule": "inside the box and near a training point; rows outside get the physics alone",
+        },
+        "rms_um": training.rms_um,
+        "heldout_rms_um": training.heldout_um,
+        "protocol": training.protocol,
+        "rbf": {
+            "centres": training.rbf.chosen.centres,
+            "spread": training.rbf.chosen.spread,
+            "learned": [bool(flag) for flag in training.rbf.learned],
+            "share": training.rbf_share,
+            "inputs": training.space,
+            "heldout_by_inputs_um": training.spaces_um,
+        },
+        "noise_um": training.physics.noise.to_dict(),
+    }
+    write_text(place / NOTES, json.dumps(notes, indent=2) + "\n")
+
+
+def load_compensator(path: str | Path, known: Library | None = None) -> Compensator:
+    """Read a machine.toml or a compensator folder.
+
+    Args:
+        path: file or folder.
+        known: effects by name; None for the library.
+
+    Returns:
+        The compensator, without a network where a file was named.
+
+    Raises:
+        InputError: missing or damaged.
+    """
+    place = Path(path)
+    if not place.exists():
+        recover_folder(place)
+    if not place.is_dir():
+        return Compensator(read_model(load_machine(place), known), None, {})
+    for left in reversed(range(TRIES)):
+        try:
+            return _load(place, known)
+        except InputError:
+            if not left:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _load(place: Path, known: Library | None) -> Compensator:
+    """Read a folder whose three files are of one training."""
+    try:
+        notes = json.loads((place / NOTES).read_text(encoding="utf-8"))
+        kept = notes["sha256"]
+        network = load_rbf(place / NETWORK, kept[NETWORK])
+        found = sha256(place / MODEL)
+        model = read_model(load_machine(place / MODEL), known)
+    except (OSError, ValueError, KeyError, TypeError, NetsError) as error:
+        raise InputError(f"not a whole compensator: {error}", where=str(place), fix="train it again") from error
+    if found != kept.get(MODEL):
+        raise InputError(
+            f"not a whole compensator: {MODEL} is not the one that its network was trained beside",
+            where=str(place),
+            fix=f"train it again, or take the physics alone: --model {place / MODEL}",
+        )
+    return Compensator(model, network, notes)

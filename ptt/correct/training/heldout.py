@@ -1,0 +1,56 @@
+"""How much error a model and its network take away on rows they had not seen: computed, not measured."""
+
+from typing import Literal
+
+import numpy as np
+
+from nets import RbfTraining
+from ptt.correct.training.compensator import Compensator
+from ptt.correct.training.rest import Space
+from ptt.correct.training.train import Progress, Protocol, fit_physics, hold_out, learn_rest, sound
+from ptt.judge.evaluate import Evaluation
+from ptt.model.model import Model
+from ptt.run.problem import Problem
+from ptt.run.same_pose import count_places
+
+
+def evaluate_heldout(
+    compensator: Compensator,
+    problem: Problem,
+    protocol: Protocol,
+    z_datum: Literal["absolute", "first"] = "absolute",
+    *,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """Evaluate a model on held-out rows: effects refitted, and the network trained anew, without them.
+
+    Args:
+        compensator: the effects, and whether there is a network.
+        problem: the readings.
+        protocol: which rows are held out.
+        z_datum: 'first' refers z errors to the first row that counts.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        Before: the bare drawing's error on those rows; after: what model and network leave of it.
+    """
+    problem = problem.anchored()
+    bare = fit_physics(Model(compensator.model.file), problem)
+    networks: dict[Space, RbfTraining] = {}
+    if compensator.network is not None:
+        fitted = fit_physics(compensator.model, problem)
+        space = compensator.space
+        networks[space] = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, space=space)
+    held = hold_out(compensator.model, problem, protocol, networks, progress=progress)
+    before, after = bare.residual[held.rows], held.whole[held.rows]
+    if z_datum == "first":
+        before, after = (errors - errors[0] * np.array([0.0, 0.0, 1.0]) for errors in (before, after))
+    words = {
+        "rows": int(held.rows.sum()),
+        "poses": count_places(problem.target[held.rows]),
+        "frame": f"{problem.file.tracker.frame}, by the machine file",
+        "z_datum": z_datum,
+        "measured": False,
+        "held_out": protocol.text,
+    }
+    return Evaluation(before, after, words, None, problem.noise)

@@ -1,0 +1,119 @@
+"""Held-out errors of physics and network: neither fit nor choice of settings has seen the rows that are judged."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from nets import GaussianRbf, RbfSettings, RbfTraining
+from ptt.correct.training.physics import fit_physics, keep_physics, sound
+from ptt.correct.training.protocols import Protocol
+from ptt.correct.training.rest import Space, inputs_of, learn_rest
+from ptt.fitting.solve import rms
+from ptt.model.model import Model
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem
+
+Progress = Callable[[str, int, int], None]
+Figures = dict[str, float]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors of rows that neither physics nor network had seen, NaN elsewhere.
+
+    Attributes:
+        protocol: which rows those are.
+        given: residual of the model with the parameters it came with, (n, 3) mm.
+        physics: residual of the refitted model, (n, 3) mm.
+        whole: what the network leaves of it, (n, 3) mm; of several, the one that the other rows chose.
+        by_space: the same of the networks over each kind of inputs.
+        rows: the rows that count, (n,) bool.
+    """
+
+    protocol: Protocol
+    given: np.ndarray
+    physics: np.ndarray
+    whole: np.ndarray
+    by_space: dict[Space, np.ndarray]
+    rows: np.ndarray
+
+    def rms_um(self) -> dict[str, Figures]:
+        """Root mean square per axis and in total, um, for 'given', 'physics' and 'rbf'."""
+        return {
+            "given": rms(self.given, self.rows),
+            "physics": rms(self.physics, self.rows),
+            "rbf": rms(self.whole, self.rows),
+        }
+
+    def spaces_um(self) -> dict[str, float]:
+        """Total of each network, um."""
+        return {space: rms(residual, self.rows)["total"] for space, residual in self.by_space.items()}
+
+
+def hold_out(
+    model: Model,
+    problem: Problem,
+    protocol: Protocol,
+    networks: Mapping[Space, RbfTraining],
+    settings: RbfSettings | None = None,
+    progress: Progress | None = None,
+) -> HeldOut:
+    """Errors of rows that were hidden from physics and network.
+
+    Number of nodes, width, straight line and each axis' penalty are chosen again on the rows that are left, in inner
+    blocks of them, and so are the inputs: rows that helped to choose would make the error look smaller.
+
+    Args:
+        model: effects to be refitted without the hidden rows.
+        problem: the readings.
+        protocol: which rows are hidden.
+        networks: trained on all rows, by the kind of their inputs; they tell which axes are learned. None for physics
+            alone.
+        settings: candidates and rules of the network.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        The errors.
+    """
+    problem = problem.anchored()
+    given = keep_physics(model, problem)
+    physics, rows = np.full((problem.table.rows, 3), np.nan), sound(problem, given)
+    by_space: dict[Space, np.ndarray] = {space: physics.copy() for space in networks}
+    whole = physics.copy()
+    for number, hidden in enumerate(protocol.folds):
+        if progress is not None:
+            progress("held-out", number, len(protocol.folds))
+        rest = problem.masked(hidden)
+        part, seen = fit_physics(model, rest, lean=True), hidden & rows
+        physics[seen] = whole[seen] = part.residual[seen]
+        again = {
+            space: learn_rest(rest, part, sound(rest, part), _groups(protocol, rest), settings, space)
+            for space, network in networks.items()
+            if network.learned.any()
+        }
+        for space, network in networks.items():
+            by_space[space][seen] = part.residual[seen]
+            if space in again:
+                place = inputs_of(problem, space)[seen]
+                by_space[space][seen] += np.where(network.learned, step_of(again[space].network, place), 0.0)
+        if networks:
+            whole[seen] = by_space[better_space({space: again.get(space, networks[space]) for space in networks})][seen]
+    scored = rows & np.isfinite(whole).all(axis=1)
+    return HeldOut(protocol, given.residual, physics, whole, by_space, scored)
+
+
+def better_space(networks: Mapping[Space, RbfTraining]) -> Space:
+    """Inputs whose network says least error for rows that it held out of its own choice."""
+    return min(networks, key=lambda space: float(np.square(networks[space].heldout_rms).sum()))
+
+
+def step_of(network: GaussianRbf, place: np.ndarray) -> np.ndarray:
+    """The network's step, (m, 3) mm; none outside its training domain."""
+    return np.where(network.inside(place)[:, None], network.predict(place), 0.0)
+
+
+def _groups(protocol: Protocol, rest: Problem) -> np.ndarray:
+    """Rows held out together in the inner choice: poses, where hardly a block is left to choose on."""
+    left = np.unique(protocol.groups[rest.used])
+    return protocol.groups if len(left) > 1 else pose_groups(rest.table)

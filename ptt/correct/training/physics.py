@@ -1,0 +1,75 @@
+"""The physics of a training: effects fitted or kept, in a frame that the machine's errors cannot bend."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.fitting.outliers import inside
+from ptt.fitting.solve import FitResult, fit, residual_of
+from ptt.model.chain import predict
+from ptt.model.model import Model
+from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.problem import Problem
+
+
+@dataclass(frozen=True)
+class Physics:
+    """A model with its parameters, and what it leaves.
+
+    Attributes:
+        model: the model with fitted parameters.
+        residual: measured less predicted in the base frame, (n, 3) mm; NaN where not observed.
+        outliers: rows left out as gross errors, (n,) bool.
+        noise: the noise floor that weighted the fit.
+        status: 'converged', 'nothing to fit', or what kept it from converging.
+        fitted: the fit itself; None where nothing of the machine was fitted.
+    """
+
+    model: Model
+    residual: np.ndarray
+    outliers: np.ndarray
+    noise: Noise
+    status: str
+    fitted: FitResult | None = None
+
+
+def fit_physics(model: Model, problem: Problem, *, lean: bool = False) -> Physics:
+    """Fit the effects of a model.
+
+    Args:
+        model: the model; a bare drawing whose frame is known leaves nothing to fit.
+        problem: the readings.
+        lean: skip the confirmation that the set of outliers is stable.
+
+    Returns:
+        The physics.
+    """
+    if not model.terms:
+        return keep_physics(model, problem)
+    found = fit(model, problem, lean=lean)
+    return Physics(found.model, found.residual, found.outliers, found.noise, found.status, found)
+
+
+def keep_physics(model: Model, problem: Problem) -> Physics:
+    """The residual of a model as it is; only a tracker frame that is not known is fitted.
+
+    Args:
+        model: the model; effects without values are left aside.
+        problem: the readings.
+
+    Returns:
+        The physics.
+    """
+    if problem.frames or problem.mounts:
+        found = residual_of(replace(model, terms=tuple(term for term in model.terms if len(term.theta))), problem)
+        return Physics(model, found.residual, found.outliers, found.noise, found.status)
+    noise = problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
+    residual = problem.measured - predict(terms, problem.view).reading.numpy()
+    gross = problem.used & ~inside(residual @ noise.whitener.T, problem.used, problem, noise)
+    return Physics(model, residual, gross, noise, "nothing to fit")
+
+
+def sound(problem: Problem, fitted: Physics) -> np.ndarray:
+    """Rows that count: observed, not masked, no gross error; (n,) bool."""
+    return problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)

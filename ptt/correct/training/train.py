@@ -1,0 +1,117 @@
+"""Training: fit the physics, let a Gaussian RBF network learn what is left, and say how well both hold out."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nets import RbfSettings, RbfTraining
+from ptt.correct.training.nested import Figures, HeldOut, Progress, better_space, hold_out
+from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
+from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, random_protocol
+from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_rest, rest_of, spaces_of
+from ptt.fitting.solve import rms
+from ptt.model.model import Model
+from ptt.run.problem import Problem
+
+__all__ = [
+    "PROTOCOLS",
+    "HeldOut",
+    "Physics",
+    "Progress",
+    "Protocol",
+    "Training",
+    "block_protocol",
+    "correction_of",
+    "fit_physics",
+    "hold_out",
+    "keep_physics",
+    "learn_rest",
+    "random_protocol",
+    "rest_of",
+    "sound",
+    "train",
+]
+
+
+@dataclass(frozen=True)
+class Training:
+    """Physics and network, fitted on all rows, with errors on rows that neither had seen.
+
+    Attributes:
+        physics: the fitted effects.
+        rbf: the network that learns the rest and how it was chosen.
+        rms_um: error with the model as given, with the physics, and with the network, all on training rows.
+        heldout_um: the same on held-out rows, which had no part in any choice.
+        rbf_share: share of the held-out variance after the physics that the network took away.
+        protocol: which rows were held out.
+        space: what the network's inputs are; of an arm's tool positions and joints, what its own held-out rows favour.
+        spaces_um: held-out error in total with a network over each of them, um.
+    """
+
+    physics: Physics
+    rbf: RbfTraining
+    rms_um: dict[str, Figures]
+    heldout_um: dict[str, Figures]
+    rbf_share: float
+    protocol: str
+    space: Space = "tool"
+    spaces_um: dict[str, float] = field(default_factory=dict)
+
+
+def train(
+    model: Model,
+    problem: Problem,
+    *,
+    settings: RbfSettings | None = None,
+    protocol: Protocol | None = None,
+    progress: Progress | None = None,
+) -> Training:
+    """Fit a model's effects and train the network on what is left.
+
+    Args:
+        model: effects, none for the bare drawing.
+        problem: the readings.
+        settings: of the network.
+        protocol: which rows are held out for the figures, and how finely for the network's settings; None: blocks.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        The training.
+
+    Raises:
+        TableError: too few poses to hold any out.
+    """
+    problem = problem.anchored()
+    protocol = protocol or block_protocol(problem)
+    tell = progress or (lambda what, done, of: None)
+    spaces = spaces_of(problem)
+    steps = 1 + len(spaces) + len(protocol.folds)
+    tell("fit", 0, steps)
+    fitted = fit_physics(model, problem)
+    rows = sound(problem, fitted)
+    networks: dict[Space, RbfTraining] = {}
+    for number, space in enumerate(spaces):
+        tell("network", 1 + number, steps)
+        networks[space] = learn_rest(problem, fitted, rows, protocol.groups, settings, space)
+
+    def told(what: str, done: int, of: int) -> None:
+        tell(what, steps - of + done, steps)
+
+    held = hold_out(model, problem, protocol, networks, settings, told)
+    space = better_space(networks)
+    network = networks[space]
+    given = keep_physics(model, problem).residual
+    after = np.full_like(given, np.nan)
+    after[rows] = fitted.residual[rows] + network.network.predict(inputs_of(problem, space)[rows])
+    figures = held.rms_um()
+    physics, whole = figures["physics"]["total"], figures["rbf"]["total"]
+    return Training(
+        fitted,
+        network,
+        {"given": rms(given, rows), "physics": rms(fitted.residual, rows), "rbf": rms(after, rows)},
+        figures,
+        1.0 - (whole / physics) ** 2 if physics > 0 else 0.0,
+        protocol.text,
+        space,
+        held.spaces_um(),
+    )

@@ -1,0 +1,199 @@
+"""Chunks of a long run: stretches of rows that know how the joints came to them, so that sums over them add up.
+
+Rows take a few hundred bytes each and are kept whole; columns of the linearised problem take thousands and are only
+ever there for one chunk. To map and reduce on a cluster, `enter` the chunks once (a quick scan of the commands that
+needs no parameter), send each with its entry to a worker, and add what comes back.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields, replace
+from functools import partial
+from itertools import pairwise
+from multiprocessing import get_all_start_methods, get_context
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+
+from ptt.effects.memory import leave
+from ptt.run.problem import Problem
+from ptt.run.table import Table
+from ptt.run.turns import Entry
+from ptt.run.view import View
+
+CHUNK = 20_000  # rows: columns of all candidates take some 100 MB
+LONG = 50_000  # rows beyond which columns of all rows at once take too much memory
+SAMPLE = 8_000  # rows of a run that shapes and paths are found on
+STRETCH = 400
+EDGE = 5  # rows about each joint's lowest and highest place, so that the sample covers the range of all rows
+GOLDEN = 0.618034  # spreads stretches over a cycle that the run may repeat
+MOST_WORKERS = 4
+_OF_ROWS = (
+    "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
+    "mount", "link_load",
+)  # fmt: skip
+
+Part = TypeVar("Part")
+Stretch = tuple[int, int]  # first row, and the row after the last
+
+
+def stretches(rows: int, size: int = CHUNK) -> list[Stretch]:
+    """Cut rows into chunks of about the same size.
+
+    Args:
+        rows: n.
+        size: rows of a chunk, at most.
+
+    Returns:
+        The chunks in order.
+    """
+    ends = np.linspace(0, rows, -(-rows // size) + 1).round().astype(int).tolist()
+    return list(pairwise(ends))
+
+
+def enter(view: View, cuts: Sequence[int]) -> list[Entry | None]:
+    """How the joints came to some rows, each found from the one before: the scan that hands the state on.
+
+    Args:
+        view: n rows.
+        cuts: rows in rising order.
+
+    Returns:
+        The entry of each; None where a run starts there.
+    """
+    entries: list[Entry | None] = []
+    entry, start = None, 0
+    for cut in cuts:
+        if cut > start:
+            entry = leave(_part_of_view(view, np.arange(start, cut), (entry,)), 0)
+            start = cut
+        entries.append(None if cut >= view.rows or bool(view.starts[cut]) else entry)
+    return entries
+
+
+def take(problem: Problem, kept: Sequence[Stretch]) -> Problem:
+    """Some stretches of a problem as a problem of its own, entered as the whole run enters them.
+
+    Args:
+        problem: n rows.
+        kept: stretches in rising order.
+
+    Returns:
+        The rows of the stretches, one behind the other.
+    """
+    entries = enter(problem.view, [first for first, _ in kept])
+    return _take(problem, kept, entries)
+
+
+def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETCH) -> list[Stretch]:
+    """Stretches of travel spread over a run, its ends and the ends of each joint's range among them.
+
+    Args:
+        problem: n rows.
+        rows: how many rows about.
+        stretch: rows of each stretch.
+
+    Returns:
+        Stretches in rising order, apart from each other.
+    """
+    total = problem.table.rows
+    count = max(2, rows // stretch)
+    if total <= rows:
+        return [(0, total)]
+    room = total / count - stretch
+    first = [round(i * total / count + room * (i * GOLDEN % 1.0)) for i in range(count)]
+    first[0], first[-1] = 0, total - stretch
+    q = problem.view.q.numpy()
+    ends = [*q.argmin(axis=0).tolist(), *q.argmax(axis=0).tolist()]
+    taken = np.zeros(total, dtype=bool)
+    for start, stop in [(s, s + stretch) for s in first] + [(e - EDGE, e + EDGE + 1) for e in ends]:
+        taken[max(start, 0) : stop] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], taken.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def numbers(problem: Problem) -> np.ndarray:
+    """Places of a problem's rows in the whole run, (m,) int."""
+    number = problem.view.number
+    return np.arange(problem.view.rows) if number is None else number.numpy().astype(int)
+
+
+def cut(problem: Problem, size: int = CHUNK) -> list[Callable[[], Problem]]:
+    """Cut a problem into chunks, each made when it is asked for.
+
+    Args:
+        problem: n rows.
+        size: rows of a chunk.
+
+    Returns:
+        Makers of the chunks, in order.
+    """
+    parts = stretches(problem.table.rows, size)
+    entries = enter(problem.view, [first for first, _ in parts])
+
+    return [partial(_take, problem, [part], [entry]) for part, entry in zip(parts, entries, strict=True)]
+
+
+def map_chunks(work: Callable[[Problem], Part], chunks: Sequence[Callable[[], Problem]]) -> Iterator[Part]:
+    """Do the work on every chunk, as many at once as there are cores.
+
+    Args:
+        work: from a chunk to what is wanted of it.
+        chunks: their makers.
+
+    Yields:
+        The results, in order.
+    """
+    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1, MOST_WORKERS, len(chunks))
+    if workers < 2 or "fork" not in get_all_start_methods():
+        yield from (work(make()) for make in chunks)
+        return
+    # Forked workers see the whole run without a copy of it; forward derivatives are not safe in threads.
+    _shared[:] = [work, chunks]
+    try:
+        with ProcessPoolExecutor(workers, get_context("fork"), torch.set_num_threads, (1,)) as pool:
+            yield from pool.map(_work_on, range(len(chunks)))
+    finally:
+        _shared.clear()
+
+
+_shared: list[Any] = []
+
+
+def _work_on(index: int) -> Any:
+    work, chunks = _shared
+    return work(chunks[index]())
+
+
+def _take(problem: Problem, kept: Sequence[Stretch], entries: Sequence[Entry | None]) -> Problem:
+    rows = np.concatenate([np.arange(first, last) for first, last in kept])
+    return replace(
+        problem,
+        table=_part_of_table(problem.table, rows),
+        view=_part_of_view(problem.view, rows, entries, np.cumsum([0, *(last - first for first, last in kept)])),
+        measured=problem.measured[rows],
+        used=problem.used[rows],
+        frame=problem.frame[rows],
+        mount=problem.mount[rows],
+    )
+
+
+def _part_of_table(table: Table, rows: np.ndarray) -> Table:
+    own = {
+        item.name: value[rows] for item in fields(table) if isinstance(value := getattr(table, item.name), np.ndarray)
+    }
+    return replace(table, **own, extra={})
+
+
+def _part_of_view(
+    view: View, rows: np.ndarray, entries: Sequence[Entry | None], places: Sequence[int] | np.ndarray = (0,)
+) -> View:
+    index = torch.as_tensor(rows)
+    own = {name: value[index] for name in _OF_ROWS if (value := getattr(view, name)) is not None}
+    number = index.to(torch.float64) if view.number is None else view.number[index]
+    entered = tuple(
+        replace(entry, row=int(place)) for entry, place in zip(entries, places, strict=False) if entry is not None
+    )
+    return replace(view, **own, number=number, entries=entered)

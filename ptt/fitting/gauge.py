@@ -1,0 +1,138 @@
+"""Values as they can be turned: of all that the readings cannot tell apart, the one with the fewest parts off."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from scipy.optimize import linprog
+
+from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, lay_out
+from ptt.fitting.linear import Linear, assemble
+from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+UNTOLD = 9.0  # chi-squared, three standard errors, below which readings do not tell a change as large as the values
+PART = 0.2  # share of the largest from which a term has a part in an ambiguity
+MOTION = 0.05  # the same of a motion of the tracker: a turn about a pivot far above the tool moves it little else
+LIKE_FRAME = 0.1  # share of a pattern that no motion of the tracker may leave, if it is one
+
+
+@dataclass(frozen=True)
+class Told:
+    """A term in the gauge in which it is said.
+
+    Attributes:
+        term: with the values and standard errors of that gauge.
+        alike: what its own common parts cannot be told from, as in ('tracker z',); empty where nothing is free.
+    """
+
+    term: Term
+    alike: tuple[str, ...] = ()
+
+
+def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0) -> tuple[Told, ...]:
+    """Say terms in the gauge in which the fewest of their values are off.
+
+    A homing offset of one slider is fitted as a third of it on each, because the tracker's z takes the rest. All values
+    that the readings tell no better than that are one and the same machine; the least sum of sizes picks the one in
+    which most joints are right (a median instead of a mean), which is what has to be turned.
+
+    Args:
+        terms: fitted together, with values.
+        problem: the readings.
+        noise: the noise floor.
+        widen: times the noise that the fit leaves, where it is more than that.
+
+    Returns:
+        The terms in their order.
+    """
+    few = take(problem, sample_stretches(problem, SAMPLE)) if problem.table.rows > LONG else problem
+    layout = lay_out(Model(problem.file), few, terms)
+    values = layout.start()
+    linear = assemble(layout, values, few, noise)
+    own = np.flatnonzero((layout.owner >= 0) & ~layout.held)
+    information, motions = _without_frames(linear, own, layout.held)
+    information = information * (problem.table.rows / few.table.rows / widen**2)
+    free = _untold(information, values[own])
+    if not free.shape[1]:
+        return tuple(Told(term) for term in terms)
+    unknowns = values.copy()
+    unknowns[own], moved = _fewest(values[own], free)
+    error = np.full(len(values), np.nan)
+    error[own] = _errors(information, moved)
+    said = []
+    for index, (term, theta) in enumerate(zip(terms, layout.thetas(unknowns), strict=True)):
+        mine = layout.owner == index
+        taking = _taking_part(free, layout.owner[own] == index)
+        std = torch.full_like(theta, torch.nan) if term.std is None else term.std.clone()
+        if taking.shape[1]:
+            std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[mine])
+        names = _alike(linear, own, taking, motions, few.frames)
+        said.append(Told(replace(term, theta=theta, std=std), names))
+    return tuple(said)
+
+
+def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Free directions, (u, m), in which the own values have a real part."""
+    _, strength, ways = np.linalg.svd(free[own], full_matrices=False)
+    return np.asarray(free @ ways[strength > PART].T)
+
+
+def _without_frames(linear: Linear, own: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Information on own values with everything else free beside them, and how the rest then moves with them."""
+    together = np.concatenate([linear.columns[linear.rows], linear.base_columns])
+    flat = together.reshape(-1, together.shape[-1])
+    gram = flat.T @ flat
+    gram[np.arange(len(held)), np.arange(len(held))] += held.astype(float)
+    rest = np.setdiff1d(np.arange(len(gram)), own)
+    follow = np.linalg.pinv(gram[np.ix_(rest, rest)], hermitian=True) @ gram[np.ix_(rest, own)]
+    whole = np.zeros((len(gram), len(own)))
+    whole[rest] = -follow
+    whole[own, np.arange(len(own))] = 1.0
+    return gram[np.ix_(own, own)] - gram[np.ix_(own, rest)] @ follow, whole
+
+
+def _untold(information: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Directions, (u, m), along which the values may change by as much as they are without any reading telling it."""
+    strength, directions = np.linalg.eigh(information)
+    return directions[:, strength * float(values @ values) < UNTOLD]
+
+
+def _fewest(values: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least sum of sizes along free directions, and which values then differ from zero."""
+    count, directions = free.shape
+    # Unknowns: steps along the directions, then sizes; |values + free steps| <= sizes.
+    limits = np.block([[free, -np.eye(count)], [-free, -np.eye(count)]])
+    toll = np.concatenate([np.zeros(directions), np.ones(count)])
+    bounds = [(None, None)] * directions + [(0.0, None)] * count
+    found = linprog(toll, A_ub=limits, b_ub=np.concatenate([-values, values]), bounds=bounds)
+    if not found.success:
+        return values, np.ones(count, dtype=bool)
+    chosen = values + free @ found.x[:directions]
+    off = np.abs(chosen) > 1e-9 * np.abs(values).max()
+    return np.where(off, chosen, 0.0), off
+
+
+def _errors(information: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """Standard errors in usual sizes of values that are off, the others being right by choice of gauge."""
+    error = np.zeros(len(off))
+    error[off] = np.sqrt(np.diag(np.linalg.pinv(information[np.ix_(off, off)], hermitian=True)))
+    return error
+
+
+def _alike(linear: Linear, own: np.ndarray, free: np.ndarray, motions: np.ndarray, frames: int) -> tuple[str, ...]:
+    """Motions of the tracker, or of the reflector, that take up what the free directions do."""
+    columns = linear.columns[linear.rows].reshape(3 * int(linear.rows.sum()), -1)
+    names: set[str] = set()
+    for direction in free.T:
+        left, alone = columns @ (motions @ direction), columns[:, own] @ direction
+        if np.linalg.norm(left) > LIKE_FRAME * np.linalg.norm(alone):
+            continue
+        parts = np.linalg.norm(columns[:, linear.frame], axis=0) * np.abs((motions @ direction)[linear.frame])
+        strong = np.flatnonzero(parts > MOTION * parts.max(initial=0.0))
+        names |= {FRAME_NAMES[place % 6] for place in strong if place < 6 * frames}
+        names |= {MOUNT_NAMES[(place - 6 * frames) % 3] for place in strong if place >= 6 * frames}
+    return tuple(name for name in (*FRAME_NAMES, *MOUNT_NAMES) if name in names)

@@ -1,0 +1,155 @@
+"""Which numbers a fit may change: parameters, reflector mounts and tracker frames, packed in their usual sizes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.effects.parameter import Parameter
+from ptt.model.model import Model, Term, parameter_names
+from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
+from ptt.run.view import View
+
+FRAME_NAMES = ("tracker x", "tracker y", "tracker z", "tracker rotation about x", "tracker rotation about y",
+               "tracker rotation about z")  # fmt: skip
+MOUNT_NAMES = ("reflector mount x", "reflector mount y", "reflector mount z")
+FRAME, MOUNT = -1, -2  # owners of unknowns that are no effect's
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Order and scale of the unknowns: free effect parameters, term by term, then three a mount, then six a frame.
+
+    Attributes:
+        terms: the model's terms, their given parameters held.
+        free: for each term, (P,) bool of what may change.
+        scale: (u,) usual size of each unknown.
+        lower: (u,) bound in units of scale.
+        upper: (u,) bound in units of scale.
+        held: (u,) bool, kept near zero at its scale by definition of the effect and of those beside it.
+        owner: (u,) int, index of the term; FRAME or MOUNT for those.
+        group: (u,) int, unknowns of one parameter (slopes and levels apart), which share how large they may be; -1 for
+            frames and mounts.
+        kinds: of each group: 'free', 'held' as above, or 'searched'.
+        names: one for each unknown.
+        frames: number of frames.
+        mounts: number of reflector mounts.
+    """
+
+    terms: tuple[Term, ...]
+    free: tuple[np.ndarray, ...]
+    scale: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    held: np.ndarray
+    owner: np.ndarray
+    group: np.ndarray
+    kinds: tuple[str, ...]
+    names: tuple[str, ...]
+    frames: int
+    mounts: int = 0
+
+    def thetas(self, unknowns: np.ndarray) -> list[Tensor]:
+        """Full flat parameters of every term at these unknowns."""
+        values = unknowns * self.scale
+        result, start = [], 0
+        for term, free in zip(self.terms, self.free, strict=True):
+            theta = term.theta.clone()
+            count = int(free.sum())
+            theta[torch.as_tensor(free)] = torch.as_tensor(values[start : start + count])
+            result.append(theta)
+            start += count
+        return result
+
+    def frame_parameters(self, unknowns: np.ndarray) -> Tensor:
+        """Frame motions at these unknowns, (f, 6) mm and rad."""
+        values = (unknowns * self.scale)[len(unknowns) - 6 * self.frames :]
+        return torch.as_tensor(values.reshape(self.frames, 6))
+
+    def see(self, problem: Problem, unknowns: np.ndarray) -> View:
+        """The problem's rows with the reflectors where these unknowns put them."""
+        if not self.mounts or problem.view.mount is None:
+            return problem.view
+        end = len(unknowns) - 6 * self.frames
+        values = (unknowns * self.scale)[end - 3 * self.mounts : end].reshape(-1, 3)
+        return replace(problem.view, mount=problem.view.mount + torch.as_tensor(values[problem.mount]))
+
+    def start(self) -> np.ndarray:
+        """Unknowns at the terms' present values, mounts and frames unmoved."""
+        parts = [term.theta.numpy()[free] for term, free in zip(self.terms, self.free, strict=True)]
+        values = np.concatenate([*parts, np.zeros(3 * self.mounts + 6 * self.frames)])
+        return values / self.scale
+
+    def columns(self) -> np.ndarray:
+        """Which columns of the terms' joined Jacobian are free, (sum P,) bool."""
+        return np.concatenate(self.free) if self.free else np.zeros(0, dtype=bool)
+
+
+def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
+    """Lay out the unknowns of a model.
+
+    Args:
+        model: for the mechanism family.
+        problem: for the number of frames and mounts.
+        terms: the terms, with values.
+
+    Returns:
+        The layout.
+    """
+    kind, joints = model.file.machine.kind, problem.view.joints
+    fitted = {term.effect.name for term in terms if not all(p.stem in term.fixed for p in term.effect.parameters)}
+    free, scale, lower, upper, held, owner, group, names = [], [], [], [], [], [], [], []
+    kinds: list[str] = []
+    for index, term in enumerate(terms):
+        flags = []
+        for parameter in (p.on(kind) for p in term.effect.parameters):
+            size = parameter.size(joints)
+            open_ = parameter.role != "given" and parameter.stem not in term.fixed
+            flags += [open_] * size
+            if open_:
+                scale += [parameter.usual] * size
+                lower += [parameter.lower / parameter.usual] * size
+                upper += [parameter.upper / parameter.usual] * size
+                owner += [index] * size
+                part = _kinds(parameter, size, fitted)
+                held += [own == "held" for own, _ in part]
+                group += [len(kinds) + list(dict.fromkeys(part)).index(own) for own in part]
+                kinds += [own for own, _ in dict.fromkeys(part)]
+        free.append(np.array(flags, dtype=bool))
+        local = parameter_names(term.effect, kind, joints)
+        names += [f"{term.effect.key} {name}" for name, flag in zip(local, flags, strict=True) if flag]
+    for mount in range(problem.mounts):
+        scale += [MOUNT_USUAL] * 3
+        lower += [-np.inf] * 3
+        upper += [np.inf] * 3
+        held += [False] * 3
+        owner += [MOUNT] * 3
+        group += [-1] * 3
+        run = f" of run {problem.table.run_label[mount]}" if problem.mounts > 1 else ""
+        names += [name + run for name in MOUNT_NAMES]
+    for frame in range(problem.frames):
+        scale += [SHIFT_USUAL] * 3 + [TURN_USUAL] * 3
+        lower += [-np.inf] * 6
+        upper += [np.inf] * 6
+        held += [False] * 6
+        owner += [FRAME] * 6
+        group += [-1] * 6
+        run = f" of run {problem.table.run_label[frame]}" if problem.frames > 1 else ""
+        names += [name + run for name in FRAME_NAMES]
+    return Layout(
+        tuple(terms), tuple(free), np.array(scale), np.array(lower), np.array(upper), np.array(held, dtype=bool),
+        np.array(owner, dtype=int), np.array(group, dtype=int), tuple(kinds), tuple(names), problem.frames,
+        problem.mounts,
+    )  # fmt: skip
+
+
+def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
+    """Of each value: its kind, and whose cause it is where it is lent; values alike in both share one size."""
+    kind = "searched" if parameter.role == "searched" else "held" if parameter.held else "free"
+    if not parameter.lent:
+        return [(kind, "")] * size
+    # Slope and level are told apart: where a frame takes the level, a large slope must not make it uncertain.
+    owners = parameter.lent * (size // len(parameter.lent))
+    return [("held", "") if name in fitted else ("free", name) for name in owners]

@@ -1,0 +1,245 @@
+"""The linearised problem, assembled once for everybody: what every parameter, present or tried, adds to the readings.
+
+    linear = linear_columns(fitted, problem, candidates, noise)      # at a fit, candidates at zero beside it
+    linear = assemble(layout, unknowns, problem, noise, candidates)  # the same at any point
+    sums = linear.sums(block, blocks)                                # normal equations, base reflectors included
+    gram, side, square, count = sums.total
+    posterior = learn(gram[np.ix_(own, own)], side[own], square, count, owner, freedom=...)
+
+Any choice of columns together with `linear.frame` is a model of `linear.values` to first order.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from torch import Tensor
+
+from ptt.effects import Effect
+from ptt.fitting.layout import FRAME, MOUNT, Layout
+from ptt.fitting.sums import Sums, accumulate
+from ptt.fitting.whitened import build_system, turned, whiten
+from ptt.model.chain import Chain, signature, trace
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+if TYPE_CHECKING:
+    from ptt.fitting.solve import FitResult
+
+Shape = Mapping[str, Tensor]
+Shapes = Sequence[Shape] | Mapping[str, Sequence[Shape]]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One shape of one candidate.
+
+    Attributes:
+        effect: the candidate.
+        shape: its searched and given parameters.
+        columns: indices of its columns.
+        trials: how many shapes of this effect are tried.
+    """
+
+    effect: Effect
+    shape: Shape
+    columns: np.ndarray
+    trials: int
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Whitened columns in usual sizes, and the readings that they are to explain.
+
+    `values` are the readings less the nominal part, so effects are solved for as a whole; frames and reflector mounts
+    are solved for as they move on from where they are.
+
+    Attributes:
+        columns: (n, 3, P): present effects, mounts, frames, then candidates.
+        values: (n, 3); zero where not observed.
+        residual: (n, 3) what the present model leaves of them.
+        rows: rows that count, (n,) bool.
+        frame: indices of the tracker frames' columns, then of the reflector mounts'.
+        present: key -> indices of the columns of each effect in the model.
+        trials: candidates in all their shapes.
+        scale: (P,) usual size of each column.
+        held: columns that are kept within one usual size by definition of their effect, (P,) bool.
+        base_columns: of the base reflectors, (m, 3, P) in units of their own noise.
+        base_values: (m, 3).
+        at: where further columns come from; None where the rows were let go.
+    """
+
+    columns: np.ndarray
+    values: np.ndarray
+    residual: np.ndarray
+    rows: np.ndarray
+    frame: np.ndarray
+    present: dict[str, np.ndarray]
+    trials: tuple[Trial, ...]
+    scale: np.ndarray
+    held: np.ndarray
+    base_columns: np.ndarray
+    base_values: np.ndarray
+    at: "Place | None" = field(repr=False)
+
+    @property
+    def simple(self) -> np.ndarray:
+        """Columns of the present model and the frame, which are the first."""
+        return np.arange(sum(map(len, self.present.values())) + len(self.frame))
+
+    def sums(self, block: np.ndarray, blocks: int) -> Sums:
+        """Normal equations of the rows that count, block by block, base reflectors spread evenly over the blocks.
+
+        Args:
+            block: (n,) int, as in `ptt.fitting.sums.accumulate`.
+            blocks: number of blocks.
+
+        Returns:
+            The sums; no prior is in them.
+        """
+        rows = self.rows
+        sums = accumulate(self.columns[rows], self.values[rows], block[rows], blocks)
+        return sums if not len(self.base_values) else with_base(sums, self)
+
+    def without_rows(self) -> "Linear":
+        """What the columns are, without their rows: all that is kept of a chunk once it is summed."""
+        columns, values, residual, rows = (part[:0] for part in (self.columns, self.values, self.residual, self.rows))
+        return replace(self, columns=columns, values=values, residual=residual, rows=rows, at=None)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a problem was linearised: gives the columns of effects and shapes that come up later.
+
+    Attributes:
+        chain: the present model's.
+        problem: the rows.
+        whitener: (3, 3) 1/mm.
+        motion: (f, 6) how the frames stand.
+    """
+
+    chain: Chain
+    problem: Problem
+    whitener: np.ndarray
+    motion: Tensor
+
+    def columns(self, effect: Effect, shape: Shape) -> np.ndarray:
+        """Columns of an effect in one shape, (n, 3, p), whitened, in usual sizes."""
+        block = turned(signature(self.chain, effect, shape), self.motion, self.problem.frame)
+        return whiten([block.numpy()], self.whitener, usual_sizes(effect, self.problem))
+
+
+def linear_columns(
+    fitted: "FitResult", problem: Problem, candidates: Sequence[Effect], noise: Noise, shapes: Shapes | None = None
+) -> Linear:
+    """Linearise around a fitted model, with every candidate's columns at zero beside it.
+
+    Args:
+        fitted: the model.
+        problem: the rows; those it was fitted on or others of the same run.
+        candidates: effects that may be added.
+        noise: the noise floor.
+        shapes: shapes to try, for each candidate by its key or the same for all; None asks each candidate.
+
+    Returns:
+        The columns.
+    """
+    return assemble(fitted.layout, fitted.unknowns, problem, noise, candidates, shapes)
+
+
+def assemble(
+    layout: Layout, unknowns: np.ndarray, problem: Problem, noise: Noise, candidates: Sequence[Effect] = (),
+    shapes: Shapes | None = None,
+) -> Linear:  # fmt: skip
+    """Linearise around any point.
+
+    Args:
+        layout: the present model's unknowns.
+        unknowns: (u,) in usual sizes.
+        problem: the rows.
+        noise: the noise floor.
+        candidates: effects that may be added.
+        shapes: as in `linear_columns`.
+
+    Returns:
+        The columns.
+    """
+    system = build_system(layout, problem, noise.whitener, unknowns)
+    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
+    motion = layout.frame_parameters(unknowns)
+    at = Place(trace(terms, layout.see(problem, unknowns)), problem, noise.whitener, motion)
+    trials, blocks = _try(at, candidates, shapes, len(unknowns))
+    own = layout.owner >= 0
+    residual = np.nan_to_num(system.residual)
+    values = residual + system.jacobian[..., own] @ unknowns[own]
+    extra = sum(block.shape[-1] for block in blocks)
+    frame = np.concatenate([np.flatnonzero(layout.owner == FRAME), np.flatnonzero(layout.owner == MOUNT)])
+    present = {term.effect.key: np.flatnonzero(layout.owner == index) for index, term in enumerate(layout.terms)}
+    usual = [usual_sizes(trial.effect, problem) for trial in trials]
+    return Linear(
+        np.concatenate([system.jacobian, *blocks], axis=-1), values, residual,
+        problem.used & np.isfinite(system.residual).all(axis=1), frame, present, tuple(trials),
+        np.concatenate([layout.scale, *usual]),
+        np.concatenate([layout.held, *(held_values(trial.effect, problem) for trial in trials)]).astype(bool),
+        np.pad(system.base_jacobian, [(0, 0), (0, 0), (0, extra)]), system.base_residual, at,
+    )  # fmt: skip
+
+
+def _try(
+    at: Place, candidates: Sequence[Effect], shapes: Shapes | None, start: int
+) -> tuple[list[Trial], list[np.ndarray]]:
+    """Every candidate in all its shapes: what it is, and its columns."""
+    trials, blocks = [], []
+    for effect in candidates:
+        own = shapes[effect.key] if isinstance(shapes, Mapping) else shapes
+        tried = effect.search(at.problem.view) if own is None else own
+        for shape in tried:
+            block = at.columns(effect, shape)
+            trials.append(Trial(effect, dict(shape), np.arange(start, start + block.shape[-1]), len(tried)))
+            blocks.append(block)
+            start += block.shape[-1]
+    return trials, blocks
+
+
+def with_base(sums: Sums, linear: Linear) -> Sums:
+    """Add base reflectors; they are never held out, so whichever block is hidden, the rest has nearly all of them.
+
+    Args:
+        sums: over rows.
+        linear: columns of any of the rows.
+
+    Returns:
+        The sums of both.
+    """
+    joined = accumulate(linear.base_columns, linear.base_values, np.zeros(len(linear.base_values), dtype=int), 1)
+    share = 1.0 / len(sums.count)
+    return Sums(
+        sums.gram + share * joined.gram, sums.side + share * joined.side, sums.square + share * joined.square,
+        sums.count + share * joined.count,
+    )  # fmt: skip
+
+
+def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:
+    """Usual size of each linear value of an effect, (P,)."""
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    parameters = [parameter for parameter in effect.parameters if parameter.role == "linear"]
+    return np.concatenate([np.zeros(0), *(np.full(item.size(joints), item.on(kind).usual) for item in parameters)])
+
+
+def held_values(effect: Effect, problem: Problem) -> np.ndarray:
+    """Which linear values are kept near zero by the definition of the effect, (P,) bool."""
+    parameters = [parameter for parameter in effect.parameters if parameter.role == "linear"]
+    return np.concatenate([np.zeros(0), *(np.full(item.size(problem.view.joints), item.held) for item in parameters)])
+
+
+def few_shapes(trials: Sequence[Trial], simple: np.ndarray) -> np.ndarray:
+    """The present model's columns and every candidate's, of long searches only every sixth shape."""
+    seen: dict[str, int] = {}
+    chosen = [simple]
+    for trial in trials:
+        number = seen.get(trial.effect.key, 0)
+        seen[trial.effect.key] = number + 1
+        if trial.trials < 12 or number % 6 == 3:
+            chosen.append(trial.columns)
+    return np.concatenate(chosen).astype(int)

@@ -1,0 +1,111 @@
+"""Gross errors: rows so far off that no noise explains them."""
+
+import numpy as np
+from scipy import linalg, stats
+
+from ptt.fitting.stretches import confirmed_by_pose, in_a_row, shifted_stretches
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+CHANCE = 1e-3  # chance that a sound table of readings loses one row to the rule
+EXCEPTIONS = 1.0 / 12.0  # share of rows beyond which far rows are no exceptions: trackers lose far fewer readings
+TAIL = 4.0  # squared: what a model misses is no bell curve, its ends lie up to twice as far out as those of noise
+ROUNDS = 8
+KNEE = 6.0  # squared distance, in units of the bulk, at which a row counts half (Cauchy)
+
+
+def inside(
+    whitened: np.ndarray, used: np.ndarray, problem: Problem | None = None, noise: Noise | None = None
+) -> np.ndarray:
+    """Rows that noise can explain.
+
+    A gross error is an exception: what one row in twelve has is the machine or the model, and so is what rows in a
+    row or two visits of a pose have. Left out beside is a stretch that is sound but for one common shift (another
+    reflector, a knock).
+
+    Args:
+        whitened: residual in units of noise, (n, 3), NaN where not observed.
+        used: rows that may count, (n,) bool.
+        problem: the readings, whose order tells what stands alone; None where it is not known.
+        noise: what the residual is in units of; without it nothing is left out as a stretch.
+
+    Returns:
+        (n,) bool, a part of `used`. Where all but one row in twelve lie wider than noise, so does the limit.
+    """
+    squared, _ = _distances(whitened, used)
+    squared = np.where(used, np.nan_to_num(squared, nan=np.inf), 0.0)
+    far = squared > _limit(squared[used])
+    if not far.any():
+        return used.copy()
+    apart = np.zeros_like(used)
+    if problem is not None and noise is not None:
+        for part in shifted_stretches(whitened, far, problem, _limit(squared[used]), noise):
+            apart[part] = True
+    rest = used & ~apart
+    gross = rest & (squared > _limit(squared[rest], EXCEPTIONS))
+    if problem is not None and gross.any():
+        machine = confirmed_by_pose(gross, whitened, problem)
+        for part in in_a_row(far & ~apart, problem):
+            machine[part] = True
+        gross &= ~machine | np.isinf(squared)
+    return rest & ~gross
+
+
+def _limit(squared: np.ndarray, exceptions: float = 0.5) -> float:
+    """Squared distance beyond which a row is far; it widens with half of the rows, and with all but the exceptions."""
+    count = len(squared)
+    bulk = count - max(1, int(np.ceil(exceptions * count)))
+    if bulk < 1:
+        return np.inf
+    wide = np.sort(squared)[bulk - 1] / stats.chi2.ppf((bulk - 0.5) / count, 3)
+    width = max(1.0, float(wide), float(np.median(squared)) / MEDIAN)
+    tail = 1.0 + (TAIL - 1.0) * min(width - 1.0, 1.0)
+    return float(stats.chi2.isf(CHANCE / count, 3)) * width * tail
+
+
+def linear_residual(
+    rows: np.ndarray, columns: np.ndarray, base_rows: np.ndarray, base_columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residual of a linear problem after iteratively reweighted least squares, Cauchy weights by row.
+
+    Args:
+        rows: (m, 3) in units of noise.
+        columns: (m, 3, u).
+        base_rows: (k,) rows that are trusted.
+        base_columns: (k, u).
+
+    Returns:
+        Residual (m, 3) and weight of each row, (m,), between 0 and 1.
+    """
+    width = columns.shape[-1]
+    flat = columns.reshape(rows.size, width)
+    weight, left = np.ones(len(rows)), rows
+    if not width:
+        return left, _weights(left)
+    pull = np.eye(width) * 1e-9
+    for _ in range(ROUNDS):
+        heavy = (columns * weight[:, None, None]).reshape(-1, width)
+        normal = heavy.T @ flat + base_columns.T @ base_columns
+        side = heavy.T @ rows.ravel() + base_columns.T @ base_rows
+        step = linalg.solve(normal + pull * np.trace(normal), side, assume_a="pos")
+        left = rows - (flat @ step).reshape(-1, 3)
+        before, weight = weight, _weights(left)
+        if np.abs(weight - before).max(initial=0.0) < 0.02:
+            break
+    return left, weight
+
+
+def _weights(left: np.ndarray) -> np.ndarray:
+    squared, spread = _distances(left, np.ones(len(left), dtype=bool))
+    return 1.0 / (1.0 + squared / (KNEE * spread))
+
+
+def _distances(whitened: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, float]:
+    """Squared distance of each row in noise units, and how much wider than noise the bulk of them lies."""
+    squared = np.einsum("nc,nc->n", whitened, whitened)
+    if not used.any():
+        return squared, 1.0
+    return squared, max(1.0, float(np.median(squared[used])) / MEDIAN)
+
+
+MEDIAN = float(stats.chi2.median(3))

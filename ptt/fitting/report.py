@@ -1,0 +1,254 @@
+"""What a fit found and what it could not find: one frozen report, as text in the manner of lmfit and as JSON."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ptt.fitting.indices import Indices, observability_indices, project_off
+from ptt.fitting.observability import Combination, Correlation, correlations, unobservable
+from ptt.fitting.orientation import orientation_of
+from ptt.fitting.solve import FitResult, residual_of, rms
+from ptt.fitting.stretches import Stretch, name_stretches
+from ptt.model.model import Model, parameter_names
+from ptt.run.problem import Problem
+
+IN_PART = 0.98  # share in unseen directions from which nothing of a parameter is measured
+SHOWN = 12  # outliers and correlations listed in the text
+
+
+@dataclass(frozen=True)
+class Value:
+    """One fitted number.
+
+    Attributes:
+        effect: key of the effect.
+        name: with unit, as in 'gap_mm 2'.
+        value: in that unit.
+        std: standard error; None where it was held or searched.
+        measured: 'yes', 'in part' (only combinations with others are), 'no', 'fixed' or 'searched'.
+    """
+
+    effect: str
+    name: str
+    value: float
+    std: float | None
+    measured: str
+
+
+@dataclass(frozen=True)
+class FitReport:
+    """A fit in figures and words.
+
+    Attributes:
+        status: 'converged' or what kept it from converging.
+        rows: readings that counted.
+        chi2: weighted sum of squares.
+        freedom: degrees of freedom.
+        rank: directions that the data see.
+        unknowns: numbers that were fitted, frames included.
+        iterations: evaluations of the derivative.
+        values: effect parameters.
+        frames: motions of the tracker frame, name -> (value, standard error) in mm and rad.
+        outliers: gross errors, one by one: line in the file and distance in mm.
+        stretches: rows in a row that are off together, left out as well.
+        rms_um: of the drawing 'as read' (before frame alignment) and 'aligned' (after it, by the frame policy), and
+            of the model, 'given' (as it was) and 'fitted'.
+        noise_um: per axis, in total, and its source.
+        correlations: above 0.9, between measured parameters.
+        unobservable: combinations that the data cannot see.
+        orientation_mrad: root mean square angle between measured and fitted orientations; None where none are read.
+        observability: indices O1 to O5 of the effects' parameters, frame and reflector mount projected off.
+    """
+
+    status: str
+    rows: int
+    chi2: float
+    freedom: int
+    rank: int
+    unknowns: int
+    iterations: int
+    values: tuple[Value, ...]
+    frames: dict[str, tuple[float, float]]
+    outliers: tuple[tuple[int, float], ...]
+    stretches: tuple[Stretch, ...]
+    rms_um: dict[str, dict[str, float]]
+    noise_um: dict[str, Any]
+    correlations: tuple[Correlation, ...]
+    unobservable: tuple[Combination, ...]
+    observability: Indices
+    orientation_mrad: float | None = None
+
+    @property
+    def reduced(self) -> float:
+        """Chi-squared per degree of freedom: one where only noise is left."""
+        return self.chi2 / self.freedom
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain figures for JSON."""
+        return {
+            "status": self.status,
+            "rows": self.rows,
+            "chi2": self.chi2,
+            "reduced_chi2": self.reduced,
+            "degrees_of_freedom": self.freedom,
+            "rank": self.rank,
+            "unknowns": self.unknowns,
+            "iterations": self.iterations,
+            "parameters": [dict(vars(value)) for value in self.values],
+            "frame": {name: {"value": value, "std": std} for name, (value, std) in self.frames.items()},
+            "outliers": [{"line": line, "distance_mm": distance} for line, distance in self.outliers],
+            "stretches": [stretch.to_dict() for stretch in self.stretches],
+            "rms_um": self.rms_um,
+            "noise_um": self.noise_um,
+            "correlations": [dict(vars(pair)) for pair in self.correlations],
+            "unobservable": [item.to_dict() for item in self.unobservable],
+            "observability": self.observability.to_dict(),
+            "orientation_rms_mrad": self.orientation_mrad,
+        }
+
+
+def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = None) -> FitReport:
+    """Gather what a fit found.
+
+    Args:
+        fitted: the fit.
+        problem: what it was fitted to.
+        given: the model as it was before; None where it had no effects.
+
+    Returns:
+        The report.
+    """
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    bare = given is not None and not given.model.terms
+    drawn = given if given and bare else residual_of(Model(fitted.model.file), problem, fitted.noise)
+    read = problem.table.measured - problem.stated if problem.base is None else problem.measured - problem.target
+    as_it_was = (given or drawn).residual
+    stages = {"as read": read, "aligned": drawn.residual, "given": as_it_was, "fitted": fitted.residual}
+    errors = {stage: rms(error, rows) for stage, error in stages.items()}
+    turned = orientation_of(fitted, problem)
+    stretches, alone = name_stretches(fitted.outliers, fitted.residual, problem)
+    lines, far = problem.table.line[alone].tolist(), np.linalg.norm(fitted.residual[alone], axis=1).tolist()
+    return FitReport(
+        fitted.status, int(rows.sum()), fitted.chi2, fitted.freedom, fitted.rank, len(fitted.unknowns),
+        fitted.iterations, _values(fitted), _frames(fitted), tuple(zip(lines, far, strict=True)), stretches, errors,
+        fitted.noise.to_dict(), correlations(fitted), unobservable(fitted),
+        observability_indices(
+            project_off(fitted.information, np.flatnonzero(fitted.layout.owner >= 0)), int(rows.sum())
+        ),
+        None if turned is None else turned.rms_mrad,
+    )  # fmt: skip
+
+
+def format_fit(report: FitReport) -> str:
+    """The report as a person reads it.
+
+    Args:
+        report: the report.
+
+    Returns:
+        Several lines.
+    """
+    parts = [_statistics(report), _errors(report), _parameters(report), _outliers(report)]
+    parts += [_pairs(report), _combinations(report)]
+    return "\n".join(line for part in parts for line in part)
+
+
+def _values(fitted: FitResult) -> tuple[Value, ...]:
+    layout, place = fitted.layout, 0
+    unseen = (fitted.unseen**2).sum(axis=1)
+    std, found = fitted.std, []
+    kind = fitted.model.file.machine.kind
+    for term, free, theta in zip(layout.terms, layout.free, layout.thetas(fitted.unknowns), strict=True):
+        names = parameter_names(term.effect, kind, fitted.model.joints)
+        for name, flag, value in zip(names, free, theta.tolist(), strict=True):
+            if flag:
+                how = "yes" if fitted.measured[place] else "no" if unseen[place] > IN_PART else "in part"
+                found.append(Value(term.effect.key, name, value, float(std[place]), how))
+                place += 1
+            else:
+                how = "fixed" if any(name.startswith(stem) for stem in term.fixed) else "searched"
+                found.append(Value(term.effect.key, name, value, None, how))
+    return tuple(found)
+
+
+def _frames(fitted: FitResult) -> dict[str, tuple[float, float]]:
+    own = np.flatnonzero(fitted.layout.owner < 0)
+    return {fitted.layout.names[i]: (float(fitted.values[i]), float(fitted.std[i])) for i in own}
+
+
+def _statistics(report: FitReport) -> list[str]:
+    noise = report.noise_um
+    return [
+        "[[fit]]",
+        f"    {report.status} after {report.iterations} evaluations",
+        f"    {report.rows} readings, {report.unknowns} unknowns (frame included), of which the data see {report.rank}",
+        f"    chi-squared {report.chi2:.1f}, per degree of freedom {report.reduced:.3f} ({report.freedom})",
+        f"    noise {noise['total']:.2f} um (x {noise['x']:.2f}, y {noise['y']:.2f}, z {noise['z']:.2f}), from the"
+        f" {noise['source']}",
+        f"    {report.observability.text}",
+    ]
+
+
+def _errors(report: FitReport) -> list[str]:
+    words = {
+        "as read": "drawing, frame as read",
+        "aligned": "drawing, frame aligned",
+        "given": "model as given",
+        "fitted": "fitted",
+    }
+    lines = ["[[errors]]  RMS in um" + "".join(f"{axis:>12}" for axis in ("x", "y", "z", "total"))]
+    for key, word in words.items():
+        if key in report.rms_um:
+            figures = report.rms_um[key]
+            lines.append(f"    {word:<23}" + "".join(f"{figures[axis]:12.2f}" for axis in ("x", "y", "z", "total")))
+    noise = report.noise_um
+    lines.append(f"    {'noise':<23}" + "".join(f"{noise[axis]:12.2f}" for axis in ("x", "y", "z", "total")))
+    if report.orientation_mrad is not None:
+        lines.append(f"    orientation, positions alone fitted: {report.orientation_mrad:.3f} mrad RMS")
+    return lines
+
+
+def _parameters(report: FitReport) -> list[str]:
+    lines, last = [], ""
+    for value in report.values:
+        if value.effect != last:
+            lines += [f"[[{value.effect}]]"]
+            last = value.effect
+        lines.append(f"    {value.name:<22} {_words(value)}")
+    return lines
+
+
+def _words(value: Value) -> str:
+    if value.std is None:
+        return f"{value.value:.6g}  ({value.measured})"
+    if value.measured == "no":
+        return "not measured: held near zero by its usual size"
+    share = f" ({abs(value.std / value.value):.1%})" if value.value else ""
+    text = f"{value.value:.6g} +- {value.std:.2g}{share}"
+    return f"{text}  in part: only combinations are measured" if value.measured == "in part" else text
+
+
+def _outliers(report: FitReport) -> list[str]:
+    if not report.outliers:
+        return []
+    worst = sorted(report.outliers, key=lambda item: -item[1])[:SHOWN]
+    listed = ", ".join(f"line {line} ({distance:.3f} mm)" for line, distance in worst)
+    more = f", and {len(report.outliers) - len(worst)} more" if len(report.outliers) > len(worst) else ""
+    return [f"[[gross errors left out]]  {len(report.outliers)}", f"    {listed}{more}"]
+
+
+def _pairs(report: FitReport) -> list[str]:
+    if not report.correlations:
+        return []
+    lines = ["[[correlations above 0.9]]"]
+    lines += [f"    {pair.first} / {pair.second} = {pair.value:+.3f}" for pair in report.correlations[:SHOWN]]
+    if len(report.correlations) > SHOWN:
+        lines.append(f"    and {len(report.correlations) - SHOWN} more")
+    return lines
+
+
+def _combinations(report: FitReport) -> list[str]:
+    if not report.unobservable:
+        return []
+    return ["[[what this run cannot tell]]", *(f"    {item.text}" for item in report.unobservable)]

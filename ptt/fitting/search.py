@@ -1,0 +1,184 @@
+"""Where a new effect starts: the trial shape that takes most off the residual, and linear amplitudes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from ptt.effects import Effect
+from ptt.effects.base import flatten, linear_size
+from ptt.fitting.layout import lay_out
+from ptt.fitting.linear import Linear, Shape, assemble, usual_sizes
+from ptt.fitting.outliers import linear_residual
+from ptt.model.model import Model, Term
+from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.problem import Problem
+
+SEEN = 1.0  # information, in usual sizes, below which a direction is left out
+WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
+OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What a new effect is held against: the known model's columns and readings, rows weighted robustly."""
+
+    linear: Linear
+    root: np.ndarray  # (n, 1, 1) square roots of the weights; zero for rows that do not count
+
+    @property
+    def values(self) -> np.ndarray:
+        """Weighted readings less the known model, (n, 3)."""
+        return self.linear.residual * self.root[..., 0]
+
+    def columns(self, effect: Effect, shape: Shape) -> np.ndarray:
+        """Weighted columns of an effect, (n, 3, P)."""
+        assert self.linear.at is not None
+        return self.linear.at.columns(effect, shape) * self.root
+
+
+def best_shape(model: Model, problem: Problem, effect: Effect, noise: Noise | None = None) -> Term:
+    """Choose searched and given parameters of an effect that is to be added, and amplitudes to start from.
+
+    Every trial's columns are projected off what the model and the tracker frame explain already; the trial that takes
+    most of the residual wins, and is then refined: a knock to the row, a time constant between its neighbours.
+
+    Args:
+        model: the model without the effect; terms without values are left aside.
+        problem: the readings.
+        effect: the effect.
+        noise: the noise floor; None takes the problem's.
+
+    Returns:
+        The effect with values.
+    """
+    noise = noise or problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    known = [term for term in model.terms if len(term.theta)]
+    return open_terms([*known, Term(effect, torch.zeros(0, dtype=torch.float64))], problem, noise)[-1]
+
+
+def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Term]:
+    """Give values to the terms that have none.
+
+    Args:
+        terms: of a model.
+        problem: the readings.
+        noise: the noise floor.
+
+    Returns:
+        All terms, in the order given.
+    """
+    new = [term for term in terms if not len(term.theta)]
+    if not new:
+        return list(terms)
+    shapes = {term.effect.key: _trials(term.effect, problem) for term in new}
+    known = [term for term in terms if len(term.theta)]
+    stage, blocks = _linearise(known, [term.effect for term in new], shapes, problem, noise)
+    for term in new:
+        key = term.effect.key
+        if len(shapes[key]) > 1:
+            others = [block for name, block in blocks.items() if name != key]
+            shapes[key] = [_profile(stage, term.effect, shapes[key], others)]
+            blocks[key] = stage.columns(term.effect, shapes[key][0])
+    amplitudes = _amplitudes(stage, blocks)
+    opened = {
+        term.effect.key: _opened(term, shapes[term.effect.key][0], amplitudes[term.effect.key], problem) for term in new
+    }
+    return [opened.get(term.effect.key, term) for term in terms]
+
+
+def _trials(effect: Effect, problem: Problem) -> list[Shape]:
+    """Shapes to try."""
+    trials = list(effect.search(problem.view))
+    if trials:
+        return trials
+    # The data see no trial: the usual sizes hold the shape, and the fit will call the effect unseen.
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    return [
+        {
+            item.stem: torch.full((item.size(joints),), item.on(kind).usual, dtype=torch.float64)
+            for item in effect.parameters
+            if item.role != "linear"
+        }
+    ]
+
+
+def _linearise(
+    known: Sequence[Term], new: Sequence[Effect], shapes: Mapping[str, Sequence[Shape]], problem: Problem, noise: Noise
+) -> tuple[_Stage, dict[str, np.ndarray]]:
+    """The stage, and weighted columns by key: known terms and frame together under ''."""
+    layout = lay_out(Model(problem.file), problem, known)
+    linear = assemble(layout, layout.start(), problem, noise, new, {key: each[:1] for key, each in shapes.items()})
+    rows, held = linear.rows, linear.held
+    root = np.zeros((len(rows), 1, 1))
+    _, weight = linear_residual(
+        linear.residual[rows], linear.columns[rows], np.zeros(int(held.sum())), np.diag(held.astype(float))[held]
+    )
+    root[rows, 0, 0] = np.sqrt(weight)
+    columns = {"": linear.simple} | {trial.effect.key: trial.columns for trial in linear.trials}
+    return _Stage(linear, root), {key: linear.columns[..., own] * root for key, own in columns.items()}
+
+
+def _profile(stage: _Stage, effect: Effect, trials: Sequence[Shape], others: Sequence[np.ndarray]) -> Shape:
+    """The best of some shapes, refined."""
+    base = _orthonormal(np.concatenate(others, axis=-1))
+    left = stage.values.ravel() - base @ (base.T @ stage.values.ravel())
+
+    def gains(shapes: Sequence[Shape]) -> np.ndarray:
+        return np.array([_gain(stage.columns(effect, shape), base, left) for shape in shapes])
+
+    found = gains(trials)
+    best = int(np.argmax(found))
+    if found[best] < found[0] + WORTH:
+        best = 0
+    assert stage.linear.at is not None
+    finer = effect.refine(stage.linear.at.chain.at_tool, trials[best])
+    if len(finer) < 2:
+        return trials[best]
+    refined = gains(finer)
+    return finer[int(np.argmax(refined))] if refined.max() > found[best] else trials[best]
+
+
+def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:
+    """Chi-squared that columns take off what the base leaves."""
+    flat = columns.reshape(-1, columns.shape[-1])
+    flat = flat - base @ (base.T @ flat)
+    strength, directions = np.linalg.eigh(flat.T @ flat)
+    along = directions.T @ (flat.T @ left)
+    seen = strength > SEEN
+    return float((along[seen] ** 2 / strength[seen]).sum())
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    """Basis of what columns (n, 3, P) span, (3 n, r); P is zero where the frame is trusted and nothing else known."""
+    flat = columns.reshape(3 * len(columns), columns.shape[-1])
+    strength, directions = np.linalg.eigh(flat.T @ flat)
+    seen = strength > max(SEEN, 1e-12 * strength.max(initial=0.0))
+    return flat @ (directions[:, seen] / np.sqrt(strength[seen]))
+
+
+def _amplitudes(stage: _Stage, blocks: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Joint linear solution in usual sizes by key; what the rows do not see stays zero."""
+    flat = np.concatenate(list(blocks.values()), axis=-1)
+    flat = flat.reshape(-1, flat.shape[-1])
+    strength, directions = np.linalg.eigh(flat.T @ flat + np.diag(stage.linear.held.astype(float)))
+    seen = strength > max(SEEN, 1e-12 * strength.max(initial=0.0))
+    solution = directions[:, seen] @ ((directions[:, seen].T @ (flat.T @ stage.values.ravel())) / strength[seen])
+    ends = np.cumsum([block.shape[-1] for block in blocks.values()])
+    return dict(zip(blocks, np.split(solution, ends[:-1]), strict=True))
+
+
+def _opened(term: Term, shape: Shape, amplitude: np.ndarray, problem: Problem) -> Term:
+    """The term at its linear amplitudes, inside its bounds."""
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    theta = flatten(term.effect, shape, joints)
+    linear = linear_size(term.effect, joints)
+    theta[:linear] = torch.as_tensor(amplitude * usual_sizes(term.effect, problem))
+    place = 0
+    for item in (parameter.on(kind) for parameter in term.effect.parameters):
+        part = slice(place, place + item.size(joints))
+        place = part.stop
+        least = OPENING * item.usual if item.role == "linear" and item.lower == 0.0 else item.lower
+        theta[part] = theta[part].clamp(least, item.upper)
+    return replace(term, theta=theta)

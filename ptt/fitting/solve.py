@@ -1,0 +1,281 @@
+"""Weighted least squares of all effects and the tracker frame together, and what the fit does not know."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from ptt.fitting.evidence import inverse
+from ptt.fitting.gauss_newton import DONE, Equations, descend
+from ptt.fitting.layout import Layout, lay_out
+from ptt.fitting.outliers import inside, linear_residual
+from ptt.fitting.prior import Prior, learn_prior, usual_prior
+from ptt.fitting.search import open_terms
+from ptt.fitting.whitened import Evaluator, System
+from ptt.model.chain import Prediction
+from ptt.model.model import Model, Term
+from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.problem import Problem
+
+NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
+SEEN = 1.0  # a direction counts as seen where the data know it better than its usual size
+PRIOR_SHARE = 0.02  # a parameter with more than this share in unseen directions is not measured
+PRIOR_HALF = 0.5  # share of its prior's variance from which a parameter that is held near zero counts as unmeasured
+ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
+ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
+ALIKE = 0.1  # change of a log variance below which sizes count as settled
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fit and its limits.
+
+    Attributes:
+        model: the model with fitted parameters.
+        layout: order of the unknowns.
+        unknowns: (u,) fitted values in usual sizes.
+        covariance: (u, u) of the unknowns in their own units; what the prior holds has the prior's. Wider than the
+            noise says where the fit leaves more than noise.
+        information: what is known of the unknowns in usual sizes, (u, u): by the rows, and by what an effect is
+            defined without; no prior on unseen directions.
+        prediction: of all rows, masked ones included.
+        residual: measured less predicted in the base frame, (n, 3) mm; NaN where not observed.
+        outliers: rows left out as gross errors, (n,) bool.
+        noise: the noise floor that weighted the fit.
+        chi2: weighted sum of squares over the rows used.
+        freedom: degrees of freedom.
+        rank: number of directions that the data see.
+        unseen: (u, m) directions, in units of `sizes`, that only the prior holds.
+        prior: how large the unknowns may be, and how much wider than stated the rows scatter.
+        iterations: evaluations of the derivative.
+        status: 'converged' or what kept it from converging.
+    """
+
+    model: Model
+    layout: Layout
+    unknowns: np.ndarray
+    covariance: np.ndarray
+    information: np.ndarray
+    prediction: Prediction
+    residual: np.ndarray
+    outliers: np.ndarray
+    noise: Noise
+    chi2: float
+    freedom: int
+    rank: int
+    unseen: np.ndarray
+    prior: Prior
+    iterations: int
+    status: str
+
+    @property
+    def values(self) -> np.ndarray:
+        """Fitted unknowns in their own units, (u,)."""
+        return self.unknowns * self.layout.scale
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """How large each unknown may be, (u,) in usual sizes: those, or more where the rows ask for it."""
+        return self.prior.sizes(self.layout)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard errors of the unknowns in their own units, (u,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Unknowns that the data, not the prior, decide, (u,) bool."""
+        own = np.diag(self.covariance) / self.layout.scale**2
+        return ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
+
+
+def fit(
+    model: Model,
+    problem: Problem,
+    *,
+    robust: bool = True,
+    noise: Noise | None = None,
+    lean: bool = False,
+    coarse: bool = False,
+) -> FitResult:
+    """Fit all effects and frames of a model.
+
+    Args:
+        model: effects without values start where `ptt.fitting.search` finds them.
+        problem: the readings.
+        robust: leave out gross errors; they are named in the result.
+        noise: the noise floor; None takes the problem's, or a first guess where it has none.
+        lean: skip the confirmation that the set of outliers is stable.
+        coarse: stop a hundredth of chi-squared from the end, which is near enough to compare models.
+
+    Returns:
+        The fit; what kept it from converging is in its status.
+    """
+    noise = noise or problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
+    evaluate = Evaluator(layout, problem, noise, coarse=coarse)
+    unknowns = np.clip(layout.start(), layout.lower, layout.upper)
+    kept = _without_outliers(evaluate(unknowns), problem, layout, noise) if robust else problem.used.copy()
+    status, prior, settled = "nothing to fit", usual_prior(layout), False
+    for attempt in range(1 + ROUNDS):
+        before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior)
+        if settled and _near(before, prior):
+            prior = before
+            break
+        if len(unknowns):
+            done = NEAR if coarse else DONE
+            ended = descend(_equations(evaluate, kept, prior), unknowns, layout.lower, layout.upper, done)
+            unknowns, status = ended.unknowns, ended.status
+        sifting = robust and not (lean or coarse)
+        again = inside(evaluate(unknowns).residual, problem.used, problem, noise) if sifting else kept
+        settled = bool((again == kept).all())
+        kept = again if attempt < ROUNDS else kept
+    return _result(model, problem, evaluate, unknowns, prior, kept, status)
+
+
+def residual_of(model: Model, problem: Problem, noise: Noise | None = None) -> FitResult:
+    """Residual of a model as it is: only what a tracker frame may take is fitted; base reflectors hold the frame.
+
+    Args:
+        model: its effects are held.
+        problem: the readings.
+        noise: the noise floor; None as in `fit`.
+
+    Returns:
+        The fit of the frame alone.
+    """
+    held = tuple(hold(term) for term in model.terms if len(term.theta))
+    result = fit(replace(model, terms=held), problem.anchored(), noise=noise)
+    return replace(result, model=model)
+
+
+def hold(term: Term) -> Term:
+    """The term with all its parameters fixed."""
+    return replace(term, fixed=frozenset(parameter.stem for parameter in term.effect.parameters))
+
+
+def unseen_directions(information: np.ndarray) -> np.ndarray:
+    """Directions that the rows know no better than the size that the unknowns may have.
+
+    Args:
+        information: J^T J in units of those sizes, (u, u).
+
+    Returns:
+        (u, m), orthonormal columns.
+    """
+    if not len(information):
+        return np.zeros((0, 0))
+    strength, directions = np.linalg.eigh(information)
+    return directions[:, strength < max(SEEN, ROUNDING * strength[-1])]
+
+
+def _near(one: Prior, other: Prior) -> bool:
+    """Sizes so alike that no unknown would move by what matters."""
+    return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
+
+
+def _equations(evaluate: Evaluator, kept: np.ndarray, prior: Prior) -> Equations:
+    """Normal equations of the rows that count and of the prior."""
+
+    def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        residual, jacobian = evaluate(unknowns).stacked(kept)
+        pull = prior.weight * unknowns
+        normal = jacobian.T @ jacobian + np.diag(prior.weight)
+        return normal, jacobian.T @ residual - pull, float(residual @ residual + unknowns @ pull)
+
+    return equations
+
+
+def _without_outliers(system: System, problem: Problem, layout: Layout, noise: Noise) -> np.ndarray:
+    """Rows that remain after a robust fit of the linearised problem, (n,) bool."""
+    width = system.jacobian.shape[-1]
+    base = np.concatenate(
+        [
+            system.base_jacobian.reshape(3 * len(system.base_jacobian), width),
+            np.diag(layout.held.astype(float))[layout.held],
+        ]
+    )
+    trusted = np.concatenate([system.base_residual.ravel(), np.zeros(int(layout.held.sum()))])
+    whole, used = np.full_like(system.residual, np.nan), problem.used
+    whole[used], _ = linear_residual(system.residual[used], system.jacobian[used], trusted, base)
+    return inside(whole, used, problem, noise)
+
+
+def _result(
+    model: Model, problem: Problem, evaluate: Evaluator, unknowns: np.ndarray, prior: Prior, kept: np.ndarray,
+    status: str,
+) -> FitResult:  # fmt: skip
+    layout, noise, system = evaluate.layout, evaluate.noise, evaluate(unknowns)
+    residual, _ = system.stacked(kept)
+    empty = np.zeros((0, 0))
+    result = FitResult(
+        model, layout, unknowns, empty, empty, system.prediction, system.residual @ np.linalg.inv(noise.whitener).T,
+        problem.used & ~kept, noise, 0.0, 1, 0, empty, prior, evaluate.calls, status,
+    )  # fmt: skip
+    return conclude(result, unknowns, system.information(kept), float(residual @ residual), len(residual))
+
+
+def conclude(fitted: FitResult, unknowns: np.ndarray, information: np.ndarray, chi2: float, count: float) -> FitResult:
+    """State what rows tell of the unknowns: values, covariance, directions that they do not see.
+
+    Args:
+        fitted: for the layout and the prior.
+        unknowns: (u,) in usual sizes.
+        information: J^T J of the rows in usual sizes, (u, u).
+        chi2: weighted sum of squares that is left of them.
+        count: number of their coordinates.
+
+    Returns:
+        The fit with all this.
+    """
+    layout, prior = fitted.layout, fitted.prior
+    left = inverse(information + np.diag(prior.weight))
+    freedom = max(count - len(unknowns) + float(np.diag(left) @ prior.weight), 1.0)
+    widening, informed = max(1.0, chi2 / freedom), information + np.diag(layout.held.astype(float))
+    # Small learned sizes make good values, but one parameter may be large where its fellows are not.
+    sizes = prior.sizes(layout)
+    covariance = widening * inverse(information + np.diag(widening / np.maximum(prior.variance, sizes**2)))
+    unseen = unseen_directions(informed * np.outer(sizes, sizes))
+    result = replace(
+        fitted, unknowns=unknowns, covariance=covariance * np.outer(layout.scale, layout.scale), information=informed,
+        chi2=chi2, freedom=round(freedom), rank=len(unknowns) - unseen.shape[1], unseen=unseen,
+    )  # fmt: skip
+    return replace(result, model=replace(result.model, terms=fitted_terms(result)))
+
+
+def fitted_terms(result: FitResult) -> tuple[Term, ...]:
+    """Terms at a fit's unknowns, with what is known of their accuracy.
+
+    Args:
+        result: the fit.
+
+    Returns:
+        The terms.
+    """
+    layout, terms, start = result.layout, [], 0
+    for term, free, theta in zip(layout.terms, layout.free, layout.thetas(result.unknowns), strict=True):
+        part = slice(start, start + int(free.sum()))
+        std, measured = torch.full_like(theta, torch.nan), torch.ones(len(theta), dtype=torch.bool)
+        mask = torch.as_tensor(free)
+        std[mask] = torch.as_tensor(result.std[part])
+        measured[mask] = torch.as_tensor(result.measured[part])
+        terms.append(replace(term, theta=theta, std=std, measured=measured))
+        start = part.stop
+    return tuple(terms)
+
+
+def rms(residual: np.ndarray, rows: np.ndarray | Sequence[bool]) -> dict[str, float]:
+    """Root mean square of residuals per axis and in total, in micrometres.
+
+    Args:
+        residual: (n, 3) mm.
+        rows: which rows count, (n,) bool.
+
+    Returns:
+        x, y, z, and total = sqrt(x^2 + y^2 + z^2).
+    """
+    squares = np.mean(np.square(residual[np.asarray(rows)]), axis=0)
+    x, y, z = (float(value) * 1e3 for value in np.sqrt(squares))
+    return {"x": x, "y": y, "z": z, "total": float(np.sqrt(squares.sum())) * 1e3}

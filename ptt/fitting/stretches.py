@@ -1,0 +1,178 @@
+"""Rows in a row that are far off: no gross errors, but another reflector, a knock, or a part of the machine."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ptt.run.holdout import pose_groups
+from ptt.run.noise import SAME_FEED, SAME_LOAD, Noise
+from ptt.run.problem import Problem
+from ptt.run.same_pose import number_alike
+
+LEAST = 3  # rows from which a stretch is no chance: with one reading in twelve lost, one run in six has such three
+OWN_SIZE = 1.0  # mm: a machine is off by as much in all, but not from one row to the next; reflectors and knocks are
+SHARE = 0.25  # of all rows: a minority that the others outvote; of halves nobody can say which is right
+AGREE = 0.5  # share of their size by which two far readings may differ and still tell of the same place
+ALL = 0.9  # of the rows that are alike in something: where these are off, the likeness is the cause
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Rows in a row that are off by one shift and are left out of every figure.
+
+    Attributes:
+        place: 'line 122 to 151', with the file where there are several.
+        lines: first and last line in the file.
+        rows: how many readings.
+        shift_mm: the shift they share, x, y, z.
+    """
+
+    place: str
+    lines: tuple[int, int]
+    rows: int
+    shift_mm: tuple[float, float, float]
+
+    @property
+    def words(self) -> str:
+        """One sentence."""
+        x, y, z = (f"{1e3 * value:+.0f}" for value in self.shift_mm)
+        return (
+            f"{self.place} ({self.rows} readings in a row) are off by x {x}, y {y}, z {z} um together: another "
+            "reflector, or a knock? They are left out of every figure"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON, in um."""
+        shift = dict(zip("xyz", (1e3 * value for value in self.shift_mm), strict=True))
+        return {"lines": list(self.lines), "rows": self.rows, "shift_um": shift, "words": self.words}
+
+
+def name_stretches(
+    outliers: np.ndarray, residual: np.ndarray, problem: Problem
+) -> tuple[tuple[Stretch, ...], np.ndarray]:
+    """Tell stretches from single gross errors among the rows that a fit left out.
+
+    Args:
+        outliers: rows left out, (n,) bool.
+        residual: what the fit leaves of them, (n, 3) mm.
+        problem: the readings.
+
+    Returns:
+        The stretches, and the single rows, (n,) bool.
+    """
+    alone, found = outliers.copy(), []
+    for whole in in_a_row(outliers, problem):
+        alike = AGREE**2 * float(np.square(residual[whole]).sum(axis=1).max())
+        for part in _shifts(whole, residual, alike):
+            alone[part] = False
+            found.append(_stretch(part, residual, problem))
+    return tuple(found), alone
+
+
+def _stretch(part: np.ndarray, residual: np.ndarray, problem: Problem) -> Stretch:
+    table = problem.table
+    x, y, z = np.median(residual[part], axis=0).tolist()
+    lines = int(table.line[part[0]]), int(table.line[part[-1]])
+    file = f"{table.run_label[table.run[part[0]]]}: " if " + " in table.source else ""
+    return Stretch(f"{file}lines {lines[0]} to {lines[1]}", lines, len(part), (x, y, z))
+
+
+def confirmed_by_pose(far: np.ndarray, error: np.ndarray, problem: Problem) -> np.ndarray:
+    """Far rows whose pose another far visit shows in the same place: the machine fails there, the beam did not.
+
+    Args:
+        far: (n,) bool.
+        error: residual, (n, 3).
+        problem: the readings.
+
+    Returns:
+        (n,) bool.
+    """
+    confirmed = np.zeros_like(far)
+    rows = np.flatnonzero(far)
+    group = pose_groups(problem.table)[rows]
+    rows, group = rows[np.argsort(group, kind="stable")], np.sort(group)
+    one, other = rows[:-1], rows[1:]
+    size = np.linalg.norm(error[one], axis=1), np.linalg.norm(error[other], axis=1)
+    alike = np.linalg.norm(error[one] - error[other], axis=1) <= AGREE * np.maximum(*size)
+    pair = (group[1:] == group[:-1]) & alike
+    confirmed[one[pair]] = confirmed[other[pair]] = True
+    return confirmed
+
+
+def in_a_row(far: np.ndarray, problem: Problem) -> list[np.ndarray]:
+    """Stretches of rows that follow each other.
+
+    Args:
+        far: (n,) bool.
+        problem: the readings; rows that do not count stand in nobody's way, runs end a stretch.
+
+    Returns:
+        Row numbers of each stretch of at least `LEAST` rows.
+    """
+    order = np.flatnonzero(problem.used)
+    flag, run = far[order], problem.table.run[order]
+    cuts = np.flatnonzero((flag[1:] != flag[:-1]) | (run[1:] != run[:-1])) + 1
+    return [part for part in np.split(order, cuts) if len(part) >= LEAST and far[part[0]]]
+
+
+def shifted_stretches(
+    whitened: np.ndarray, far: np.ndarray, problem: Problem, limit: float, noise: Noise
+) -> list[np.ndarray]:
+    """Stretches that are off by one and the same way and are sound but for that.
+
+    Steps of a machine's own size stay, for effects to explain, and so does a stretch that differs from all others by
+    its load, speed, run or direction of arrival.
+
+    Args:
+        whitened: residual in units of noise, (n, 3).
+        far: rows beyond the limit, (n,) bool.
+        problem: the readings.
+        limit: squared distance that a sound row stays below.
+        noise: the unit of the residual.
+
+    Returns:
+        Row numbers of each; none where they are so many that nobody can say which rows are right.
+    """
+    together = [part for whole in in_a_row(far, problem) for part in _shifts(whole, whitened, limit)]
+    color = np.linalg.inv(noise.whitener).T
+    together = [part for part in together if np.linalg.norm(np.median(whitened[part] @ color, axis=0)) > OWN_SIZE]
+    if not together:
+        return []
+    everyone = np.isin(np.arange(len(far)), np.concatenate(together))
+    causes = _likenesses(problem)
+    found = [part for part in together if not any(_explains(cause, part, everyone, problem.used) for cause in causes)]
+    return found if sum(map(len, found)) <= SHARE * problem.used.sum() else []
+
+
+def _shifts(whole: np.ndarray, error: np.ndarray, limit: float) -> list[np.ndarray]:
+    """A stretch that shares one shift, or its parts that do where it is several behind each other."""
+    if _is_shift(error[whole], limit):
+        return [whole]
+    step = np.square(np.diff(error[whole], axis=0)).sum(axis=1)
+    parts = np.split(whole, np.flatnonzero(step > 2.0 * limit) + 1)  # a difference has twice the variance
+    return [part for part in parts if len(part) >= LEAST and _is_shift(error[part], limit)]
+
+
+def _is_shift(whitened: np.ndarray, limit: float) -> bool:
+    apart = np.square(whitened - np.median(whitened, axis=0)).sum(axis=1)
+    return bool(np.mean(apart <= limit) > 1.0 - SHARE)
+
+
+def _likenesses(problem: Problem) -> list[np.ndarray]:
+    """By each thing that effects depend on and that changes in steps: which rows are alike, (n,) int."""
+    table = problem.table
+    found = [table.run, *problem.view.direction.numpy().T.astype(int)]
+    for values, tolerance in ((table.payload_kg, SAME_LOAD), (table.feed_mm_s, SAME_FEED)):
+        if values is not None:
+            found.append(number_alike(values, tolerance))
+    return found
+
+
+def _explains(cause: np.ndarray, part: np.ndarray, off: np.ndarray, used: np.ndarray) -> bool:
+    """Whether all rows of a stretch are alike in something in which sound rows are not."""
+    if (cause[part] != cause[part[0]]).any():
+        return False
+    alike = used & (cause == cause[part[0]])
+    return bool(off[alike].mean() >= ALL)

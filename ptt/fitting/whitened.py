@@ -1,0 +1,168 @@
+"""The fit's system of equations at one point: residual and Jacobian of all readings in units of their noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.fitting.layout import Layout
+from ptt.model.chain import Prediction, linearise
+from ptt.run.frames import rotation
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, apply_frames
+
+
+@dataclass(frozen=True)
+class System:
+    """Whitened residual and Jacobian at one point.
+
+    Attributes:
+        residual: measured less predicted, (n, 3) in units of noise; NaN where not observed.
+        jacobian: derivative of the prediction by the unknowns in usual sizes, (n, 3, u).
+        base_residual: base reflectors, (m, 3) in units of their own noise.
+        base_jacobian: (m, 3, u).
+        prediction: what the model says, frames left aside.
+    """
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    base_residual: np.ndarray
+    base_jacobian: np.ndarray
+    prediction: Prediction
+
+    def stacked(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows that count and the base reflectors, flattened.
+
+        Args:
+            kept: (n,) bool.
+
+        Returns:
+            Residual (r,) and Jacobian (r, u).
+        """
+        width = self.jacobian.shape[-1]
+        residual, jacobian = self.residual[kept].ravel(), self.jacobian[kept].reshape(3 * int(kept.sum()), width)
+        if not len(self.base_residual):
+            return residual, jacobian
+        base = self.base_jacobian.reshape(3 * len(self.base_jacobian), width)
+        return np.concatenate([residual, self.base_residual.ravel()]), np.concatenate([jacobian, base])
+
+    def information(self, kept: np.ndarray) -> np.ndarray:
+        """J^T J of the rows that count, (u, u) in usual sizes."""
+        _, jacobian = self.stacked(kept)
+        return jacobian.T @ jacobian
+
+
+class Evaluator:
+    """Builds the system at given unknowns and remembers the last one, which fit and outlier search both ask for."""
+
+    def __init__(self, layout: Layout, problem: Problem, noise: Noise, *, coarse: bool = False) -> None:
+        self.layout, self.problem, self.noise, self.coarse = layout, problem, noise, coarse
+        self.calls = 0
+        self._at: np.ndarray | None = None
+        self._system: System | None = None
+
+    def __call__(self, unknowns: np.ndarray) -> System:
+        """The system at these unknowns, (u,) in usual sizes."""
+        if self._system is None or self._at is None or not np.array_equal(self._at, unknowns):
+            self.calls += 1
+            self._system = build_system(
+                self.layout, self.problem, self.noise.whitener, unknowns, crossed=not self.coarse
+            )
+            self._at = unknowns.copy()
+        return self._system
+
+
+def build_system(
+    layout: Layout, problem: Problem, whitener: np.ndarray, unknowns: np.ndarray, *, crossed: bool = True
+) -> System:
+    """Linearise the model and the frames at a point.
+
+    Args:
+        layout: order and scale of the unknowns.
+        problem: the readings.
+        whitener: (3, 3) 1/mm.
+        unknowns: (u,) in usual sizes.
+        crossed: as in `ptt.model.chain.linearise`.
+
+    Returns:
+        The system.
+    """
+    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
+    at = linearise(terms, layout.see(problem, unknowns), crossed=crossed)
+    columns = layout.columns()
+    machine = at.jacobian if columns.all() else at.jacobian[..., torch.as_tensor(columns)]
+    if layout.mounts:
+        own = by_own(at.by_mount.numpy(), problem.mount, layout.mounts)
+        machine = torch.cat([machine, *(torch.as_tensor(block) for block in own)], dim=-1)
+    reading, blocks, motion = at.prediction.reading, [machine.numpy()], layout.frame_parameters(unknowns)
+    if layout.frames:
+        reading, by_frame = apply_frames(reading, problem.frame, motion)
+        blocks = [turned(machine, motion, problem.frame).numpy()]
+        blocks += by_own(by_frame.numpy(), problem.frame, layout.frames)
+    jacobian = whiten(blocks, whitener, layout.scale)
+    residual = (problem.measured - reading.numpy()) @ whitener.T
+    return System(residual, jacobian, *_base_rows(problem, layout, motion, machine.shape[-1]), at.prediction)
+
+
+def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Join columns and put them in units of noise and usual size.
+
+    Args:
+        blocks: (n, 3, P) each, mm per unit.
+        whitener: (3, 3) upper triangular, 1/mm.
+        scale: usual size of each column.
+
+    Returns:
+        (n, 3, sum P).
+    """
+    result = np.empty((len(blocks[0]), 3, len(scale)))
+    place = 0
+    for block in blocks:
+        width = block.shape[-1]
+        own = scale[place : place + width]
+        for axis in range(3):  # a batched product of 3 x 3 matrices is several times slower
+            part = result[:, axis, place : place + width]
+            np.multiply(block[:, axis], whitener[axis, axis] * own, out=part)
+            for other in range(axis + 1, 3):
+                if whitener[axis, other]:
+                    part += block[:, other] * (whitener[axis, other] * own)
+        place += width
+    return result
+
+
+def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarray]:
+    """Columns (n, 3, c) of each frame's or mount's own parameters, zero in the rows of the others."""
+    if count == 1:
+        return [columns]
+    return [np.where((owner == index)[:, None, None], columns, 0.0) for index in range(count)]
+
+
+def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
+    """Machine columns (n, 3, P) as the small rotations of the frames show them.
+
+    Args:
+        machine: (n, 3, P) in the base frame.
+        motion: (f, 6) how the frames stand; f = 0 where they are trusted.
+        frame: (n,) int, frame of each row.
+
+    Returns:
+        (n, 3, P).
+    """
+    if not bool(motion[:, 3:].any()) or not machine.shape[-1]:
+        return machine
+    turns = rotation(motion[:, 3:])[0]
+    if len(turns) == 1:
+        return torch.einsum("ij,njp->nip", turns[0], machine)
+    return turns[torch.as_tensor(frame)] @ machine
+
+
+def _base_rows(problem: Problem, layout: Layout, motion: Tensor, machine: int) -> tuple[np.ndarray, np.ndarray]:
+    base = problem.base
+    if base is None or not layout.frames:
+        return np.zeros((0, 3)), np.zeros((0, 3, machine + 6 * layout.frames))
+    moved, by_frame = apply_frames(torch.as_tensor(base.place), base.frame, motion)
+    own = by_own(by_frame.numpy(), base.frame, layout.frames)
+    jacobian = np.concatenate([np.zeros((len(base.place), 3, machine)), *own], axis=-1) * layout.scale
+    weight = 1.0 / base.sigma
+    return (base.reading - moved.numpy()) * weight[:, None], jacobian * weight[:, None, None]

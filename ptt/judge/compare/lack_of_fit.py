@@ -1,0 +1,66 @@
+"""Lack of fit: whether a model misses more than readings of the same pose scatter."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from ptt.run.noise import ENOUGH, first_of_copies, repeat_groups
+from ptt.run.problem import Problem
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """F test of what the model leaves against pure error: does the model miss more than readings scatter?
+
+    Source: Draper and Smith, Applied Regression Analysis, 3rd ed. (1998), section 2.1; per axis, chances times three.
+
+    Attributes:
+        f: ratio of mean squares on x, y, z; None where repeats are too few.
+        p_value: chance of the largest of them, None likewise.
+        freedom: degrees of freedom of one axis: of lack of fit, of pure error.
+    """
+
+    f: tuple[float, float, float] | None
+    p_value: float | None
+    freedom: tuple[float, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        reason = None if self.f else f"repeats leave {self.freedom[1]:.0f} degrees of freedom, {ENOUGH} are needed"
+        return {
+            "f": None if self.f is None else dict(zip(AXES, self.f, strict=True)),
+            "p_value": self.p_value,
+            "freedom": {"lack_of_fit": self.freedom[0], "pure_error": self.freedom[1]},
+            "untested_because": reason,
+        }
+
+
+def lack_of_fit_of(problem: Problem, residual: np.ndarray, fitted: int = 0) -> LackOfFit:
+    """Test a residual against the scatter of true repeats.
+
+    Args:
+        problem: the readings.
+        residual: (n, 3) mm, NaN on rows to leave out.
+        fitted: how many numbers were fitted to the rows.
+
+    Returns:
+        The test; without a figure where repeats leave fewer than 30 degrees of freedom.
+    """
+    group = repeat_groups(problem.table, problem.view.direction.numpy())
+    rows = np.isfinite(residual).all(axis=1) & first_of_copies(problem.table, group)
+    group = np.unique(group[rows], return_inverse=True)[1].reshape(-1)
+    values, size = residual[rows], np.bincount(group)
+    freedom = float(len(size) - fitted / 3.0), float(len(values) - len(size))
+    if freedom[1] < ENOUGH or freedom[0] < 1.0:
+        return LackOfFit(None, None, freedom)
+    mean = np.column_stack([np.bincount(group, column) / size for column in values.T])
+    pure = np.square(values - mean[group]).sum(axis=0) / freedom[1]
+    lack = (np.square(mean) * size[:, None]).sum(axis=0) / freedom[0]
+    ratio = lack / np.maximum(pure, 1e-300)
+    chance = min(1.0, 3.0 * float(stats.f.sf(ratio, *freedom).min()))
+    x, y, z = (float(value) for value in ratio)
+    return LackOfFit((x, y, z), chance, freedom)

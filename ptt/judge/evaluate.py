@@ -1,0 +1,286 @@
+"""Error reduction, eq. 21 of the source paper: P_g = (A_b - A_a)/A_b x 100 %, A the mean absolute error of one axis."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.machine import MachineFile
+from ptt.run.frames import align
+from ptt.run.noise import Noise, noise_from_repeats
+from ptt.run.problem import build_problem, into_base
+from ptt.run.same_pose import count_places, same_places
+from ptt.run.table import Table
+from ptt.run.travel import arrival_direction, run_starts
+
+AXES = ("x", "y", "z")
+GOALS = {"x": 90.0, "y": 90.0, "z": 80.0}  # percent, of the source paper
+MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean size of a normal error, in standard deviations
+SURE = 3.0  # standard deviations
+LEAST_ROWS = 4  # a rigid motion is found from three; with no more it would take every error away
+
+Datum = Literal["absolute", "first"]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the rows of one run, n rows.
+
+    Attributes:
+        raw: measured less target, frames as they come, (n, 3) mm; NaN where not observed or no pose.
+        aligned: the same after the frame policy, (n, 3) mm.
+        frame: the policy, in words.
+        noise: scatter of repeats, None where the run has too few.
+    """
+
+    raw: np.ndarray
+    aligned: np.ndarray
+    frame: str
+    noise: Noise | None = None
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a compensation did.
+
+    Attributes:
+        before: errors of the rows that count, (m, 3) mm.
+        after: errors of the same poses afterwards, (m, 3) mm.
+        protocol: which rows, frame and z datum, and whether measured or computed.
+        raw: errors (m, 3) before and after, without frame alignment; None where there is no such thing.
+        goals: percent by which the error of each axis should fall.
+        noise: noise floor of the readings afterwards.
+        unmatched: rows of either run without a counterpart.
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+    protocol: dict[str, Any]
+    raw: tuple[np.ndarray, np.ndarray] | None = None
+    noise: Noise | None = None
+    unmatched: dict[str, list[str]] = field(default_factory=dict)
+    goals: Mapping[str, float] = field(default_factory=lambda: GOALS)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Figures for JSON: axes, total, protocol, and beside them length, unaligned, noise_um, unmatched."""
+        data = compare_errors(self.before, self.after, self.goals) | {"protocol": self.protocol}
+        data["rest_is_noise"] = {axis: self.rest_is_noise(index) for index, axis in enumerate(AXES)}
+        if self.raw is not None:
+            data["unaligned"] = compare_errors(*self.raw, self.goals)
+        data["noise_um"] = None if self.noise is None else self.noise.to_dict()
+        data["unmatched"] = self.unmatched
+        return data
+
+    def rest_is_noise(self, axis: int) -> bool | None:
+        """Whether the error that remains on an axis is no more than readings scatter; None where nobody knows that."""
+        if self.noise is None:
+            return None
+        wide = self.noise.sigma[axis] * MEAN_OF_NORMAL  # relative variance: of a mean of sizes, of a standard deviation
+        doubt = np.sqrt((1.0 / MEAN_OF_NORMAL**2 - 1.0) / len(self.after) + 0.5 / self.noise.freedom)
+        return bool(np.abs(self.after[:, axis]).mean() <= wide * (1.0 + SURE * doubt))
+
+
+def compare_errors(before: np.ndarray, after: np.ndarray, goals: Mapping[str, float] = GOALS) -> dict[str, Any]:
+    """Mean absolute error per axis before and after, and its reduction.
+
+    Args:
+        before: (m, 3) mm.
+        after: (m, 3) mm.
+        goals: percent per axis.
+
+    Returns:
+        'axes' -> x, y, z -> before_um, after_um, reduction_percent, goal_percent, goal_met; alike without goal 'total',
+        the root of the axes' summed squares, and 'length', of the error vector's length in each row.
+    """
+    first, second = (1e3 * np.abs(errors).mean(axis=0) for errors in (before, after))
+    axes: dict[str, Any] = {}
+    for index, axis in enumerate(AXES):
+        axes[axis] = _reduction(float(first[index]), float(second[index])) | {"goal_percent": goals[axis]}
+        gained = axes[axis]["reduction_percent"]
+        axes[axis]["goal_met"] = gained is not None and gained >= goals[axis]
+    total = _reduction(float(np.linalg.norm(first)), float(np.linalg.norm(second)))
+    lengths = (1e3 * float(np.linalg.norm(errors, axis=1).mean()) for errors in (before, after))
+    return {"axes": axes, "total": total, "length": _reduction(*lengths)}
+
+
+def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) -> Errors:
+    """Errors of a run's poses.
+
+    Args:
+        table: n rows.
+        file: the machine, whose tracker policy counts; None: the best rigid motion.
+        frame: 'trusted', 'fitted', 'fitted-per-run' or 'measured' instead of the machine's.
+
+    Returns:
+        The errors; targets that are not given are what the commands ask of the drawing.
+
+    Raises:
+        TableError: too few readings, no targets, base reflectors missing.
+    """
+    policy = frame or (file.tracker.frame if file is not None else "fitted")
+    target = _targets(table, file)
+    pose = (table.role != "base") & np.isfinite(target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
+    if not pose.any():
+        raise TableError("no row has both a target and a reading", where=table.source, fix="check columns and roles")
+    raw = np.where(pose[:, None], table.measured - target, np.nan)
+    moved, words = _align(table, file, target, pose, policy)
+    aligned = np.where(pose[:, None], moved - target, np.nan)
+    return Errors(raw, aligned, words, _noise(table, moved))
+
+
+def evaluate_pair(
+    before: Table,
+    after: Table,
+    file: MachineFile | None = None,
+    *,
+    frame: str | None = None,
+    z_datum: Datum = "absolute",
+    rows: np.ndarray | None = None,
+) -> Evaluation:
+    """Compare two runs of the same poses, both treated alike.
+
+    Args:
+        before: run without compensation.
+        after: run with it.
+        file: the machine, whose tracker policy counts; None: the best rigid motion for each run.
+        frame: policy instead of the machine's.
+        z_datum: 'first' refers z errors to the first pose of each run, as the source paper does.
+        rows: rows of `before` that count, (n,) bool; None for all. Frames are found from all rows all the same.
+
+    Returns:
+        The evaluation.
+
+    Raises:
+        TableError: no pose in common, or a run that cannot be evaluated.
+    """
+    one, two = errors_of(before, file, frame), errors_of(after, file, frame)
+    first, second, unmatched = match_rows(before, after, _found(one), _found(two))
+    if rows is not None:
+        kept = rows[first]
+        first, second = first[kept], second[kept]
+    if not len(first):
+        fix = "run both on the same targets, or name the points alike"
+        raise TableError(f"no pose in common with {before.source}", where=after.source, fix=fix)
+    pick = [
+        _refer_z(errors, table, index, z_datum)
+        for errors, table, index in (
+            (one.aligned, before, first), (two.aligned, after, second),
+            (one.raw, before, first), (two.raw, after, second),
+        )
+    ]  # fmt: skip
+    protocol = {
+        "rows": len(first),
+        "poses": count_places(_targets(before, file)[first]),
+        "frame": one.frame,
+        "z_datum": z_datum,
+        "measured": True,
+        "held_out": None,
+        "before": before.source,
+        "after": after.source,
+    }
+    return Evaluation(pick[0], pick[1], protocol, (pick[2], pick[3]), two.noise, unmatched)
+
+
+def match_rows(
+    before: Table, after: Table, usable_before: np.ndarray, usable_after: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, dict[str, list[str]]]:
+    """Pair rows by name where both runs name their poses, else by target; repeats by their order.
+
+    Args:
+        before: n rows.
+        after: m rows.
+        usable_before: rows to be paired, (n,) bool.
+        usable_after: rows to be paired, (m,) bool.
+
+    Returns:
+        Row numbers in `before` and in `after`, and the rows left over, in words, under 'before' and 'after'.
+    """
+    by_name = bool(set(before.name[usable_before]) & set(after.name[usable_after]) - {""})
+    place = same_places(np.concatenate([before.target, after.target]))
+    places = place[: before.rows], place[before.rows :]
+    keys = [
+        _keys(table, usable, by_name, own)
+        for table, usable, own in zip((before, after), (usable_before, usable_after), places, strict=True)
+    ]
+    second_of = keys[1]
+    pairs = [(row, second_of[key]) for key, row in keys[0].items() if key in second_of]
+    open_ = [np.isnan(table.target).any(axis=1) for table in (before, after)]
+    pairs = [(i, j) for i, j in pairs if places[0][i] == places[1][j] or open_[0][i] or open_[1][j]]
+    first, second = ([pair[side] for pair in pairs] for side in (0, 1))
+    unmatched = {
+        "before": _left_over(before, set(keys[0].values()) - set(first)),
+        "after": _left_over(after, set(keys[1].values()) - set(second)),
+    }
+    return np.array(first, dtype=int), np.array(second, dtype=int), unmatched
+
+
+def _reduction(before: float, after: float) -> dict[str, Any]:
+    gained = 100.0 * (before - after) / before if before > 0.0 else None
+    return {"before_um": before, "after_um": after, "reduction_percent": gained}
+
+
+def _targets(table: Table, file: MachineFile | None) -> np.ndarray:
+    """(n, 3) mm; where a run has joint commands only, what they ask of the drawing."""
+    if file is None or np.isfinite(table.target).all(axis=1)[table.role != "base"].all():
+        return table.target
+    return np.where(np.isfinite(table.target), table.target, build_problem(file, table).target)
+
+
+def _align(
+    table: Table, file: MachineFile | None, target: np.ndarray, pose: np.ndarray, policy: str
+) -> tuple[np.ndarray, str]:
+    if policy == "trusted":
+        return table.measured, "trusted: none"
+    if policy == "measured":
+        if file is None:
+            raise TableError("no machine file tells the base reflectors", where="--frame measured", fix="add --model")
+        problem = build_problem(file, table)
+        return problem.measured, "measured: base reflectors"
+    frame = table.run if policy == "fitted-per-run" else np.zeros(table.rows, dtype=int)
+    rotations, shifts = np.tile(np.eye(3), (int(frame.max()) + 1, 1, 1)), np.zeros((int(frame.max()) + 1, 3))
+    for index in np.unique(frame[pose]):
+        here = pose & (frame == index)
+        if count_places(target[here]) < LEAST_ROWS:
+            fix = f"measure at least {LEAST_ROWS} poses, or use --frame trusted"
+            raise TableError("too few poses to find the tracker's frame", where=table.source, fix=fix)
+        rotations[index], shifts[index] = align(target[here], table.measured[here])
+    words = "best rigid motion of each run" if policy == "fitted-per-run" else "best rigid motion"
+    return into_base(table.measured, frame, rotations, shifts), f"{policy}: {words}, before and after alike"
+
+
+def _noise(table: Table, measured: np.ndarray) -> Noise | None:
+    asked = table.target if table.command is None else table.command
+    held = np.where(np.isfinite(asked), asked, 0.0)
+    return noise_from_repeats(table, measured, arrival_direction(held, held, run_starts(table.run)))
+
+
+def _found(errors: Errors) -> np.ndarray:
+    return np.isfinite(errors.aligned).all(axis=1)
+
+
+def _refer_z(errors: np.ndarray, table: Table, index: np.ndarray, z_datum: Datum) -> np.ndarray:
+    """Errors of rows `index`, z less the mean z error of the run's first pose where asked."""
+    picked = errors[index].copy()
+    if z_datum == "first":
+        usable = np.flatnonzero(np.isfinite(errors).all(axis=1) & (table.role == "pose"))
+        same = usable[same_places(table.target[usable]) == 0]
+        picked[:, 2] -= errors[same, 2].mean()
+    return picked
+
+
+def _keys(table: Table, usable: np.ndarray, by_name: bool, place: np.ndarray) -> dict[tuple[Any, int], int]:
+    """(name or number of the place, occurrence) -> row."""
+    seen: Counter[Any] = Counter()
+    keys = {}
+    for row in np.flatnonzero(usable):
+        key = str(table.name[row]) if by_name and table.name[row] else int(place[row])
+        keys[(key, seen[key])] = int(row)
+        seen[key] += 1
+    return keys
+
+
+def _left_over(table: Table, rows: Sequence[int] | set[int]) -> list[str]:
+    return [f"{table.place(row)} {table.name[row]}".strip() for row in sorted(rows)]

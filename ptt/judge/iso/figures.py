@@ -1,0 +1,179 @@
+"""`ptt iso`: which figures a file asks for (ISO 230-2 of axis runs, ISO 9283 of a tracker run), both as results."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ptt.errors import TableError
+from ptt.judge.iso.axis import AxisFigures, axis_figures
+from ptt.judge.iso.pose import PoseReport, pose_report
+from ptt.run.backlash.reversal import travel_direction
+
+if TYPE_CHECKING:
+    from ptt.run.table import Table
+
+Array = NDArray[np.float64]
+
+WAYS = {"up": 1.0, "fwd": 1.0, "forward": 1.0, "+": 1.0, "+1": 1.0, "1": 1.0}
+WAYS |= {"down": -1.0, "bwd": -1.0, "backward": -1.0, "back": -1.0, "-": -1.0, "-1": -1.0}
+AXIS_COLUMNS = {"target", "direction", "measured"}
+
+
+@dataclass(frozen=True)
+class IsoAxes:
+    """ISO 230-2 figures of every axis in a file."""
+
+    axes: tuple[AxisFigures, ...]
+    source: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {"source": self.source, "axes": [axis.to_dict() for axis in self.axes]}
+
+
+def is_axis_file(path: Path | str) -> bool:
+    """Whether a CSV's header has the columns of bidirectional axis runs: target, direction, measured (or with `_mm`).
+
+    Args:
+        path: any file.
+
+    Returns:
+        Whether it does; False where it cannot be read as UTF-8 text.
+    """
+    try:
+        with Path(path).open(encoding="utf-8-sig") as file:
+            return set(AXIS_COLUMNS) <= {_plain(name) for name in file.readline().split(",")}
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def read_axis_figures(path: Path | str) -> IsoAxes:
+    """Read bidirectional axis runs and work out their ISO 230-2 figures.
+
+    Args:
+        path: CSV with columns `direction` (up or down, fwd or bwd, +1 or -1), `target_mm`, `measured_mm` (empty where
+            not observed) and, where it holds several axes, `file` or `axis`. A `cycle` column is for people.
+
+    Returns:
+        The figures, axes in the order of the file.
+
+    Raises:
+        TableError: a missing file or column, an unknown direction, or a cell that is not a number.
+    """
+    source = str(path)
+    try:
+        table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig").rename(columns=_plain)
+    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise TableError(f"not a readable CSV ({error})", where=source, fix="check the path and the file") from None
+    missing = sorted(AXIS_COLUMNS - set(table.columns))
+    if missing:
+        raise TableError(f"no column {missing[0]}", where=source, fix="give direction, target_mm and measured_mm")
+    direction = table["direction"].str.strip().str.lower().map(WAYS).to_numpy(dtype=np.float64)
+    bad = np.flatnonzero(np.isnan(direction))
+    if len(bad):
+        where = f"{source} row {bad[0] + 2}, column direction"
+        raise TableError(f"unknown direction {table['direction'].iloc[bad[0]]!r}", where=where, fix="use up or down")
+    target, measured = _numbers(table, "target", source, False), _numbers(table, "measured", source, True)
+    names = next((table[key].to_numpy(dtype=str) for key in ("axis", "file") if key in table), np.full(len(table), ""))
+    axes = (names == name for name in dict.fromkeys(names.tolist()))
+    figures = tuple(axis_figures(target[r], direction[r], measured[r], str(names[r][0]) or source) for r in axes)
+    if not figures:
+        raise TableError("no rows", where=source, fix="give runs in both directions")
+    return IsoAxes(figures, source)
+
+
+def _plain(name: object) -> str:
+    return str(name).strip().strip('"').lower().removesuffix("_mm")
+
+
+def _numbers(table: pd.DataFrame, column: str, source: str, empty: bool) -> Array:
+    """One column as (n,) float64, NaN for an empty cell where `empty` cells are allowed; the header is line 1."""
+    text = table[column].str.strip()
+    values = np.array(pd.to_numeric(text, errors="coerce"), dtype=np.float64)
+    bad = np.flatnonzero(~np.isfinite(values) & ~(empty & (text == "").to_numpy()))
+    if len(bad):
+        where = f"{source} row {bad[0] + 2}, column {column}"
+        raise TableError(f"not a number ({text.iloc[bad[0]]!r})", where=where, fix="mend or remove the row")
+    return values
+
+
+@dataclass(frozen=True)
+class IsoPoses:
+    """ISO 9283 figures of a tracker run, in the tracker's frame and after the rigid motion onto the targets.
+
+    Only AP and its drift differ between the two.
+    """
+
+    as_measured: PoseReport
+    aligned: PoseReport
+    source: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "source": self.source,
+            "standard": self.aligned.standard,
+            "as_measured": self.as_measured.to_dict(),
+            "aligned": self.aligned.to_dict(),
+        }
+
+
+def align_to_targets(measured: Array, target: Array) -> Array:
+    """Readings moved by the rigid motion that brings them nearest to their targets (Kabsch 1976).
+
+    Args:
+        measured: (n, 3) mm, NaN rows allowed.
+        target: (n, 3) mm.
+
+    Returns:
+        (n, 3) mm.
+    """
+    seen = np.isfinite(measured).all(axis=1) & np.isfinite(target).all(axis=1)
+    centre, aim = measured[seen].mean(axis=0), target[seen].mean(axis=0)
+    left, _, right = np.linalg.svd((measured[seen] - centre).T @ (target[seen] - aim))
+    handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])  # a mirrored set is no rigid motion
+    return (measured - centre) @ (left @ handed @ right) + aim
+
+
+def iso_of_poses(table: "Table", per_run: bool = False, by_direction: bool = True) -> IsoPoses:
+    """ISO 9283 figures of a tracker table.
+
+    Args:
+        table: n rows in travel order, with targets.
+        per_run: every run has a tracker set-up of its own.
+        by_direction: tell the approaches of a pose apart, from the table's directions where it has them, else from the
+            order of the commands, else of the targets.
+
+    Returns:
+        The figures before and after frame alignment.
+
+    Raises:
+        TableError: no targets, or no pose measured twice.
+    """
+    keep = np.flatnonzero(table.role != "base")
+    target, measured, run = table.target[keep], table.measured[keep], table.run[keep]
+    if not np.isfinite(target).all(axis=1).any():
+        raise TableError("no targets", where=table.source, fix="add x_cmd, y_cmd, z_cmd or name a machine with --model")
+    direction = _arrival(table, keep) if by_direction else None
+    payload = None if table.payload_kg is None else table.payload_kg[keep]
+    aligned = np.empty_like(measured)
+    for code in np.unique(run) if per_run else [run]:
+        rows = run == code
+        aligned[rows] = align_to_targets(measured[rows], target[rows])
+    before, after = (pose_report(target, values, direction, payload) for values in (measured, aligned))
+    return IsoPoses(before, after, table.source)
+
+
+def _arrival(table: "Table", keep: NDArray[np.intp]) -> NDArray[np.int8]:
+    """Directions of arrival (n, k)."""
+    run = table.run[keep]
+    path = (table.target if table.command is None else table.command)[keep]
+    direction = travel_direction(path, np.flatnonzero(np.diff(run, prepend=run[:1] - 1)))
+    if table.direction is None:
+        return direction
+    stated = table.direction[keep]
+    return np.where(np.isfinite(stated) & (stated != 0), np.nan_to_num(stated), direction).astype(np.int8)

@@ -1,0 +1,248 @@
+"""Add, refit, watch the error fall: errors after each step, on training rows and on rows that no parameter saw."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ptt.effects import Effect
+from ptt.errors import ModelError
+from ptt.fitting.report import FitReport, report_fit
+from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms
+from ptt.model.model import Model, Term
+from ptt.run.holdout import folds, pose_groups
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+FOLDS = 5
+CHANCE = 2.0  # standard errors by which the held-out error must fall before it counts as fallen
+FRAME_ROWS = 4  # readings of a frame that must stay visible for its hidden ones to be judged
+GIVEN, REFIT = "as given", "refit"
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a ladder.
+
+    Attributes:
+        effect: what was added or removed; 'as given' and 'refit' before anything was.
+        kind: 'given', 'refit', 'added' or 'removed'.
+        rms_um: error of the rows it was fitted on, x, y, z, total.
+        heldout_rms_um: error of rows that were hidden from the fit.
+        fall: fall of the held-out squared error against the step before, in its own standard errors.
+        fitted: the model after the step with its fit.
+    """
+
+    effect: str
+    kind: str
+    rms_um: dict[str, float]
+    heldout_rms_um: dict[str, float]
+    fall: float
+    fitted: FitResult
+
+    @property
+    def helped(self) -> bool:
+        """Whether held-out errors fell by more than chance would make them (removed: did not rise by more)."""
+        return self.fall > -CHANCE if self.kind == "removed" else self.fall > CHANCE
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        own = {"effect": self.effect, "kind": self.kind, "rms_um": self.rms_um, "heldout_rms_um": self.heldout_rms_um}
+        return own if self.kind == "given" else {**own, "helped": self.helped, "fall_in_standard_errors": self.fall}
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The steps from the model as given on.
+
+    Attributes:
+        steps: the model as given first.
+        report: of the last fit.
+        noise_um: the line to reach.
+        protocol: which rows were held out.
+        notes: what was done besides, in words.
+    """
+
+    steps: tuple[Step, ...]
+    report: FitReport
+    noise_um: dict[str, Any]
+    protocol: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model after the last step."""
+        return self.steps[-1].fitted.model
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain figures for JSON."""
+        fitted = self.report.to_dict()
+        return {
+            "steps": [step.to_dict() for step in self.steps],
+            "noise_um": self.noise_um,
+            "rows": fitted["rows"],
+            "parameters": fitted["parameters"],
+            "unobservable": fitted["unobservable"],
+            "protocol": self.protocol,
+            "stretches": fitted["stretches"],
+            "notes": list(self.notes),
+            "fit": fitted,
+        }
+
+
+def climb(
+    model: Model,
+    problem: Problem,
+    effects: Sequence[Effect],
+    noise: Noise | None = None,
+    progress: Progress | None = None,
+) -> Ladder:
+    """Add effects one after the other and refit everything jointly after each.
+
+    Args:
+        model: as given.
+        problem: the readings.
+        effects: in the order in which they are added; none refits only.
+        noise: the noise floor; None takes the problem's.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        The ladder.
+
+    Raises:
+        ModelError: an effect is there already, does not fit the machine, or cannot be tested on this run.
+    """
+    for effect in effects:
+        _require(effect, problem)
+    base, notes = _hold_untestable(model, problem)
+    rungs = _first_rungs(model, base)
+    for effect in effects:
+        base = base + effect
+        rungs.append((effect.key, "added", base))
+    return _measure(rungs, problem, noise, notes, progress)
+
+
+def descend(
+    model: Model, problem: Problem, keys: Sequence[str], noise: Noise | None = None, progress: Progress | None = None
+) -> Ladder:
+    """Remove effects one after the other and refit everything jointly after each.
+
+    Args:
+        model: as given.
+        problem: the readings.
+        keys: names, with [label] where there is one.
+        noise: the noise floor; None takes the problem's.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        The ladder.
+
+    Raises:
+        ModelError: an effect is not there.
+    """
+    for key in keys:
+        model.without(key)
+    base, notes = _hold_untestable(model, problem)
+    rungs = _first_rungs(model, base)
+    for key in keys:
+        base = base.without(key)
+        rungs.append((key, "removed", base))
+    return _measure(rungs, problem, noise, notes, progress)
+
+
+def _require(effect: Effect, problem: Problem) -> None:
+    lack = effect.needs(problem.view)
+    if lack:
+        raise ModelError(f"this run cannot test '{effect.key}'", where=problem.table.source, fix=f"it needs {lack}")
+
+
+def _hold_untestable(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
+    """Keep what an earlier run told of effects that this run says nothing of; a prior would pull them to zero."""
+    terms, notes = [], []
+    for term in model.terms:
+        lack = term.effect.needs(problem.view)
+        if lack is None:
+            terms.append(term)
+        elif not len(term.theta):
+            _require(term.effect, problem)
+        else:
+            terms.append(hold(term))
+            notes.append(f"{term.effect.key} is kept as it was: this run cannot test it (it needs {lack})")
+    return replace(model, terms=tuple(terms)), tuple(notes)
+
+
+def _first_rungs(model: Model, base: Model) -> list[tuple[str, str, Model]]:
+    rungs = [(GIVEN, "given", model)]
+    if any(not _is_held(term) for term in base.terms):
+        rungs.append((REFIT, "refit", base))
+    return rungs
+
+
+def _measure(
+    rungs: Sequence[tuple[str, str, Model]], problem: Problem, noise: Noise | None, notes: tuple[str, ...],
+    progress: Progress | None,
+) -> Ladder:  # fmt: skip
+    """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
+    tell = progress or (lambda what, done, of: None)
+    problem = problem.anchored()  # else a moved frame would pass for what an effect took
+    hidden = folds(problem.table, FOLDS)
+    total, done = len(rungs) * (len(hidden) + 1), 0
+    fits, held_out = [], []
+    for name, kind, rung in rungs:
+        tell(name, done, total)
+        run = residual_of if kind == "given" else fit
+        fits.append(run(rung, problem, noise=noise))
+        # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
+        held_out.append(_held_out(rung if kind == "given" else fits[-1].model, kind, problem, fits[-1].noise, hidden))
+        done += len(hidden) + 1
+    tell("report", total, total)
+    rows = problem.used & ~fits[-1].outliers
+    for residual in (*(item.residual for item in fits), *held_out):
+        rows = rows & np.isfinite(residual).all(axis=1)
+    falls = [0.0, *(_fall(a, b, rows, problem) for a, b in pairwise(held_out))]
+    steps = tuple(
+        Step(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _restored(fitted, rungs[0][2]))
+        for (name, kind, rung), fitted, out, fall in zip(rungs, fits, held_out, falls, strict=True)
+    )
+    report = report_fit(fits[-1], problem, fits[0])
+    protocol = f"{len(hidden)} parts of whole blocks of travel hidden in turn, all repeats of a pose together"
+    if any(value.measured == "searched" for value in report.values):
+        protocol += "; moments, ranges and periods as all rows tell them"
+    return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes)
+
+
+def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: Sequence[np.ndarray]) -> np.ndarray:
+    """Residual of every row from a fit that did not see it, (n, 3) mm; NaN where its frame was hidden with it."""
+    residual = np.full_like(problem.measured, np.nan)
+    for part in hidden:
+        rest = problem.masked(part)
+        visible = np.bincount(problem.frame[rest.used], minlength=max(problem.frames, 1))
+        judged = part & ((visible >= FRAME_ROWS)[problem.frame] | (problem.frames == 0) | (problem.base is not None))
+        if rest.used.sum() < FRAME_ROWS:
+            continue
+        fitted = residual_of(model, rest, noise) if kind == "given" else fit(model, rest, noise=noise, lean=True)
+        residual[judged] = fitted.residual[judged]
+    return residual
+
+
+def _fall(before: np.ndarray, after: np.ndarray, rows: np.ndarray, problem: Problem) -> float:
+    """Fall of the squared error in standard errors; rows of one pose count as one, because their errors go together."""
+    group = np.unique(pose_groups(problem.table)[rows], return_inverse=True)[1].reshape(-1)
+    gain = np.bincount(group, (before[rows] ** 2 - after[rows] ** 2).sum(axis=1))
+    scatter = float(np.std(gain)) * np.sqrt(len(gain))
+    return float(gain.sum() / scatter) if scatter > 0 else 0.0
+
+
+def _restored(fitted: FitResult, given: Model) -> FitResult:
+    """Terms that this run could not test as they were given, not as fixed by the user."""
+    own = {term.effect.key: term for term in given.terms if len(term.theta)}
+    terms = tuple(own.get(t.effect.key, t) if _is_held(t) else t for t in fitted.model.terms)
+    return replace(fitted, model=replace(fitted.model, terms=terms))
+
+
+def _is_held(term: Term) -> bool:
+    return len(term.fixed) == len(term.effect.parameters)

@@ -1,0 +1,49 @@
+"""The ladder in words: a table of errors after each step, and one plain sentence on what each step did."""
+
+from itertools import pairwise
+
+from ptt.judge.ladder.climb import Ladder, Step
+
+_AXES = ("x", "y", "z", "total")
+
+
+def format_ladder(ladder: Ladder) -> str:
+    """The ladder as a person reads it.
+
+    Args:
+        ladder: the ladder.
+
+    Returns:
+        Several lines.
+    """
+    axes = "".join(f"{axis:>9}" for axis in _AXES)
+    lines = [f"{'RMS in um':<28}{'training':>36}{'held out':>36}", f"{'':<28}{axes}{axes}"]
+    for step in ladder.steps:
+        sign = {"added": "+ ", "removed": "- "}.get(step.kind, "")
+        figures = [step.rms_um[axis] for axis in _AXES] + [step.heldout_rms_um[axis] for axis in _AXES]
+        lines.append(f"{sign + step.effect:<28}" + "".join(f"{value:9.2f}" for value in figures))
+    noise = [ladder.noise_um[axis] for axis in _AXES]
+    source = f"noise ({ladder.noise_um['source']})"
+    lines.append(f"{source:<28}" + "".join(f"{value:9.2f}" for value in noise * 2))
+    lines += ["training: the rows that were fitted, all of them; as given it is the error that compare prints"]
+    lines += [f"held out: {ladder.protocol}", *verdicts(ladder)]
+    lines += [stretch.words for stretch in ladder.report.stretches]
+    lines += ladder.notes
+    return "\n".join(lines)
+
+
+def verdicts(ladder: Ladder) -> list[str]:
+    """One sentence on each step that added or removed something."""
+    return [_verdict(before, step) for before, step in pairwise(ladder.steps) if step.kind != "refit"]
+
+
+def _verdict(before: Step, step: Step) -> str:
+    old, new = before.heldout_rms_um["total"], step.heldout_rms_um["total"]
+    change = f"held-out error {'falls' if new < old else 'rises'} from {old:.2f} to {new:.2f} um"
+    if step.kind == "removed":
+        return f"{step.effect} was {'not needed' if step.helped else 'needed'}: without it the {change}"
+    if step.helped:
+        return f"{step.effect} helped: {change}"
+    if new < old:
+        return f"{step.effect} did not help: {change}, no more than chance would make it"
+    return f"{step.effect} did not help: the held-out error did not fall ({old:.2f} to {new:.2f} um)"

@@ -1,0 +1,244 @@
+"""The causal chain: drive, geometry, structure and metrology effects one after the other, and its derivatives."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ptt.effects import Effect
+from ptt.effects.base import linear_size, shape_of
+from ptt.mechanisms.sensitivity import sensitivity
+from ptt.run.view import View
+
+Shifts = Sequence[tuple[Effect, Tensor]]  # effects with their flat parameters
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the model says of n rows, stage by stage.
+
+    Attributes:
+        q: actual joint values, (n, k) mm or rad.
+        geometry: shift of the mechanism's slots, (n, G) or (1, G); zeros where no effect moves them.
+        p: actual tool position in the base frame, structure included, (n, 3) mm.
+        reading: what a tracker in the base frame would read, (n, 3) mm.
+    """
+
+    q: Tensor
+    geometry: Tensor
+    p: Tensor
+    reading: Tensor
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A prediction with its derivatives by all parameters.
+
+    Attributes:
+        prediction: the prediction.
+        jacobian: d reading / d theta, (n, 3, P), terms in the given order.
+        by_mount: d reading / d place of the reflector beside the tool point, (n, 3, 3).
+    """
+
+    prediction: Prediction
+    jacobian: Tensor
+    by_mount: Tensor
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The causal chain at a model's present parameters: where a small further shift of each stage would lead.
+
+    Attributes:
+        at_drive: the rows as drive effects see them.
+        at_joints: as geometry effects see them.
+        at_tool: as structure and metrology effects see them.
+        by_joint: d reading / d joint shift, (n, 3, k).
+        by_slot: d reading / d geometry slot, (n, 3, G).
+        reading: (n, 3) mm.
+    """
+
+    at_drive: View
+    at_joints: View
+    at_tool: View
+    by_joint: Tensor
+    by_slot: Tensor
+    reading: Tensor
+
+
+def predict(terms: Shifts, view: View) -> Prediction:
+    """Follow the causal chain: drive, geometry, forward kinematics, structure, metrology.
+
+    Args:
+        terms: effects with their flat parameters.
+        view: n rows.
+
+    Returns:
+        The prediction, tracker frame left aside.
+    """
+    q = view.q + _total(terms, "drive", view, view.q)
+    at_joints = view.at(q=q)
+    geometry = _total(terms, "geometry", at_joints, view.q.new_zeros(1, len(view.mechanism.slots)))
+    p = view.mechanism.forward(q, view.mounted(geometry))
+    at_tool = at_joints.at(p=p)
+    p = p + _total(terms, "structure", at_tool, p)
+    reading = p + _total(terms, "metrology", at_tool.at(p=p), p)
+    return Prediction(q, geometry, p, reading)
+
+
+def components(terms: Shifts, view: View) -> dict[str, Tensor]:
+    """What each effect contributes to the reading, evaluated apart.
+
+    Args:
+        terms: effects with their flat parameters.
+        view: n rows.
+
+    Returns:
+        Key of the effect -> reading with all effects less reading without this one, (n, 3) mm.
+    """
+    whole = predict(terms, view).reading
+    return {
+        effect.key: whole - predict([term for term in terms if term[0].key != effect.key], view).reading
+        for effect, _ in terms
+    }
+
+
+def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
+    """Predict, with exact derivatives by forward mode along the chain.
+
+    Each effect is differentiated by its own parameters (its basis, or torch.func where it is not linear); what comes
+    before reaches what comes after through the row-wise derivative of each stage by its input.
+
+    Args:
+        terms: effects with their flat parameters.
+        view: n rows.
+        crossed: also follow how a shift of one stage changes the shifts of the next, a thousandth of the whole; a
+            search that only compares models goes without.
+
+    Returns:
+        The prediction and d reading / d theta.
+    """
+    links = terms if crossed else ()
+    slots = len(view.mechanism.slots)
+    drive = [differentiate(e, theta, view) if e.stage == "drive" else None for e, theta in terms]
+    q = view.q + sum((item[0] for item in drive if item), torch.zeros_like(view.q))
+    at_joints = view.at(q=q)
+    geometry = view.q.new_zeros(1, slots)
+    shaped = [differentiate(e, theta, at_joints) if e.stage == "geometry" else None for e, theta in terms]
+    geometry = geometry + sum((item[0] for item in shaped if item), torch.zeros_like(geometry))
+    p, by_joint, by_slot = sensitivity(view.mechanism, q, view.mounted(geometry))
+    moving = _by_input(links, "geometry", q, lambda x: view.at(q=x))
+    if moving is not None:
+        by_joint = by_joint + by_slot @ moving
+    at_tool = at_joints.at(p=p)
+    carried = [differentiate(e, theta, at_tool) if e.stage == "structure" else None for e, theta in terms]
+    after = _by_input(links, "structure", p, lambda x: at_joints.at(p=x))
+    raised = _by_input(links, "structure", q, lambda x: at_tool.at(q=x))
+    actual = p + sum((item[0] for item in carried if item), torch.zeros_like(p))
+    at_target = at_joints.at(p=actual)
+    read = [differentiate(e, theta, at_target) if e.stage == "metrology" else None for e, theta in terms]
+    seen = _by_input(links, "metrology", actual, lambda x: at_joints.at(p=x))
+    reading = actual + sum((item[0] for item in read if item), torch.zeros_like(p))
+    blocks = []
+    for d, g, s, m in zip(drive, shaped, carried, read, strict=True):
+        block = by_joint @ d[1] if d else by_slot @ g[1] if g else s[1] if s else m[1] if m else None
+        assert block is not None
+        if after is not None and (d or g):
+            block = block + after @ block
+        if raised is not None and d:
+            block = block + raised @ d[1]
+        if seen is not None and not m:
+            block = block + seen @ block
+        blocks.append(block)
+    jacobian = torch.cat(blocks, dim=-1) if blocks else reading.new_zeros(view.rows, 3, 0)
+    by_mount = by_slot[..., -3:]
+    for further in (after, seen):
+        by_mount = by_mount if further is None else by_mount + further @ by_mount
+    return Linearised(Prediction(q, geometry, actual, reading), jacobian, by_mount)
+
+
+def trace(terms: Shifts, view: View) -> Chain:
+    """Follow the chain and keep what each stage sees.
+
+    Args:
+        terms: effects with their flat parameters.
+        view: n rows.
+
+    Returns:
+        The chain.
+    """
+    at = predict(terms, view)
+    at_joints = view.at(q=at.q)
+    _, by_joint, by_slot = sensitivity(view.mechanism, at.q, view.mounted(at.geometry))
+    return Chain(view, at_joints, at_joints.at(p=at.p), by_joint, by_slot, at.reading)
+
+
+def signature(chain: Chain, effect: Effect, shape: Mapping[str, Tensor]) -> Tensor:
+    """Reading shift per unit of each linear parameter of an effect that is not in the model yet.
+
+    Args:
+        chain: the present model's chain.
+        effect: the candidate.
+        shape: its searched and given parameters.
+
+    Returns:
+        (n, 3, P) mm per unit.
+    """
+    if effect.stage == "drive":
+        return chain.by_joint @ effect.basis(chain.at_drive, shape)
+    if effect.stage == "geometry":
+        return chain.by_slot @ effect.basis(chain.at_joints, shape)
+    return effect.basis(chain.at_tool, shape)
+
+
+def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Tensor]:
+    """Shift of one effect and its derivative by its own parameters.
+
+    Args:
+        effect: the effect.
+        theta: all its parameters, flat, (P,).
+        view: n rows at the stage's input.
+
+    Returns:
+        Shift (n, out) and derivative (n, out, P); zero columns for 'given' parameters.
+    """
+    if type(effect).shift is not Effect.shift:
+        return effect.shift(theta, view), torch.func.jacfwd(lambda x: effect.shift(x, view))(theta)
+    linear = linear_size(effect, view.joints)
+    shape = shape_of(effect, theta, view.joints)
+    basis = effect.basis(view, shape)
+    columns = [basis]
+    for parameter in effect.parameters:
+        if parameter.role == "linear":
+            continue
+        size = parameter.size(view.joints)
+        if parameter.role == "given":
+            columns.append(basis.new_zeros(*basis.shape[:2], size))
+            continue
+
+        def along(values: Tensor, stem: str = parameter.stem) -> Tensor:
+            return effect.basis(view, {**shape, stem: values}) @ theta[:linear]
+
+        columns.append(torch.func.jacfwd(along)(shape[parameter.stem]))
+    return basis @ theta[:linear], torch.cat(columns, dim=-1)
+
+
+def _total(terms: Shifts, stage: str, view: View, like: Tensor) -> Tensor:
+    shifts = [effect.shift(theta, view) for effect, theta in terms if effect.stage == stage]
+    return sum(shifts, torch.zeros_like(like))
+
+
+def _by_input(terms: Shifts, stage: str, x: Tensor, see: Callable[[Tensor], View]) -> Tensor | None:
+    """Derivative of a stage's total shift by its input, row by row, (n, out, m); None where the stage is empty."""
+    here = [(effect, theta) for effect, theta in terms if effect.stage == stage]
+    if not here or all(not bool(theta.any()) for _, theta in here):
+        return None
+
+    def total(value: Tensor) -> Tensor:
+        return torch.stack([effect.shift(theta, see(value)) for effect, theta in here]).sum(dim=0)
+
+    count = x.shape[1]
+    directions = torch.eye(count, dtype=x.dtype)[:, None, :].expand(count, *x.shape)
+    columns = torch.func.vmap(lambda t: torch.func.jvp(total, (x,), (t,))[1])(directions)
+    return columns.permute(1, 2, 0)

@@ -1,0 +1,214 @@
+"""The first run: poses over the volume from both sides, true repeats, datum revisits, in random order."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from ptt.effects import Library, library
+from ptt.errors import InputError
+from ptt.model.model import Model
+from ptt.plan.arm import telling_poses
+from ptt.plan.foresight import Foresight, foresee, see_plan
+from ptt.plan.pool import with_base
+from ptt.plan.space import Space, build_space, draw_poses
+from ptt.plan.visits import Visit, both_ways, single, table_of
+from ptt.run.noise import DEFAULT_SIGMA, ENOUGH, repeat_groups
+from ptt.run.table import Table
+
+ROWS = 200
+LEAST_ROWS = 60
+DATUM_EVERY = 20
+GROUP_ROWS = 8
+SHUFFLES = 40  # orders that are tried for the best balance of directions
+
+
+@dataclass(frozen=True)
+class FirstRun:
+    """A plan and what it can tell.
+
+    Attributes:
+        targets: rows in the order of driving.
+        freedom: degrees of freedom of true repeats.
+        rising: share of rows that each joint reaches upwards, (k,).
+        datum_visits: number of rows of role datum.
+        effects: what the rows will tell of each effect.
+        sigma: noise of one coordinate that was reckoned with, mm.
+        words: the plan in a few sentences.
+    """
+
+    targets: Table
+    freedom: int
+    rising: np.ndarray
+    datum_visits: int
+    effects: tuple[Foresight, ...]
+    sigma: float
+    words: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "rows": self.targets.rows,
+            "repeat_freedom": self.freedom,
+            "rising_share": self.rising,
+            "datum_visits": self.datum_visits,
+            "sigma_um": self.sigma * 1e3,
+            "effects": [effect.to_dict() for effect in self.effects],
+            "words": self.words,
+        }
+
+
+def plan_first_run(
+    model: Model,
+    *,
+    rows: int = ROWS,
+    payloads: Sequence[float] = (),
+    freedom: int = ENOUGH,
+    half_size: tuple[float, float, float] | None = None,
+    seed: int = 0,
+    known: Library | None = None,
+) -> FirstRun:
+    """Plan a run that can tell as much as possible of a machine that nobody has measured yet.
+
+    Args:
+        model: the machine, bare or with effects.
+        rows: about how many rows, base reflectors left aside.
+        payloads: loads to be put on one after the other, kg; none leaves the load alone.
+        freedom: degrees of freedom that true repeats are to have.
+        half_size: box about the middle of the reach to stay inside of, mm.
+        seed: of poses and order.
+        known: effects by name; None for the library.
+
+    Returns:
+        The plan.
+
+    Raises:
+        InputError: too few rows.
+        WorkspaceError: too little of the volume can be reached.
+    """
+    levels = tuple(dict.fromkeys(payloads)) or (float("nan"),)
+    if rows < LEAST_ROWS * len(levels):
+        fix = f"plan at least {LEAST_ROWS} rows for each payload"
+        raise InputError(f"{rows} rows are too few for {len(levels)} payloads" if payloads else
+                         f"{rows} rows are too few", fix=fix)  # fmt: skip
+    known = library() if known is None else known
+    space = build_space(model.file, half_size)
+    sigma = model.file.tracker.sigma_mm or DEFAULT_SIGMA
+    random = np.random.default_rng([seed, 32])
+    shares = np.diff(np.round(np.linspace(0, rows, len(levels) + 1)).astype(int))
+    groups = _fewest_groups(model, space, int(shares.min()), len(levels), freedom)
+    visits: list[Visit] = []
+    for level, share in zip(levels, shares, strict=True):
+        parts = _parts(model, space, share, groups, random, known, sigma)
+        visits += [replace(visit, payload=level) for visit in _in_best_order(model, space, parts, random)]
+    if len(levels) > 1:  # unloaded again at the end: what the load has left behind shows there
+        visits.append(replace(_datum(space), payload=levels[0]))
+    table = table_of(with_base(_numbered(visits), model.file), space, straight=model.file.machine.moves == "straight")
+    view, timed = see_plan(model, table)
+    read = table.role != "base"
+    effects = foresee(model, view, read, known, sigma)
+    rising = (view.direction.numpy()[read] > 0).mean(axis=0)
+    done = repeats_in(timed, view.direction.numpy())
+    visited = int((table.role == "datum").sum())
+    words = _words(table, done, rising, visited, levels)
+    return FirstRun(table, done, rising, visited, effects, sigma, words)
+
+
+def repeats_in(table: Table, direction: np.ndarray) -> int:
+    """Degrees of freedom of true repeats.
+
+    Args:
+        table: rows with a clock.
+        direction: of arrival, (n, k).
+
+    Returns:
+        Rows less distinct ones, base reflectors left aside.
+    """
+    rows = table.role != "base"
+    group = repeat_groups(table, direction)[rows]
+    return int(len(group) - len(np.unique(group)))
+
+
+def _fewest_groups(model: Model, space: Space, share: int, levels: int, freedom: int) -> int:
+    """Groups of repeats that each part of the run needs; three degrees of freedom each, and what datum visits add."""
+    datums = max(share // DATUM_EVERY, 1)
+    wanted = -(-(freedom + 2) // levels) - (datums - 2)
+    return int(np.clip(-(-wanted // 3), 2, (share - 2 * datums) // GROUP_ROWS))
+
+
+def _parts(
+    model: Model, space: Space, rows: int, groups: int, random: np.random.Generator, known: Library, sigma: float
+) -> list[Visit]:
+    """Visits of one part of the run, datum aside: groups of repeats, and single poses for the rest."""
+    repeated = both_ways(space, groups, random, repeats=GROUP_ROWS // 4)
+    left = rows - sum(visit.rows for visit in repeated) - 2 * max(rows // DATUM_EVERY, 1)
+    if left <= 0:
+        return repeated
+    if space.by_tool:
+        return [*repeated, *(single(pose, "v") for pose in draw_poses(space, left, random))]
+    return [*repeated, *(single(pose, "v") for pose in telling_poses(model, space, left, random, known, sigma))]
+
+
+def _in_best_order(model: Model, space: Space, parts: list[Visit], random: np.random.Generator) -> list[Visit]:
+    """Random order with a datum every so often; of several, the one whose directions are most even."""
+    straight = model.file.machine.moves == "straight"
+
+    def bias(visits: list[Visit]) -> float:
+        direction = table_of(visits, space, straight=straight).direction
+        assert direction is not None
+        return float(np.abs(direction.mean(axis=0)).max())
+
+    tried = [_with_datums(space, [parts[i] for i in random.permutation(len(parts))]) for _ in range(SHUFFLES)]
+    return min(tried, key=bias)
+
+
+def _with_datums(space: Space, parts: list[Visit]) -> list[Visit]:
+    """Revisit the datum before the first row, then whenever enough rows have passed."""
+    result, since = [], DATUM_EVERY
+    for part in parts:
+        if since >= DATUM_EVERY:
+            result.append(_datum(space))
+            since = 0
+        result.append(part)
+        since += part.rows
+    return result
+
+
+def _datum(space: Space) -> Visit:
+    """The middle of the reach, always approached from the same side."""
+    middle = space.mechanism.home() if space.by_tool else (space.lower + space.upper) / 2.0
+    before = middle - 0.03 * (space.upper - space.lower)
+    return Visit(torch.stack([before, middle]), ("datum before", "datum"), "datum")
+
+
+def _numbered(visits: list[Visit]) -> list[Visit]:
+    """Names in the order of driving; the datum's approach is a pose like others."""
+    result: list[Visit] = []
+    count = 0
+    for visit in visits:
+        if visit.role == "datum":
+            result += [replace(visit, q=visit.q[:1], name=visit.name[:1], role="pose"),
+                       replace(visit, q=visit.q[1:], name=visit.name[1:])]  # fmt: skip
+            continue
+        count += 1
+        result.append(visit.named(f"p{count}") if visit.rows > 1 else replace(visit, name=(f"p{count}",)))
+    return result
+
+
+def _words(table: Table, freedom: int, rising: np.ndarray, datums: int, levels: tuple[float, ...]) -> str:
+    base = int((table.role == "base").sum())
+    shares = ", ".join(f"{share:.0%}" for share in rising)
+    lines = [
+        f"{table.rows - base} poses in random order, {datums} datum visits among them; "
+        f"joints arrive upwards in {shares}.",
+        f"Repeats leave {freedom} degrees of freedom for the noise floor"
+        + ("." if freedom >= ENOUGH else f", fewer than the {ENOUGH} it takes: plan more rows."),
+    ]
+    if len(levels) > 1:
+        loads = ", ".join(f"{level:g}" for level in levels)
+        lines.append(f"Loads of {loads} kg one after the other, and a datum under the first again at the end.")
+    if base:
+        lines.append("Base reflectors are read before and after.")
+    return " ".join(lines)

@@ -1,0 +1,185 @@
+"""What rows will be able to tell before they are measured: which effects, how many of their parameters, how well."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.effects import Effect, Library
+from ptt.effects.metrology import TrackerFrame, rigid_basis
+from ptt.fitting.solve import PRIOR_SHARE
+from ptt.fitting.sums import SEEN
+from ptt.machine import MachineFile
+from ptt.model.chain import linearise, trace
+from ptt.model.chain import signature as signature_of
+from ptt.model.model import Model, parameter_names
+from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL
+from ptt.run.table import Table
+from ptt.run.view import View, build_view
+
+DWELL, FEED = 10.0, 20.0  # s for a reading, mm/s between poses
+FREE = 1e-6  # prior on what is fitted beside an effect, in usual sizes squared
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """What a plan can tell of one effect, everything else that is fitted taken off.
+
+    Attributes:
+        effect: its key.
+        seen: combinations of its parameters that the rows will see.
+        size: how many parameters it has.
+        needs: what the rows lack for it to be tested, '' where they can.
+        parameters: (name, unit, expected standard error or None where the rows do not tell it, usual size).
+    """
+
+    effect: str
+    seen: int
+    size: int
+    needs: str
+    parameters: tuple[tuple[str, str, float | None, float], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        names = ("name", "unit", "std", "usual")
+        return {
+            "effect": self.effect,
+            "testable": not self.needs,
+            "needs": self.needs,
+            "seen": self.seen,
+            "of": self.size,
+            "parameters": [dict(zip(names, values, strict=True)) for values in self.parameters],
+        }
+
+
+def foresee(model: Model, view: View, rows: np.ndarray, known: Library, sigma: float) -> tuple[Foresight, ...]:
+    """Expected standard errors of every effect that could be added, one at a time.
+
+    Args:
+        model: as it is now; its effects are fitted beside each one.
+        view: n rows as they are planned.
+        rows: rows that will be read as poses, (n,) bool.
+        known: effects by name.
+        sigma: noise of one coordinate, mm.
+
+    Returns:
+        One for each effect that fits the machine and is not in the model.
+    """
+    kind = model.file.machine.kind
+    nuisance = beside(model, view, rows, sigma)
+    found = []
+    for name, cls in known.items():
+        framed = cls is TrackerFrame and model.file.tracker.frame != "trusted"
+        if kind not in cls.mechanisms or name in model.keys or framed:
+            continue
+        effect = cls()
+        lack = effect.needs(view)
+        sizes = tuple(p.on(kind) for p in effect.parameters if p.role == "linear" for _ in range(p.size(view.joints)))
+        names = parameter_names(effect, kind, view.joints)[: len(sizes)]
+        if lack:
+            blank = tuple((text, p.unit, None, p.usual) for text, p in zip(names, sizes, strict=True))
+            found.append(Foresight(effect.key, 0, len(sizes), lack, blank))
+            continue
+        usual = np.array([p.usual for p in sizes])
+        columns = columns_of(model, effect, view, sigma)[rows].reshape(-1, len(usual)) * usual
+        information = leftover(columns, nuisance)
+        # Held values are defined to be near zero: the rows need not see them.
+        held = np.array([p.held for p in sizes], dtype=float)
+        information = information + np.diag(held)
+        strength, ways = np.linalg.eigh(information)
+        unseen = ways[:, strength < SEEN]
+        seen = len(usual) - unseen.shape[1] - int(held.sum())
+        variance = np.diag(np.linalg.inv(information + unseen @ unseen.T))
+        told = np.square(unseen).sum(axis=1) <= PRIOR_SHARE
+        std = [float(u * np.sqrt(v)) if own else None for u, v, own in zip(usual, variance, told, strict=True)]
+        values = tuple((n, p.unit, s, p.usual) for n, p, s in zip(names, sizes, std, strict=True))
+        kept = tuple(value for value, own in zip(values, held, strict=True) if not own)
+        found.append(Foresight(effect.key, seen, len(kept), "", kept))
+    return tuple(found)
+
+
+def see_plan(model: Model, table: Table) -> tuple[View, Table]:
+    """Planned rows as effects will see them, with the time they will take.
+
+    Args:
+        model: for the machine.
+        table: the plan.
+
+    Returns:
+        The view, and the table with a clock.
+    """
+    place = table.target if model.file.machine.kind == "three-ptt" else np.zeros((table.rows, 3))
+    place = np.where(np.isfinite(place), place, 0.0)
+    way = np.linalg.norm(np.diff(place, axis=0, prepend=place[:1]), axis=1)
+    timed = table.replace(time_s=np.cumsum(way / FEED + DWELL))
+    view = build_view(model.file, timed)
+    # Planned readings are taken at standstill.
+    return replace(view, velocity=torch.zeros_like(view.velocity), varies=view.varies - {"speed"}), timed
+
+
+def columns_of(model: Model, effect: Effect, view: View, sigma: float) -> np.ndarray:
+    """Reading shift per unit of each linear parameter, in units of noise, (n, 3, P)."""
+    trials = effect.search(view)
+    terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
+    return np.asarray(signature_of(trace(terms, view), effect, trials[len(trials) // 2]).numpy()) / sigma
+
+
+def beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np.ndarray:
+    """Rows of what is fitted beside an effect: the model's own parameters, mount, and frame, base included.
+
+    Args:
+        model: as it is now.
+        view: n rows.
+        rows: (n,) bool.
+        sigma: noise of one coordinate, mm.
+
+    Returns:
+        (r, P) in usual sizes and units of noise; the first 3 x rows are readings.
+    """
+    terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
+    at = linearise(terms, view)
+    kind = model.file.machine.kind
+    usual = [p.on(kind).usual for effect, _ in terms for p in effect.parameters for _ in range(p.size(view.joints))]
+    parts: list[Tensor] = [at.jacobian * torch.tensor(usual, dtype=torch.float64)]
+    frame = torch.tensor([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, dtype=torch.float64)
+    fitted = model.file.tracker.frame != "trusted"
+    if kind == "serial" and model.file.tracker.tool != "trusted":
+        parts.append(at.by_mount * MOUNT_USUAL)
+    if fitted:
+        parts.append(rigid_basis(at.prediction.reading) * frame)
+    columns = torch.cat(parts, dim=-1).numpy()[rows] / sigma
+    width = columns.shape[-1]
+    stack = [columns.reshape(-1, width)]
+    if fitted and model.file.tracker.frame == "measured":
+        stack.append(_base_rows(model.file, frame, width))
+    return np.concatenate([*stack, np.sqrt(FREE) * np.eye(width)])
+
+
+def leftover(columns: np.ndarray, nuisance: np.ndarray) -> np.ndarray:
+    """Information on columns when others are fitted beside them.
+
+    Args:
+        columns: (r, p) of readings.
+        nuisance: (r + more, m), readings first.
+
+    Returns:
+        (p, p).
+    """
+    if not nuisance.shape[1]:
+        return columns.T @ columns
+    whole = np.zeros((len(nuisance), columns.shape[1]))
+    whole[: len(columns)] = columns
+    basis, _ = np.linalg.qr(nuisance)
+    left = whole - basis @ (basis.T @ whole)
+    return left.T @ left
+
+
+def _base_rows(file: MachineFile, frame: Tensor, width: int) -> np.ndarray:
+    points = file.tracker.base_point
+    rigid = rigid_basis(torch.tensor([point.xyz_mm for point in points], dtype=torch.float64)) * frame
+    weight = np.array([1.0 / point.sigma_mm for point in points])
+    rows = np.zeros((3 * len(points), width))
+    rows[:, -6:] = (rigid.numpy() * weight[:, None, None]).reshape(-1, 6)
+    return rows

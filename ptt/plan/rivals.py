@@ -1,0 +1,155 @@
+"""Who might stand in for an effect: the rivals that are named, and others that would do nearly as well."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.effects import Effect, Library
+from ptt.effects.cards import card_of
+from ptt.effects.metrology import TrackerFrame
+from ptt.effects.registry import make_effect, parse_key
+from ptt.fitting.solve import FitResult
+from ptt.plan.contest import Contest, open_contest, triangle
+from ptt.plan.palette import Palette, Rival, known_rows, mix_palette
+from ptt.run.problem import Problem
+
+MOST_SHAPES = 4  # of a rival, those that imitate best
+FEW_SHAPES = 12  # searches longer than this are not looked through for rivals that nobody named
+WATCHED = 5  # rivals that nobody named, at most, for each effect
+TESTERS = ("linear scale", "coordinate measuring machine", "scale bar", "base reflectors", "height gauge",
+           "on the bench", "reflector")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Duel:
+    """One effect of the model against one rival.
+
+    Attributes:
+        pick: key of the effect.
+        rival: key of the rival.
+        named: the diagnosis calls the two alike; else it is only watched.
+        forward: for each shape of the rival, the effect being the truth.
+        backward: for each shape, the rival being the truth as it was fitted; empty where it is only watched.
+    """
+
+    pick: str
+    rival: str
+    named: bool
+    forward: tuple[Contest, ...]
+    backward: tuple[Contest, ...]
+
+
+def find_duels(
+    fitted: FitResult, problem: Problem, confused: Sequence[Sequence[str]], known: Library, goal: float
+) -> tuple[Palette, list[Duel]]:
+    """Set up what has to be told apart.
+
+    Args:
+        fitted: the model with all picks in it.
+        problem: the rows it was fitted on.
+        confused: for each step the pick's key and those of effects that do as well.
+        known: effects by name.
+        goal: separation, in sigma, from which a rival is no danger.
+
+    Returns:
+        The columns, and the duels.
+    """
+    steps = [step for step in confused if len(step) > 1]
+    named = [key for step in steps for key in step[1:]]
+    others = _testable(fitted, problem, known, named)
+    rivals = tuple(
+        Rival(effect, shape)
+        for effect in [*(make_effect(known, *parse_key(key)) for key in dict.fromkeys(named)), *others]
+        for shape in effect.search(problem.view)
+    )
+    wide = mix_palette(fitted, problem, rivals)
+    rows = known_rows(wide)
+    chosen: dict[str, list[tuple[str, bool, list[int]]]] = {}
+    for step in steps:
+        chosen[step[0]] = _leading(wide, rows, step, goal)
+    used = sorted({index for found in chosen.values() for *_, places in found for index in places})
+    palette = mix_palette(fitted, problem, tuple(rivals[index] for index in used))
+    kept = np.concatenate([np.arange(wide.width - sum(map(len, wide.index))), *(wide.index[i] for i in used)])
+    rows = triangle(rows[:, kept.astype(int)])
+    place = {index: number for number, index in enumerate(used)}
+    duels = [
+        _duel(palette, rows, pick, key, [place[i] for i in places], is_named)
+        for pick, found in chosen.items()
+        for key, is_named, places in found
+    ]
+    return palette, duels
+
+
+def instrument(pick: str, rival: str, known: Library) -> str:
+    """What tells two effects apart by their cards, best where it names an instrument.
+
+    Args:
+        pick: key of one.
+        rival: key of the other.
+        known: effects by name.
+
+    Returns:
+        A few words.
+    """
+    first, second = pick.partition("[")[0], rival.partition("[")[0]
+    told = [
+        what
+        for one, other in ((first, second), (second, first))
+        if one in known
+        for thing, what in card_of(known[one]).confused_with
+        if thing == other
+    ]
+    best = next((what for what in told if any(tester in what for tester in TESTERS)), told[0] if told else "")
+    return best or _by_stage({known[name].stage for name in (first, second) if name in known})
+
+
+def _by_stage(stages: set[str]) -> str:
+    if "metrology" in stages:
+        return "a calibrated scale bar, or reflectors fixed to the base"
+    if "drive" in stages and len(stages) > 1:
+        return "a linear scale on the axis, which sees the slider without the links"
+    return "a coordinate measuring machine on the parts themselves"
+
+
+def _testable(fitted: FitResult, problem: Problem, known: Library, named: Sequence[str]) -> list[Effect]:
+    """Further effects that these rows can test and whose search is short."""
+    kind, found = problem.file.machine.kind, []
+    for name, cls in known.items():
+        if kind not in cls.mechanisms or name in named or name in fitted.model.keys or cls is TrackerFrame:
+            continue
+        effect = cls()
+        if any(parameter.stem == "from" for parameter in effect.parameters):  # it would tie all poses to its heights
+            continue
+        if effect.needs(problem.view) is None and len(effect.search(problem.view)) <= FEW_SHAPES:
+            found.append(effect)
+    return found
+
+
+def _leading(palette: Palette, rows: np.ndarray, step: Sequence[str], goal: float) -> list[tuple[str, bool, list[int]]]:
+    """Rivals of one pick, with their closest shapes: the named ones, and others that are within the goal."""
+    pick, *named = step
+    base, amplitudes = palette.base(pick), palette.amplitudes(pick)
+    apart: dict[str, list[tuple[float, int]]] = {}
+    for index, rival in enumerate(palette.rivals):
+        contest = open_contest(rows, np.concatenate([base, palette.index[index]]), amplitudes)
+        apart.setdefault(rival.effect.key, []).append((contest.separation, index))
+    best = {key: [index for _, index in sorted(found)[:MOST_SHAPES]] for key, found in apart.items()}
+    watched = sorted((min(found)[0], key) for key, found in apart.items() if key not in named)
+    near = [key for distance, key in watched if distance < goal][:WATCHED]
+    return [(key, True, best[key]) for key in named if key in best] + [(key, False, best[key][:1]) for key in near]
+
+
+def _duel(palette: Palette, rows: np.ndarray, pick: str, key: str, places: list[int], named: bool) -> Duel:
+    base, own = palette.base(pick), palette.of(pick)
+    forward, backward = [], []
+    for place in places:
+        rival = palette.index[place]
+        contest = open_contest(rows, np.concatenate([base, rival]), palette.amplitudes(pick))
+        forward.append(contest)
+        if not named:
+            continue
+        truth = np.zeros(palette.width)
+        truth[rival] = contest.solution[len(base) :]
+        backward.append(open_contest(rows, np.concatenate([base, own]), truth))
+    return Duel(pick, key, named, tuple(forward), tuple(backward))

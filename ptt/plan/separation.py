@@ -1,0 +1,242 @@
+"""What to measure next: the poses that best tell apart effects that a run could not."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from ptt.effects import Library, library
+from ptt.fitting.solve import FitResult
+from ptt.plan.ahead import paint_ahead
+from ptt.plan.contest import Contest
+from ptt.plan.palette import Palette
+from ptt.plan.pool import Conditions, conditions_for, make_pool, with_base
+from ptt.plan.rivals import Duel, find_duels, instrument
+from ptt.plan.space import Space, build_space
+from ptt.plan.visits import Visit, in_driving_order, table_of
+from ptt.plan.words import say_ambiguity, say_separation
+from ptt.run.problem import Problem
+from ptt.run.table import Table
+
+GOAL = 8.0  # sigma
+ROWS = 80
+LEAST_ROWS = 24  # so that one bad reading, or a corner of the volume, does not decide
+RESERVE = 1.1  # what is aimed at beyond the goal, because the order of driving changes a little
+FLAT = 1.0  # sigma that all poses of the pool together must add, or nothing can be measured this way
+BASE = 'reflectors fixed to the base, and frame = "measured" in the machine file'
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two effects that the run could not tell apart.
+
+    Attributes:
+        pick: key of the effect that was picked.
+        rival: key of the other.
+        before: separation on the run, sigma.
+        after: with the chosen rows, sigma.
+        ceiling: with every pose that was looked at, sigma.
+        exact: no pose can tell them apart.
+        instrument: what could, by the effects' cards.
+    """
+
+    pick: str
+    rival: str
+    before: float
+    after: float
+    ceiling: float
+    exact: bool
+    instrument: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        sigma = {"before": self.before, "after": self.after, "ceiling": self.ceiling}
+        return {
+            "effect": self.pick,
+            "rival": self.rival,
+            "separation_sigma": sigma,
+            "exact": self.exact,
+            "instrument": self.instrument,
+            "words": say_ambiguity(self.pick, self.rival, self.instrument) if self.exact else "",
+        }
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What to measure next.
+
+    Attributes:
+        targets: rows to drive in this order; None where no pose helps.
+        pairs: what they tell apart, and what they cannot.
+        before: least separation of the pairs that poses can tell apart, sigma; NaN without any.
+        after: with the targets.
+        reached: the goal is reached.
+        words: for a machinist.
+    """
+
+    targets: Table | None
+    pairs: tuple[Pair, ...]
+    before: float
+    after: float
+    reached: bool
+    words: str
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The words, one sentence about each thing."""
+        return tuple(self.words.split("\n"))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "rows": 0 if self.targets is None else self.targets.rows,
+            "separation_sigma": {"before": self.before, "after": self.after},
+            "reached": self.reached,
+            "pairs": [pair.to_dict() for pair in self.pairs],
+            "words": self.words,
+        }
+
+
+def plan_separation(
+    fitted: FitResult,
+    problem: Problem,
+    confused: Sequence[Sequence[str]],
+    known: Library | None = None,
+    *,
+    goal: float = GOAL,
+    most_rows: int = ROWS,
+    half_size: tuple[float, float, float] | None = None,
+    payloads: Sequence[float] | None = None,
+    seed: int = 0,
+) -> Separation | None:
+    """Choose poses that tell apart what a run could not.
+
+    Either effect is taken to be the truth in turn, with its fitted size; the other is fitted to its signature on old
+    and new rows together, with everything else of the model and the tracker's frame. Visits are added one by one where
+    the misfit that remains grows most (T-optimal between rivals), until its root reaches the goal.
+
+    Args:
+        fitted: the model with all picks in it.
+        problem: the rows it was fitted on.
+        confused: for each step the pick's key and those of effects that do as well; steps without others are skipped.
+        known: effects by name; None for the library.
+        goal: separation to reach, in sigma.
+        most_rows: row limit, base reflectors left aside.
+        half_size: box about the middle of the reach to stay inside of, mm; None for all that can be reached.
+        payloads: loads that can be put on, kg; None takes 0, 2.5 and 5 and those of the run.
+        seed: of the candidate poses.
+
+    Returns:
+        The choice; None where nothing is confused.
+    """
+    known = library() if known is None else known
+    if not any(len(step) > 1 for step in confused):
+        return None
+    palette, duels = find_duels(fitted, problem, confused, known, goal)
+    space = build_space(problem.file, half_size)
+    conditions = conditions_for(problem, known, confused, payloads)
+    pool = make_pool(palette, space, conditions, np.random.default_rng([seed, 31]))
+    groups = paint_ahead(palette, pool, space, still=True)
+    everything = groups.reshape(-1, groups.shape[-1])
+    ceilings = {id(contest): contest.add(everything).separation for contest in _contests(duels)}
+    open_ = [_still_open(duel, ceilings) for duel in duels]
+    hopeful = any(duel.named and duel.forward for duel in open_)
+    chosen = _choose(_contests(open_), groups, goal * RESERVE, most_rows) if hopeful else []
+    visits = in_driving_order([pool[index] for index in chosen], space) if chosen else []
+    visits = [visit.named(f"m{number + 1}") for number, visit in enumerate(visits)]
+    rows = paint_ahead(palette, visits, space).reshape(-1, palette.width) if visits else np.zeros((0, palette.width))
+    pairs = tuple(
+        _judge(duel, live, palette, (rows, everything), ceilings, known)
+        for duel, live in zip(duels, open_, strict=True)
+        if duel.named
+    )
+    return _report(pairs, visits, space, problem, goal, conditions)
+
+
+def _contests(duels: Sequence[Duel]) -> list[Contest]:
+    return [contest for duel in duels for contest in (*duel.forward, *duel.backward)]
+
+
+def _still_open(duel: Duel, ceilings: dict[int, float]) -> Duel:
+    """A duel with the contests that poses can decide; a rival that holds the effect as a special case never loses."""
+
+    def alive(contest: Contest) -> bool:
+        return ceilings[id(contest)] ** 2 > contest.misfit + FLAT**2
+
+    if not all(alive(contest) for contest in duel.forward):
+        return replace(duel, forward=(), backward=())
+    return replace(duel, backward=tuple(contest for contest in duel.backward if alive(contest)))
+
+
+def _choose(contests: list[Contest], groups: np.ndarray, goal: float, most_rows: int) -> list[int]:
+    """Add the group of rows that helps most those contests that are not decided yet."""
+    chosen: list[int] = []
+    free = np.ones(len(groups), dtype=bool)
+    rows = groups.shape[1] // 3
+    while contests and (len(chosen) + 1) * rows <= most_rows and free.any():
+        waiting = [contest for contest in contests if contest.separation < goal]
+        if not waiting and len(chosen) * rows >= LEAST_ROWS:
+            break
+        most = goal**2 if waiting else np.inf
+        worth = sum(
+            np.log1p(np.minimum(contest.misfit + contest.gains(groups), most)) - np.log1p(contest.misfit)
+            for contest in waiting or contests
+        )
+        best = int(np.argmax(np.where(free, worth, -np.inf)))
+        chosen.append(best)
+        free[best] = False
+        contests = [contest.add(groups[best]) for contest in contests]
+    return chosen
+
+
+def _judge(
+    duel: Duel,
+    live: Duel,
+    palette: Palette,
+    rows: tuple[np.ndarray, np.ndarray],
+    ceilings: dict[int, float],
+    known: Library,
+) -> Pair:
+    """Separation of a pair before and after, the least over shapes and over who is right."""
+    new, everything = rows
+    exact = not live.forward
+    contests = list(duel.forward) if exact else _contests([live])
+    before = min(contest.separation for contest in contests)
+    after = min((contest.add(new) if len(new) else contest).separation for contest in contests)
+    ceiling = min(ceilings[id(contest)] for contest in contests)
+    held = exact and all(_grows(contest.without(palette.frames), everything) for contest in duel.forward)
+    tool = BASE if held else instrument(duel.pick, duel.rival, known)
+    return Pair(duel.pick, duel.rival, before, after, ceiling, exact, tool if exact else "")
+
+
+def _grows(contest: Contest, rows: np.ndarray) -> bool:
+    """Whether rows can decide a contest."""
+    return contest.add(rows).misfit > contest.misfit + FLAT**2
+
+
+def _report(
+    pairs: tuple[Pair, ...], visits: list[Visit], space: Space, problem: Problem, goal: float, conditions: Conditions
+) -> Separation:
+    solvable = [pair for pair in pairs if not pair.exact]
+    before = min((pair.before for pair in solvable), default=float("nan"))
+    after = min((pair.after for pair in solvable), default=float("nan"))
+    straight = problem.file.machine.moves == "straight"
+    targets = table_of(with_base(visits, problem.file), space, straight=straight) if visits else None
+    reached = bool(solvable) and after >= goal
+    words = "\n".join(_sentences(pairs, visits, space, problem, conditions, goal))
+    return Separation(targets, pairs, before, after, reached, words)
+
+
+def _sentences(
+    pairs: tuple[Pair, ...], visits: list[Visit], space: Space, problem: Problem, conditions: Conditions, goal: float
+) -> Iterator[str]:
+    if visits:
+        places = space.mechanism.forward(torch.cat([visit.q for visit in visits])).numpy()
+        solvable = [pair for pair in pairs if not pair.exact]
+        parted = [(pair.pick, pair.rival, pair.before, pair.after) for pair in solvable]
+        yield from say_separation(places, problem, parted, conditions, goal)
+    for pair in pairs:
+        if pair.exact:
+            yield say_ambiguity(pair.pick, pair.rival, pair.instrument)

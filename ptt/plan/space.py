@@ -1,0 +1,201 @@
+"""Where a machine can be sent: joint values inside travel, away from singularities, inside a box if one is given."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.errors import WorkspaceError
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.dexterity import singularities
+from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.mechanisms.workspace import NEAR_CONDITION, unevenness
+from ptt.run.view import joint_limits
+
+MARGIN = 0.01  # share of the travel that is left alone at either end
+SAFE = 0.5  # share of home's margin to the nearest singularity that a pose keeps
+GRID = 13  # joint values along each slider when the reachable volume is measured out
+OVERSHOOT = 40  # draws for each pose that is wanted, before giving up
+BATCH = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """Poses that may be driven.
+
+    Attributes:
+        mechanism: the machine.
+        lower: (k,) mm or rad, joint limits with a margin.
+        upper: (k,) mm or rad.
+        box: (2, 3) mm, lowest and highest tool position.
+        by_tool: poses are spread evenly over the tool's volume, not over the joints' travel.
+    """
+
+    mechanism: Mechanism
+    lower: Tensor
+    upper: Tensor
+    box: Tensor
+    by_tool: bool
+
+    @property
+    def joints(self) -> int:
+        """Number of joints k."""
+        return len(self.lower)
+
+
+def build_space(file: MachineFile, half_size: tuple[float, float, float] | None = None) -> Space:
+    """Measure out where a machine can go.
+
+    Args:
+        file: the machine.
+        half_size: half the size in x, y, z of a box about the middle of the reach, to stay inside of; mm.
+
+    Returns:
+        The space.
+
+    Raises:
+        WorkspaceError: nothing inside the box can be reached.
+    """
+    mechanism = build_mechanism(file.machine)
+    joints = 3 if file.machine.kind == "three-ptt" else len(file.machine.joint)
+    limits = joint_limits(file, joints)
+    margin = MARGIN * (limits[:, 1] - limits[:, 0])
+    lower, upper = limits[:, 0] + margin, limits[:, 1] - margin
+    by_tool = isinstance(mechanism, ThreePtt)
+    everywhere = torch.tensor([[-torch.inf] * 3, [torch.inf] * 3], dtype=torch.float64)
+    space = narrow_space(Space(mechanism, lower, upper, everywhere, by_tool), lower, upper)
+    if half_size is None:
+        return space
+    half = torch.tensor(half_size, dtype=torch.float64)
+    centre = mechanism.forward(mechanism.home()[None])[0] if by_tool else space.box.mean(dim=0)
+    box = torch.stack([torch.maximum(space.box[0], centre - half), torch.minimum(space.box[1], centre + half)])
+    return replace(space, box=box)
+
+
+def narrow_space(space: Space, lower: Tensor, upper: Tensor) -> Space:
+    """The part of a space between closer joint limits, measured out anew.
+
+    Args:
+        space: the whole.
+        lower: (k,) mm or rad.
+        upper: (k,) mm or rad.
+
+    Returns:
+        The part.
+
+    Raises:
+        WorkspaceError: nothing in it can be driven.
+    """
+    part = replace(space, lower=torch.maximum(space.lower, lower), upper=torch.minimum(space.upper, upper))
+    reached = part.mechanism.forward(_survey(part))
+    if not len(reached):
+        fix = "widen travel, limits or box"
+        raise WorkspaceError("no pose is inside the travel and away from singularities", [], where="[machine]", fix=fix)
+    box = torch.stack([reached.amin(dim=0), reached.amax(dim=0)])
+    box = torch.stack([torch.maximum(space.box[0], box[0]), torch.minimum(space.box[1], box[1])])
+    return replace(part, box=box)
+
+
+def can_drive(space: Space, q: Tensor) -> np.ndarray:
+    """Whether joint values may be driven.
+
+    Args:
+        space: the machine's.
+        q: (n, k) mm or rad.
+
+    Returns:
+        (n,) bool.
+    """
+    p = space.mechanism.forward(q)
+    inside = torch.isfinite(p).all(dim=1) & torch.isfinite(q).all(dim=1)
+    inside &= ((q >= space.lower) & (q <= space.upper)).all(dim=1)
+    inside &= ((p >= space.box[0]) & (p <= space.box[1])).all(dim=1)
+    good = torch.nonzero(inside).flatten()
+    if len(good):
+        mechanism = space.mechanism
+        if isinstance(mechanism, ThreePtt):
+            near = _margin(mechanism, p[good]) < SAFE * _margin(mechanism, mechanism.forward(mechanism.home()[None]))
+        else:
+            near = unevenness(mechanism, q[good]) > NEAR_CONDITION
+        inside[good[near]] = False
+    return inside.numpy()
+
+
+def draw_poses(space: Space, count: int, random: np.random.Generator) -> Tensor:
+    """Low-discrepancy poses; no slider height is commensurate with a lead.
+
+    Source: M. Roberts, 'The unreasonable effectiveness of quasirandom sequences' (2018), additive recurrence of
+    generalised golden ratios, from a random start.
+
+    Args:
+        space: the machine's.
+        count: how many.
+        random: where the sequence starts.
+
+    Returns:
+        (count, k) mm or rad.
+
+    Raises:
+        WorkspaceError: hardly any pose of the space can be driven.
+    """
+    size = 3 if space.by_tool else space.joints
+    low, high = (space.box[0], space.box[1]) if space.by_tool else (space.lower, space.upper)
+    begin = torch.as_tensor(random.random(size))
+    step = torch.as_tensor(_golden(size) ** -np.arange(1.0, size + 1.0))
+    found: list[Tensor] = []
+    have, done = 0, 0
+    while have < count and done < OVERSHOOT * count + BATCH:
+        index = torch.arange(done + 1, done + BATCH + 1, dtype=torch.float64)[:, None]
+        place = low + torch.remainder(begin + index * step, 1.0) * (high - low)
+        q = space.mechanism.inverse(place) if space.by_tool else place
+        good = q[torch.as_tensor(can_drive(space, torch.nan_to_num(q, nan=torch.inf)))]
+        found.append(good)
+        have, done = have + len(good), done + BATCH
+    if have < count:
+        raise WorkspaceError(
+            f"only {have} of {count} poses can be driven", [], where="[machine]", fix="widen travel, limits or box"
+        )
+    return torch.cat(found)[:count]
+
+
+def directions(joints: int) -> np.ndarray:
+    """Ways in which all joints can move at once, opposite ones next to each other.
+
+    Args:
+        joints: k.
+
+    Returns:
+        (2^k, k), +1 and -1; at most 64 rows.
+    """
+    count = min(2**joints, 64)
+    half = np.array([[1.0 if (index >> bit) & 1 else -1.0 for bit in range(joints)] for index in range(count // 2)])
+    return np.stack([half, -half], axis=1).reshape(-1, joints)
+
+
+def _margin(mechanism: ThreePtt, p: Tensor) -> Tensor:
+    """Least margin of poses to any singularity, a ratio, (n,)."""
+    at = singularities(mechanism, p)
+    return torch.stack((at.inverse, at.direct, at.constraint)).amin(dim=0)
+
+
+def _golden(size: int) -> float:
+    """Root of x^(d+1) = x + 1."""
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (size + 1.0))
+    return root
+
+
+def _survey(space: Space) -> Tensor:
+    """Joint values that can be driven: a grid of the sliders, or many places over the limits of an arm."""
+    if space.by_tool:
+        part = torch.linspace(0.0, 1.0, GRID, dtype=torch.float64)
+        grid = torch.cartesian_prod(*([part] * space.joints))
+    else:
+        step = torch.as_tensor(_golden(space.joints) ** -np.arange(1.0, space.joints + 1.0))
+        grid = torch.remainder(torch.arange(1, 4 * BATCH, dtype=torch.float64)[:, None] * step, 1.0)
+    q = space.lower + grid * (space.upper - space.lower)
+    return q[torch.as_tensor(can_drive(space, q))]

@@ -1,0 +1,83 @@
+"""Held-out rows: whole blocks of travel, all repeats of a pose together, never random rows."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ptt.run.same_pose import number_rows, same_places
+
+if TYPE_CHECKING:
+    from ptt.run.table import Table
+
+BLOCKS = 10
+PLACED = 3  # joints up to which the tool position tells the pose
+
+
+def pose_groups(table: "Table") -> np.ndarray:
+    """Number the poses of a table.
+
+    Args:
+        table: n rows.
+
+    Returns:
+        (n,) int: equal for rows with the same target (the same commands where there is no target, or where an arm
+        has so many joints that a position does not tell its pose), numbered in order of first appearance; -1 for
+        base reflectors.
+    """
+    groups = same_places(_places(table))
+    used = table.role != "base"
+    groups[used] = number_rows(groups[used, None])
+    groups[~used] = -1
+    return groups
+
+
+def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
+    """Cut a table into blocks of travel that hold all repeats of each of their poses.
+
+    Args:
+        table: n rows in travel order.
+        count: how many blocks, at most.
+
+    Returns:
+        (n,) int from 0; -1 for base reflectors, which are never held out.
+    """
+    group = pose_groups(table)
+    used = group >= 0
+    if not used.any():
+        return group
+    size = np.bincount(group[used])
+    before = np.cumsum(size) - size
+    count = max(1, min(count, len(size)))
+    block_of_group = np.minimum((before + size / 2.0) * count // size.sum(), count - 1).astype(int)
+    return np.where(used, block_of_group[np.maximum(group, 0)], -1)
+
+
+def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:
+    """Deal the blocks of a table into parts that are hidden in turn.
+
+    Neighbouring blocks go to different parts, so that a part hides some of every stretch of travel and no run whole.
+
+    Args:
+        table: n rows in travel order.
+        count: how many parts, at most.
+        among: how many blocks are dealt.
+
+    Returns:
+        (n,) bool for each part; base reflectors are in none.
+    """
+    block = blocks(table, max(count, among))
+    number = int(block.max(initial=-1)) + 1
+    parts = [(block >= 0) & (block % count == index) for index in range(min(count, number))]
+    return [part for part in parts if part.any()]
+
+
+def _places(table: "Table") -> np.ndarray:
+    """What tells the poses of a table apart: targets, or commands where they tell more or there is nothing else."""
+    if table.command is None:
+        return table.target
+    told = np.isfinite(table.target).all(axis=1)
+    if not told.any() or (table.joints > PLACED and np.isfinite(table.command).all()):
+        return table.command
+    return (
+        table.target if told.all() else np.column_stack([table.target, np.where(told[:, None], np.nan, table.command)])
+    )

@@ -1,0 +1,112 @@
+"""Where the reflector sits on the tool: fitted beside the tracker frame, because nobody knows it to a micrometre."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from ptt.machine import MachineFile
+from ptt.mechanisms.sensitivity import sensitivity
+from ptt.run.frames import align
+from ptt.run.table import Table
+from ptt.run.view import View
+
+ROUNDS = 20
+SETTLED = 1e-6  # mm
+TRIM = 6.0  # medians beyond which a row does not count
+UNSEEN = 1e-4  # share of the strongest direction below which the readings say nothing of a mount
+TURN_LENGTH = 1e3  # mm that a turn of one radian counts as
+
+
+def mount_of_rows(file: MachineFile, table: Table) -> np.ndarray:
+    """Number the mounts of a table.
+
+    Args:
+        file: the machine.
+        table: n rows.
+
+    Returns:
+        (n,) int, the mount of each row; -1 where the drawing's tool point is trusted, as it is on a 3-PTT.
+    """
+    if file.machine.kind != "serial" or file.tracker.tool == "trusted":
+        return np.full(table.rows, -1)
+    return np.asarray(table.run, dtype=int) if file.tracker.tool == "fitted-per-run" else np.zeros(table.rows, int)
+
+
+def place_mounts(view: View, mount: np.ndarray, mounts: np.ndarray) -> View:
+    """See the reflector where it sits.
+
+    Args:
+        view: n rows.
+        mount: (n,) int, mount of each row.
+        mounts: (m, 3) mm, in the tool's frame.
+
+    Returns:
+        The view with nominal positions and derivatives of the reflector.
+    """
+    placed = replace(view, mount=torch.as_tensor(mounts[mount]))
+    geometry = placed.mounted(view.q.new_zeros(1, len(view.mechanism.slots)))
+    p, by_joint, _ = sensitivity(view.mechanism, view.q, geometry)
+    return replace(placed, p=p, jacobian=by_joint)
+
+
+def find_mounts(
+    view: View, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray, frame: np.ndarray, *, free: bool
+) -> View:
+    """Find where the reflectors sit, frames moving along, the drawing being otherwise right.
+
+    Args:
+        view: n rows.
+        reading: (n, 3) mm, NaN where not observed.
+        rows: rows that count, (n,) bool.
+        mount: (n,) int, mount of each row.
+        frame: (n,) int, tracker frame of each row.
+        free: whether the frames are unknown; else readings are in the base frame already.
+
+    Returns:
+        The view with the mounts in place.
+    """
+    mounts = np.zeros((int(mount.max()) + 1, 3))
+    for _ in range(ROUNDS):
+        view = place_mounts(view, mount, mounts)
+        step = _step(view, reading, rows, mount, frame, free)
+        mounts = mounts + step
+        if np.abs(step).max() < SETTLED:
+            break
+    return place_mounts(view, mount, mounts)
+
+
+def _step(
+    view: View, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray, frame: np.ndarray, free: bool
+) -> np.ndarray:
+    """A Gauss-Newton step of all mounts, (m, 3) mm."""
+    by_mount = mount_slopes(view)
+    p, width = view.p.numpy(), 3 * (int(mount.max()) + 1)
+    blocks = [np.where((mount == index)[:, None, None], by_mount, 0.0) for index in range(width // 3)]
+    left = reading - p
+    for index in np.unique(frame[rows]) if free else ():
+        own = rows & (frame == index)
+        turn, shift = align(p[own], reading[own])
+        left[own] = (reading[own] - shift) @ turn - p[own]
+        centred = (p - p[own].mean(axis=0)) / TURN_LENGTH
+        rigid = np.concatenate(
+            [np.tile(np.eye(3), (len(p), 1, 1)), np.cross(np.eye(3), centred[:, None]).swapaxes(1, 2)], 2
+        )
+        blocks.append(np.where(own[:, None, None], rigid, 0.0))
+    distance = np.linalg.norm(left, axis=1)
+    near = rows & (distance <= TRIM * max(float(np.median(distance[rows])), 1e-9))
+    columns = np.concatenate(blocks, axis=2)[near].reshape(3 * int(near.sum()), -1)
+    return np.linalg.lstsq(columns, left[near].ravel(), rcond=UNSEEN)[0][:width].reshape(-1, 3)
+
+
+def mount_slopes(view: View) -> np.ndarray:
+    """Derivative of the readings by the place of the reflector beside the tool point.
+
+    Args:
+        view: n rows.
+
+    Returns:
+        (n, 3, 3), the axes of the tool's frame.
+    """
+    geometry = view.mounted(view.q.new_zeros(1, len(view.mechanism.slots)))
+    return sensitivity(view.mechanism, view.q, geometry)[2][..., -3:].numpy()

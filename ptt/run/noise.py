@@ -1,0 +1,186 @@
+"""The noise floor: what repeats scatter by, and where the figure comes from."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from ptt.run.holdout import pose_groups
+from ptt.run.same_pose import number_alike, number_rows
+
+if TYPE_CHECKING:
+    from ptt.run.table import Table
+
+NEAR_IN_TIME = 1800.0  # s: repeats further apart than this have seen drift and warmth come between
+ENOUGH = 30  # degrees of freedom below which repeats alone do not make a noise floor
+SAME_WARMTH = 0.5  # K
+SAME_LOAD = 0.01  # kg
+SAME_FEED = 1e-3  # mm/s
+DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: used only to start with, never reported
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Scatter of one reading.
+
+    Attributes:
+        covariance: (3, 3) mm^2 of the coordinates of one reading, in the base frame.
+        source: where it comes from: 'repeats', 'std columns', 'machine file', 'saturated model'.
+        freedom: degrees of freedom behind it, of coordinates for a saturated model, of readings (three coordinates)
+            for repeats; infinite where it was given.
+    """
+
+    covariance: np.ndarray
+    source: str
+    freedom: float = np.inf
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviation of each coordinate, (3,) mm."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def total(self) -> float:
+        """Root of the summed variances, mm: the noise floor of `total` errors."""
+        return float(np.sqrt(np.trace(self.covariance)))
+
+    @property
+    def whitener(self) -> np.ndarray:
+        """W with W^T W the inverse covariance, (3, 3) 1/mm."""
+        return np.linalg.cholesky(np.linalg.inv(self.covariance)).T
+
+    def to_dict(self) -> dict[str, object]:
+        """Figures in micrometres for JSON."""
+        x, y, z = (float(value) * 1e3 for value in self.sigma)
+        return {"x": x, "y": y, "z": z, "total": self.total * 1e3, "source": self.source}
+
+
+def repeat_groups(table: "Table", direction: np.ndarray) -> np.ndarray:
+    """Number the groups of true repeats.
+
+    Args:
+        table: n rows.
+        direction: directions of arrival, (n, k).
+
+    Returns:
+        (n,) int; equal for rows that repeat each other: same target, arrival, payload, temperature, speed and run,
+        near in time.
+    """
+    keys = np.column_stack([pose_groups(table), table.run, direction.astype(np.int64)])
+    group = number_rows(keys)
+    for values, tolerance in (
+        (table.payload_kg, SAME_LOAD),
+        (table.temp_c, SAME_WARMTH),
+        (table.feed_mm_s, SAME_FEED),
+        (table.time_s, NEAR_IN_TIME),
+    ):
+        if values is not None:
+            group = number_alike(values, tolerance, within=group)
+    return group
+
+
+def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarray) -> Noise | None:
+    """Pool the scatter of true repeats.
+
+    Deviations far outside the others (a broken beam) are left out before pooling. A reading that repeats another to
+    its last digit is a copied row, which says nothing of the scatter, and counts once.
+
+    Args:
+        table: n rows.
+        measured: readings in the base frame, (n, 3) mm, NaN where not observed.
+        direction: directions of arrival, (n, k).
+
+    Returns:
+        The noise, or None with fewer than `ENOUGH` degrees of freedom.
+    """
+    usable = np.isfinite(measured).all(axis=1) & (table.role != "base")
+    group = repeat_groups(table, direction)
+    usable &= first_of_copies(table, group)
+    values, group = measured[usable], np.unique(group[usable], return_inverse=True)[1].reshape(-1)
+    if not len(values):
+        return None
+    kept = np.ones(len(values), dtype=bool)
+    for _ in range(6):
+        deviation, freedom = _deviations(values[kept], group[kept])
+        if freedom < ENOUGH:
+            return None
+        covariance = deviation.T @ deviation / freedom
+        scale = _spread_robustly(deviation, group[kept])
+        far = ((deviation / scale) ** 2).max(axis=1) > stats.chi2.isf(1e-3 / len(values), 1)
+        if not far.any():
+            break
+        kept[np.flatnonzero(kept)[far]] = False
+    return Noise(covariance, "repeats", float(freedom))
+
+
+def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:
+    """Rows that are no copy, to the last digit, of an earlier reading of their group.
+
+    Args:
+        table: n rows.
+        group: (n,) int, repeats of each other.
+
+    Returns:
+        (n,) bool.
+    """
+    bits = np.ascontiguousarray(table.measured, dtype=np.float64).view(np.int64)
+    kind = number_rows(np.column_stack([group, bits]))
+    first = np.zeros(table.rows, dtype=bool)
+    first[np.unique(kind, return_index=True)[1]] = True
+    return first
+
+
+def noise_from_std(table: "Table") -> Noise | None:
+    """Take the tracker's own standard deviations.
+
+    Args:
+        table: n rows.
+
+    Returns:
+        The noise, or None without `x_std, y_std, z_std`.
+    """
+    if table.std is None:
+        return None
+    rows = table.std[np.isfinite(table.std).all(axis=1) & (table.role != "base")]
+    if not len(rows) or not (rows > 0).any():
+        return None
+    return Noise(np.diag(np.median(rows**2, axis=0)) + 1e-14 * np.eye(3), "std columns")
+
+
+def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sigma: float | None) -> Noise | None:
+    """The noise floor as far as the data or the machine file tell it.
+
+    Standard deviations of single held poses leave out what differs from visit to visit; where repeats scatter by
+    more, the repeats count.
+
+    Args:
+        table: n rows.
+        measured: readings in the base frame, (n, 3) mm.
+        direction: directions of arrival, (n, k).
+        sigma: the machine file's figure for one coordinate, mm.
+
+    Returns:
+        The noise, or None where only a saturated model can tell.
+    """
+    repeats = noise_from_repeats(table, measured, direction)
+    stated = noise_from_std(table)
+    if stated is not None and (repeats is None or repeats.total <= stated.total):
+        return stated
+    if repeats is not None:
+        return repeats
+    return Noise(np.eye(3) * sigma**2, "machine file") if sigma is not None else None
+
+
+def _deviations(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, int]:
+    count = np.bincount(group)
+    mean = np.column_stack([np.bincount(group, column) for column in values.T]) / np.maximum(count, 1)[:, None]
+    return values - mean[group], int(len(values) - (count > 0).sum())
+
+
+def _spread_robustly(deviation: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Median-based standard deviation of each coordinate's deviations from their group means."""
+    size = np.bincount(group)[group]
+    repeated = size > 1
+    lift = np.sqrt(size[repeated] / (size[repeated] - 1.0))[:, None]
+    return np.maximum(np.median(np.abs(deviation[repeated]) * lift, axis=0) / 0.6745, 1e-9)

@@ -1,0 +1,302 @@
+"""One identification problem: the view, the readings brought near the base frame, and what the tracker frame may do."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.errors import TableError
+from ptt.machine import MachineFile
+from ptt.run.frames import align, rotation
+from ptt.run.mounts import find_mounts, mount_of_rows
+from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise
+from ptt.run.table import Table
+from ptt.run.target_frame import LIMIT, RunFrame, in_base, target_frames
+from ptt.run.view import View, build_view
+
+SHIFT_USUAL = 10.0  # mm: the frame takes what it can; machine parameters only what it cannot
+TURN_USUAL = 0.05  # rad
+MOUNT_USUAL = 10.0  # mm
+
+
+@dataclass(frozen=True)
+class BaseReadings:
+    """Base reflectors as seen: one averaged reading for each point and frame.
+
+    Attributes:
+        place: (m, 3) mm, drawn.
+        reading: (m, 3) mm, read, near the base frame.
+        sigma: (m,) mm, of one coordinate, the drawn place's uncertainty included.
+        frame: (m,) int, index of the frame.
+    """
+
+    place: np.ndarray
+    reading: np.ndarray
+    sigma: np.ndarray
+    frame: np.ndarray
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Readings and all that is needed to predict them.
+
+    Attributes:
+        file: the machine.
+        table: n rows in travel order.
+        view: the same rows as effects see them.
+        measured: readings after a first rigid motion into the base frame, (n, 3) mm, NaN where not observed.
+        used: rows whose readings count, (n,) bool: poses and datums that are observed and not masked.
+        frame: index of each row's tracker frame, (n,) int.
+        frames: number of frames to be fitted; zero where the frame is trusted.
+        mount: index of the reflector mount of each row, (n,) int; -1 where the tool point is trusted.
+        mounts: number of mounts to be fitted; the view has them where the drawing's arm puts them.
+        rotation: first rigid motion, reading_base = (reading - shift) @ rotation, (f, 3, 3).
+        shift: (f, 3) mm.
+        base: base reflectors, None unless the frame is measured.
+        noise: the noise floor where data or file tell it, else None.
+        stated_in: the frame in which each run states its targets.
+    """
+
+    file: MachineFile
+    table: Table
+    view: View
+    measured: np.ndarray
+    used: np.ndarray
+    frame: np.ndarray
+    frames: int
+    mount: np.ndarray
+    mounts: int
+    rotation: np.ndarray
+    shift: np.ndarray
+    base: BaseReadings | None
+    noise: Noise | None
+    stated_in: tuple[RunFrame, ...] = ()
+
+    @property
+    def target(self) -> np.ndarray:
+        """Wanted tool positions in the base frame, (n, 3) mm; what the commands ask for where there are no targets.
+
+        Where the reflector sits beside an arm's tool point, its own: the target moved along by the drawing's pose.
+        Targets that an arm's controller states for another tool than the drawing's give way to the commands.
+        """
+        nominal, target = self.view.p.numpy(), self._in_base(self.table.target)
+        if self.file.machine.kind == "serial" and np.isfinite(target).any():
+            target = target + (nominal - self.view.mechanism.forward(self.view.q).numpy())
+        return np.where(np.isfinite(target), target, nominal)
+
+    @property
+    def stated(self) -> np.ndarray:
+        """Wanted tool positions as the runs state them, each in its own frame, (n, 3) mm."""
+        place = self.target.copy()
+        for run, frame in enumerate(self.stated_in):
+            here = self.table.run == run
+            place[here] = frame.as_stated(place[here])
+        return place
+
+    def _in_base(self, target: np.ndarray) -> np.ndarray:
+        """Targets (n, 3) mm of the table moved into the base frame, NaN where that is not known."""
+        moved = target.copy()
+        for run, frame in enumerate(self.stated_in):
+            here = self.table.run == run
+            moved[here] = np.nan if frame.source == "unknown" else frame.into_base(target[here])
+        return moved
+
+    def masked(self, hidden: np.ndarray) -> "Problem":
+        """The same rows in the same travel with some readings hidden.
+
+        Args:
+            hidden: (n,) bool.
+
+        Returns:
+            The problem with those rows unused.
+        """
+        return replace(self, used=self.used & ~hidden)
+
+    def anchored(self) -> "Problem":
+        """The same problem with the tracker held to the base reflectors where there are some.
+
+        Thousands of pose readings against a dozen of reflectors would otherwise pull the frame toward whatever a
+        model does not explain yet.
+        """
+        return self if self.base is None else replace(self, frames=0, base=None)
+
+    def with_noise(self, noise: Noise) -> "Problem":
+        """The same problem with a noise floor."""
+        return replace(self, noise=noise)
+
+
+def build_problem(file: MachineFile, table: Table) -> Problem:
+    """Bring a table and its machine together.
+
+    Args:
+        file: the machine.
+        table: n rows in travel order.
+
+    Returns:
+        The problem.
+
+    Raises:
+        WorkspaceError: targets or commands out of reach.
+        TableError: too few readings, targets and slider commands that contradict each other, or base reflectors
+            missing that the machine file relies on.
+    """
+    stated_in = target_frames(file, table)
+    view = build_view(file, in_base(table, stated_in))
+    observed = np.isfinite(table.measured).all(axis=1)
+    used = observed & (table.role != "base")
+    policy = file.tracker.frame
+    if policy == "trusted":
+        _refuse_untrue(table, view, stated_in, used)
+    if used.sum() < 4:
+        raise TableError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
+    frame = (
+        np.asarray(table.run, dtype=int)
+        if policy in ("fitted-per-run", "measured")
+        else np.zeros(table.rows, dtype=int)
+    )
+    count = int(frame.max()) + 1
+    mount = mount_of_rows(file, table)
+    rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+    base = None
+    if policy == "measured":
+        rotations, shifts, base = _from_base(file, table, frame, count)
+    if mount.max() >= 0:
+        near = into_base(table.measured, frame, rotations, shifts)
+        view = find_mounts(view, near, used, mount, frame, free=policy not in ("trusted", "measured"))
+    if policy in ("fitted", "fitted-per-run"):
+        rotations, shifts = _from_poses(view, table, used, frame, count)
+    measured = into_base(table.measured, frame, rotations, shifts)
+    # Encoders that report where an arm stands differ a little from repeat to repeat, and so does its place.
+    scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured
+    noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm)
+    if base is not None:
+        base = _weigh_base(base, noise)
+    frames = 0 if policy == "trusted" else count
+    mounts = int(mount.max()) + 1
+    return Problem(
+        file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise, stated_in
+    )  # fmt: skip
+
+
+def join_tables(tables: Sequence[Table]) -> Table:
+    """One table of several runs, in the order given.
+
+    Args:
+        tables: at least one.
+
+    Returns:
+        The joined table.
+    """
+    from ptt.run.table import concat_tables
+
+    return tables[0] if len(tables) == 1 else reduce(lambda a, b: concat_tables([a, b]), tables)
+
+
+def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Bring readings into the base frame.
+
+    Args:
+        reading: (n, 3) mm in tracker coordinates.
+        frame: (n,) int, frame of each row.
+        rotations: (f, 3, 3), base axes in tracker coordinates.
+        shifts: (f, 3) mm, base origin in tracker coordinates.
+
+    Returns:
+        (n, 3) mm.
+    """
+    return np.einsum("ni,nij->nj", reading - shifts[frame], rotations[frame])
+
+
+def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tuple[Tensor, Tensor]:
+    """Move base-frame readings by the small rigid motions that the fit still finds.
+
+    Args:
+        reading: (n, 3) mm.
+        frame: (n,) int, frame of each row.
+        parameters: (f, 6), rotation vector in rad after translation in mm.
+
+    Returns:
+        Moved readings (n, 3), and their derivative by the own frame's six parameters, (n, 3, 6).
+    """
+    rotations, by_vector = rotation(parameters[:, 3:])
+    index = torch.as_tensor(frame)
+    moved = torch.einsum("nij,nj->ni", rotations[index], reading)
+    turned = torch.einsum("nijc,nj->nic", by_vector[index], reading)
+    eye = torch.eye(3, dtype=reading.dtype).expand(len(reading), 3, 3)
+    return moved + parameters[index, :3], torch.cat([eye, turned], dim=-1)
+
+
+def _refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used: np.ndarray) -> None:
+    """Refuse a frame that is said to be the base's where readings follow targets that are stated in another."""
+    for run, frame in enumerate(stated_in):
+        here = used & (table.run == run) & np.isfinite(table.target).all(axis=1)
+        if frame.source not in ("stated", "commands") or not here.any():
+            continue
+        read, place = table.measured[here], view.p.numpy()[here]
+        apart, beside = (np.median(np.linalg.norm(read - to, axis=1)) for to in (place, table.target[here]))
+        if beside < LIMIT < apart:
+            raise TableError(
+                f'frame = "trusted", but the readings are in the frame of the targets, {apart:.0f} mm from the base\'s',
+                where=table.source,
+                fix='set frame = "fitted" under [tracker] in the machine file',
+            )
+
+
+def _from_poses(
+    view: View, table: Table, used: np.ndarray, frame: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Each frame's best rigid motion onto the drawing."""
+    rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+    for index in range(count):
+        rows = used & (frame == index)
+        if rows.sum() >= 4:
+            rotations[index], shifts[index] = align(view.p.numpy()[rows], table.measured[rows])
+    return rotations, shifts
+
+
+def _from_base(
+    file: MachineFile, table: Table, frame: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, BaseReadings]:
+    drawn = {point.name: point for point in file.tracker.base_point}
+    rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+    rows: list[tuple[np.ndarray, np.ndarray, float, int, int]] = []
+    for index in range(count):
+        here = (table.role == "base") & (frame == index) & np.isfinite(table.measured).all(axis=1)
+        unknown = sorted(set(table.name[here]) - set(drawn))
+        if unknown:
+            raise TableError(
+                f"base reflector '{unknown[0]}' is not in the machine file",
+                where=table.source,
+                fix="add a [[tracker.base_point]] for it",
+            )
+        seen = [name for name in drawn if (here & (table.name == name)).any()]
+        if len(seen) < 3:
+            raise TableError(
+                f'frame = "measured" but run {table.run_label[index]} reads only {len(seen)} base reflectors',
+                where=table.source,
+                fix='add rows with role = "base", or set frame = "fitted" in the machine file',
+            )
+        readings = {name: table.measured[here & (table.name == name)] for name in seen}
+        place = np.array([drawn[name].xyz_mm for name in seen])
+        mean = np.array([np.median(readings[name], axis=0) for name in seen])
+        rotations[index], shifts[index] = align(place, mean)
+        near = into_base(mean, np.full(len(mean), index), rotations, shifts)
+        rows += [(place[i], near[i], drawn[name].sigma_mm, len(readings[name]), index) for i, name in enumerate(seen)]
+    sigma = np.array([np.hypot(row[2], DEFAULT_SIGMA / np.sqrt(row[3])) for row in rows])
+    base = BaseReadings(
+        np.array([row[0] for row in rows]),
+        np.array([row[1] for row in rows]),
+        sigma,
+        np.array([row[4] for row in rows]),
+    )
+    return rotations, shifts, base
+
+
+def _weigh_base(base: BaseReadings, noise: Noise | None) -> BaseReadings:
+    """Nothing fixed to the base is read better than the noise floor allows for one visit in four."""
+    if noise is None:
+        return base
+    return replace(base, sigma=np.hypot(base.sigma, noise.total / np.sqrt(3.0) / 2.0))

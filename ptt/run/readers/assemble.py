@@ -1,0 +1,231 @@
+"""From the columns of a file to the arrays of a table: what must be there, what may, and which values are allowed."""
+
+import re
+from collections.abc import Mapping as Dictionary
+from typing import Any
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.run.readers.columns import dimension_of, file_title, split_joint
+from ptt.run.readers.export import Export
+
+ROLES = ("pose", "base", "datum")
+SETTABLE = {
+    "payload_kg": "payload",
+    "temp_c": "temp",
+    "feed_mm_s": "feed",
+    "x_std": "x_std",
+    "y_std": "y_std",
+    "z_std": "z_std",
+}
+_CONTEXT = {"time_s": "time", "payload_kg": "payload", "temp_c": "temp", "feed_mm_s": "feed"}
+
+
+def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tuple[dict[str, Any], list[str]]:
+    """Arrays of a table, checked.
+
+    Args:
+        export: the columns.
+        joints: number k of joints of the machine.
+        prefix: 'b' (sliders) or 'q' (joint angles).
+        purpose: 'run', 'targets' or 'sliders'.
+
+    Returns:
+        Field name -> array (n,), (n, 3), (n, 4), (n, k) or None; and warnings.
+
+    Raises:
+        TableError: a column is missing or a value is not allowed.
+    """
+    columns = export.columns
+    role = _roles(export)
+    target, command = _block(export, ["x_cmd", "y_cmd", "z_cmd"]), _commands(export, joints, prefix)
+    _require_columns(export, target, command, prefix, joints, purpose)
+    _require_cells(export, target, command, role == "base", prefix)
+    run, labels = _runs(export)
+    fields: dict[str, Any] = {
+        "target": _nan(export.n, 3) if target is None else target,
+        "command": command,
+        "measured": _filled(export, [f"{axis}_meas" for axis in "xyz"], _nan(export.n, 3)),
+        "name": columns.get("name", np.full(export.n, "")),
+        "role": role,
+        "run": run,
+        "run_label": labels,
+        "repeat": columns.get("repeat", np.full(export.n, np.nan)),
+        **{field: columns.get(quantity) for field, quantity in _CONTEXT.items()},
+        "direction": _directions(export, joints),
+        "torque": _filled(export, [f"tau{i + 1}" for i in range(joints)], None),
+        "std": _stds(export),
+        "orientation_measured": _block(export, [f"q{axis}_meas" for axis in "xyzw"]),
+        "orientation_command": _block(export, [f"q{axis}_cmd" for axis in "xyzw"]),
+        "line": export.line,
+        "source": export.source,
+        "extra": export.extra,
+    }
+    return fields, _warnings(export, prefix)
+
+
+def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.ndarray]:
+    """Columns with some set to one value for all rows.
+
+    Args:
+        export: the columns.
+        values: 'payload_kg', 'temp_c', 'feed_mm_s' or 'x_std', 'y_std', 'z_std' -> value.
+
+    Returns:
+        All columns.
+
+    Raises:
+        TableError: a name that cannot be set, or a value that is not finite.
+    """
+    unknown = [name for name in values if name not in SETTABLE]
+    if unknown:
+        settable = ", ".join((*SETTABLE, "order"))
+        raise TableError(f"'{unknown[0]}' cannot be set", where="--set", fix=f"settable: {settable}")
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
+    return export.columns | {SETTABLE[name]: np.full(export.n, float(value)) for name, value in values.items()}
+
+
+def _nan(n: int, width: int) -> np.ndarray:
+    return np.full((n, width), np.nan)
+
+
+def _block(export: Export, names: list[str]) -> np.ndarray | None:
+    """(n, len(names)), None where no column is there; a part of them is an error."""
+    missing = [name for name in names if name not in export.columns]
+    if len(missing) == len(names):
+        return None
+    if missing:
+        _refuse_missing(export, missing, f"the other{'s' if len(names) > 2 else ''} of {', '.join(names)} are there")
+    return np.column_stack([export.columns[name] for name in names])
+
+
+def _filled(export: Export, names: list[str], none: np.ndarray | None) -> np.ndarray | None:
+    """(n, len(names)), NaN for columns that are not there; `none` where not a single one is."""
+    if not any(name in export.columns for name in names):
+        return none
+    return np.column_stack([export.columns.get(name, np.full(export.n, np.nan)) for name in names])
+
+
+def _commands(export: Export, joints: int, prefix: str) -> np.ndarray | None:
+    numbers = [joint[1] for joint in map(split_joint, export.columns) if joint and joint[0] == prefix]
+    if numbers and max(numbers) > joints:
+        raise TableError(
+            f"column {file_title(f'{prefix}{max(numbers)}_cmd')} for a machine of {joints} joints",
+            where=export.source,
+            fix="use the machine file that belongs to this run",
+        )
+    return _block(export, [f"{prefix}{i + 1}_cmd" for i in range(joints)])
+
+
+def _require_columns(
+    export: Export, target: np.ndarray | None, command: np.ndarray | None, prefix: str, joints: int, purpose: str
+) -> None:
+    if purpose == "sliders" and command is None:
+        _refuse_missing(export, [f"{prefix}{i + 1}" for i in range(joints)], "they are the commands to send")
+    if purpose == "run":
+        missing = [f"{axis}_meas" for axis in "xyz" if f"{axis}_meas" not in export.columns]
+        if missing:
+            _refuse_missing(export, missing, "they are the tracker's readings")
+    if target is None and command is None:
+        other = f"{file_title(f'{prefix}1_cmd')} to {file_title(f'{prefix}{joints}_cmd')}"
+        where = f"neither they nor {other} are there; readings alone are paired with --targets T.csv"
+        _refuse_missing(export, ["x_cmd", "y_cmd", "z_cmd"], where)
+
+
+def _refuse_missing(export: Export, names: list[str], why: str) -> None:
+    kept = f"; columns not understood: {', '.join(export.understood.ignored)}" if export.understood.ignored else ""
+    word = "columns are" if len(names) > 1 else "column is"
+    titles = ", ".join(file_title(name) if dimension_of(name) else name for name in names)
+    raise TableError(
+        f"{word} missing: {titles} ({why}{kept})",
+        where=export.source,
+        fix="add the column, or say with --map FILE.toml which one it is",
+    )
+
+
+def _require_cells(
+    export: Export, target: np.ndarray | None, command: np.ndarray | None, is_base: np.ndarray, prefix: str
+) -> None:
+    """Each row needs its joint commands where the file has such columns, else its target; base points need neither."""
+    block = command if command is not None else target
+    if block is None:
+        return
+    empty = np.argwhere(np.isnan(block) & ~is_base[:, None])
+    if empty.size:
+        row, column = (int(index) for index in empty[0])
+        title = file_title(f"{prefix}{column + 1}_cmd") if command is not None else f"{'xyz'[column]}_cmd"
+        raise TableError(
+            "empty command",
+            where=place(export, row, title),
+            fix="fill in what was sent, or remove the row with its reading",
+        )
+
+
+def place(export: Export, row: int, title: str) -> str:
+    """`run.csv row 41, column x_meas`."""
+    return f"{export.source} row {export.line[row]}, column {title}"
+
+
+def _roles(export: Export) -> np.ndarray:
+    role = export.columns.get("role")
+    if role is None:
+        return np.full(export.n, "pose")
+    role = np.where(role == "", "pose", np.char.lower(role))
+    wrong = np.flatnonzero(~np.isin(role, ROLES))
+    if wrong.size:
+        raise TableError(
+            f"unknown role '{role[wrong[0]]}'",
+            where=place(export, int(wrong[0]), "role"),
+            fix=f"use one of {', '.join(ROLES)}",
+        )
+    return role
+
+
+def _runs(export: Export) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Codes in order of first appearance."""
+    if "run" not in export.columns:
+        return np.zeros(export.n, dtype=np.int64), ("",)
+    labels, first, codes = np.unique(export.columns["run"], return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return np.argsort(order)[codes].astype(np.int64), tuple(str(label) for label in labels[order])
+
+
+def _directions(export: Export, joints: int) -> np.ndarray | None:
+    names = [f"dir{i + 1}" for i in range(joints)]
+    block = _filled(export, names, None)
+    if block is None:
+        return None
+    block = np.where(block == 0.0, np.nan, block)
+    wrong = np.argwhere(~np.isnan(block) & (np.abs(block) != 1.0))
+    if wrong.size:
+        row, column = (int(index) for index in wrong[0])
+        raise TableError(
+            f"not a direction ({block[row, column]:g})",
+            where=place(export, row, names[column]),
+            fix="use +1, -1, or an empty cell where it is unknown",
+        )
+    return block
+
+
+def _stds(export: Export) -> np.ndarray | None:
+    names = [f"{axis}_std" for axis in "xyz"]
+    block = _filled(export, names, None)
+    wrong = np.argwhere(block < 0.0) if block is not None else np.empty(0)
+    if block is not None and wrong.size:
+        row, column = (int(index) for index in wrong[0])
+        raise TableError(
+            f"negative standard deviation ({block[row, column]:g})",
+            where=place(export, row, names[column]),
+            fix="mark it with an empty cell",
+        )
+    return block
+
+
+def _warnings(export: Export, prefix: str) -> list[str]:
+    other = "q" if prefix == "b" else "b"
+    foreign = [name for name in export.columns if re.fullmatch(rf"{other}[1-9]\d*_cmd", name)]
+    titles = ", ".join(map(file_title, foreign))
+    return [f"not used: {titles} (this machine's joints are {prefix}1..)"] if foreign else []

@@ -1,0 +1,240 @@
+"""One file, in whatever form it comes, as columns of known quantity in the program's units."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.run.readers.columns import Meaning, canonical, standard_unit, to_standard
+from ptt.run.readers.layout import Column, meanings_by_order, meanings_of_titles, understand
+from ptt.run.readers.mapping import IGNORE, Ask, Mapping, Understood
+from ptt.run.readers.numbers import read_cells
+from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
+from ptt.run.readers.stamps import read_seconds
+from ptt.run.readers.text import DELIMITERS, RawText, cell_counts, is_number, read_text, split_line
+from ptt.run.readers.titles import UNIT_OF_WORD, is_unit_row, meaning_of, normalise
+
+
+@dataclass(frozen=True)
+class Request:
+    """How a file is to be read.
+
+    Attributes:
+        purpose: 'run' (readings), 'targets' (poses wanted) or 'sliders' (commands to send).
+        mapping: answers known beforehand.
+        ask: who answers what is ambiguous; None makes that an error.
+    """
+
+    purpose: str = "run"
+    mapping: Mapping = field(default_factory=Mapping)
+    ask: Ask | None = None
+
+
+@dataclass(frozen=True)
+class Export:
+    """Columns of one file.
+
+    Attributes:
+        source: file name.
+        columns: quantity -> (n,) float64 in the program's unit (NaN = empty), or str for name, role and run.
+        extra: title -> (n,) str, columns that are no quantity, as written.
+        line: (n,) int, line numbers in the file.
+        understood: what was made of the file.
+    """
+
+    source: str
+    columns: dict[str, np.ndarray]
+    extra: dict[str, np.ndarray]
+    line: np.ndarray
+    understood: Understood
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return len(self.line)
+
+
+def read_any(path: str | Path, request: Request | None = None) -> Export:
+    """Read a tracker CSV or an export of tracker or robot software.
+
+    Args:
+        path: the file.
+        request: purpose, known answers and who to ask.
+
+    Returns:
+        The columns and what was understood.
+
+    Raises:
+        TableError: whatever cannot be read, with file, row and column.
+    """
+    request = request or Request()
+    raw = read_text(path, request.mapping, request.ask)
+    check_axes(raw)
+    notes, delimiter = list[str](), raw.delimiter
+    if is_spatial_analyzer(raw):
+        raw, notes = reshape(raw)
+    raw, titles, meanings = _titles(raw, request)
+    columns = understand(titles, meanings, request.purpose, raw.source, request.mapping, request.ask)
+    if not any(column.quantity for column in columns):
+        _refuse_unknown(raw, titles)
+    if request.purpose == "run":
+        _refuse_single(raw)
+    values, columns, dates, time_note = _values(raw, columns, request)
+    copies = _copies(raw, values) if request.purpose == "run" else []
+    raw = replace(raw, delimiter=delimiter)
+    understood = _understood(raw, columns, [*notes, *time_note, *copies], dates, request.mapping)
+    extra = {column.title: values[column.title] for column in columns if not column.quantity}
+    known = {column.quantity: values[column.quantity] for column in columns if column.quantity}
+    return Export(raw.source, known, extra, raw.line, understood)
+
+
+def _titles(raw: RawText, request: Request) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
+    if raw.header is None:
+        header = _header_in_comments(raw)
+        raw = raw if header is None else replace(raw, header=header)
+    if raw.header is None:
+        meanings = meanings_by_order(raw)
+        meanings = [_with_comment_unit(meaning, raw) for meaning in meanings]
+        return raw, tuple(f"column {index + 1}" for index in range(len(meanings))), meanings
+    titles, raw = raw.header, _without_trailing_delimiter(raw, len(raw.header))
+    cells = split_line(raw.body[0], raw.delimiter)
+    if len(cells) == len(titles) and is_unit_row(cells):
+        titles = tuple(
+            f"{title} [{cell.strip('[]()')}]" if cell else title for title, cell in zip(titles, cells, strict=True)
+        )
+        raw = replace(raw, body=raw.body[1:], line=raw.line[1:])
+    if not raw.body:
+        raise TableError("only a header, no rows", where=raw.source, fix="export it again with its readings")
+    return raw, titles, meanings_of_titles(titles, raw.source)
+
+
+def _without_trailing_delimiter(raw: RawText, width: int) -> RawText:
+    """Some software ends every row, but not the titles, on a delimiter."""
+    mark = raw.delimiter
+    if mark == " " or not all(line.endswith(mark) for line in raw.body) or (cell_counts(raw.body, mark) == width).any():
+        return raw
+    return replace(raw, body=[line[:-1] for line in raw.body])
+
+
+def _header_in_comments(raw: RawText) -> tuple[str, ...] | None:
+    """The last comment above the data, where it has as many words as the rows have cells and names x, y and z."""
+    width = len(split_line(raw.body[0], raw.delimiter))
+    for comment in reversed(raw.comments):
+        cells = tuple(split_line(comment, raw.delimiter))
+        found = {meaning.quantity[0] for meaning in map(meaning_of, cells) if meaning}
+        if len(cells) == width and {"x", "y", "z"} <= found:
+            return cells
+    return None
+
+
+def _with_comment_unit(meaning: Meaning | None, raw: RawText) -> Meaning | None:
+    """A comment such as `units: mm` says the unit of a file without titles."""
+    if meaning is None or meaning.quantity not in ("x", "y", "z"):
+        return meaning
+    for comment in raw.comments:
+        words = normalise(comment).replace("=", " ").replace(":", " ").split()
+        if len(words) == 2 and words[0] in ("unit", "units", "单位"):
+            return Meaning(meaning.quantity, UNIT_OF_WORD.get(words[1], f"({words[1]})"))
+    return meaning
+
+
+def _values(
+    raw: RawText, columns: list[Column], request: Request
+) -> tuple[dict[str, np.ndarray], list[Column], str | None, list[str]]:
+    """Values by quantity, by title for columns kept aside; damaged time stamps join the latter."""
+    cells = read_cells(raw, columns)
+    values, kept, dates, notes = dict[str, np.ndarray](), list[Column](), None, list[str]()
+    for column in columns:
+        content = cells[column.index]
+        if not column.quantity:
+            values[column.title] = content
+        elif column.unit == "stamp":
+            asked = request.mapping.dates, request.ask, raw.source
+            seconds, note, dates = read_seconds(content, raw.line, raw.decimal, *asked)
+            notes.append(f"{column.title}: {note}")
+            values |= {column.title: content} if seconds is None else {column.quantity: seconds}
+            column = replace(column, quantity="") if seconds is None else column
+        elif content.dtype.kind == "f":
+            values[column.quantity] = to_standard(content, column.quantity, column.unit)
+        else:
+            values[column.quantity] = content
+        kept.append(column)
+    return values, kept, dates, notes
+
+
+def _refuse_unknown(raw: RawText, titles: tuple[str, ...]) -> None:
+    listed = ", ".join(titles)
+    raise TableError(
+        f"no column is understood ({listed})",
+        where=raw.source,
+        fix="name the columns as in the tracker CSV, or say what they hold with --map FILE.toml",
+    )
+
+
+def _refuse_single(raw: RawText) -> None:
+    if len(raw.body) == 1:
+        where = f"{raw.source} row {raw.line[0]}"
+        raise TableError("only one row; nothing can be learned from one reading", where=where, fix="measure more poses")
+
+
+def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
+    """A warning on rows identical in every column, which count as repeats; those without a reading may be alike."""
+    if len(set(raw.body)) == len(raw.body):
+        return []
+    measured = [values[name] for name in ("x_meas", "y_meas", "z_meas") if name in values]
+    read = (
+        ~np.all([np.isnan(column) for column in measured], axis=0) if measured else np.ones(len(raw.body), dtype=bool)
+    )
+    seen: dict[str, int] = {}
+    copied = [index for index, line in enumerate(raw.body) if seen.setdefault(line, index) != index and read[index]]
+    if not copied:
+        return []
+    first = f"row {raw.line[copied[0]]} is identical to row {raw.line[seen[raw.body[copied[0]]]]} in every column"
+    more = f", and {len(copied) - 1} more rows are copies" if len(copied) > 1 else ""
+    return [f"warning: {first}{more}: taken as repeats, but copies tell nothing of the scatter of readings"]
+
+
+def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: str | None, given: Mapping) -> Understood:
+    delimiter, decimal = DELIMITERS.get(raw.delimiter, repr(raw.delimiter)), {".": "point", ",": "comma"}[raw.decimal]
+    lines = [f"{raw.source}: {len(raw.body)} rows, {raw.encoding}, {delimiter} between columns, decimal {decimal}"]
+    if raw.comments:
+        lines.append(f"{len(raw.comments)} comment lines skipped")
+    rows = [
+        text
+        for text in raw.comments
+        if sum(is_number(cell, raw.delimiter) for cell in split_line(text, raw.delimiter)) > 2
+    ]
+    if rows:
+        lines.append(f"warning: {len(rows)} of them look like rows, first '{rows[0]}'; quote a name that starts with #")
+    plain = [column.title for column in columns if column.quantity and canonical(column.title) and not column.note]
+    if plain:
+        lines.append(f"columns as named: {', '.join(plain)}")
+    lines += [_meaning_line(column) for column in columns if column.quantity and column.title not in plain]
+    ignored = tuple(column.title for column in columns if not column.quantity)
+    if ignored:
+        lines.append(f"not used: {', '.join(ignored)}")
+    absent = [title for title in {**given.columns, **given.units} if title not in {column.title for column in columns}]
+    if absent:
+        lines.append(f"in the mapping but not in the file: {', '.join(absent)}")
+    return Understood((*lines, *notes), ignored, _answers(raw, columns, dates, given))
+
+
+def _meaning_line(column: Column) -> str:
+    quantity = column.quantity
+    unit = f" [{column.unit}]" if column.unit and column.unit != "stamp" else ""
+    turned = f", turned into {standard_unit(quantity)}" if unit and column.unit != standard_unit(quantity) else ""
+    return f"'{column.title}' is {quantity}{unit}{turned}" + (f" ({column.note})" if column.note else "")
+
+
+def _answers(raw: RawText, columns: list[Column], dates: str | None, given: Mapping) -> Mapping:
+    return Mapping(
+        encoding=raw.encoding,
+        delimiter=raw.delimiter.replace(" ", "space"),
+        decimal=raw.decimal,
+        dates=dates or given.dates,
+        pairing=given.pairing,
+        targets=given.targets,
+        columns={column.title: column.quantity or IGNORE for column in columns},
+        units={column.title: column.unit for column in columns if column.quantity and column.unit},
+    )

@@ -1,0 +1,97 @@
+"""Cells to numbers, with an error that names file, row and column for the first cell that is none."""
+
+import io
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from ptt.errors import TableError
+from ptt.run.readers.layout import Column
+from ptt.run.readers.text import RawText, cell_counts, split_line
+
+# pandas 3 reads floats exactly by default and warns about the option; before that the option is needed
+_EXACT: dict[str, Any] = {"float_precision": "round_trip"} if int(pd.__version__.split(".")[0]) < 3 else {}
+
+
+def read_cells(raw: RawText, columns: list[Column]) -> dict[int, np.ndarray]:
+    """Read every column of a file.
+
+    Args:
+        raw: the lines.
+        columns: what each column holds.
+
+    Returns:
+        Column index -> (n,) float64, NaN where a cell is empty, for numbers; (n,) str for text, stamps and the rest.
+
+    Raises:
+        TableError: a row too long or too short, text, NaN or infinity in a column of numbers.
+    """
+    _check_widths(raw, len(columns))
+    numeric = [column.index for column in columns if _is_numeric(column)]
+    texts = [column.index for column in columns if column.index not in numeric]
+    options: dict[str, Any] = {
+        "header": None,
+        "names": list(range(len(columns))),
+        "index_col": False,
+        "sep": r"\s+" if raw.delimiter == " " else raw.delimiter,
+        "decimal": raw.decimal,
+        "thousands": raw.thousands or None,
+        "dtype": dict.fromkeys(texts, str),
+        "na_values": {index: [""] for index in numeric},
+        "keep_default_na": False,
+        "skipinitialspace": True,
+        "skip_blank_lines": False,
+        "low_memory": False,
+    }
+    frame = cast(pd.DataFrame, pd.read_csv(io.StringIO("\n".join(raw.body) + "\n"), **options, **_EXACT))
+    numbers = {index: _to_float(frame[index], raw, columns[index]) for index in numeric}
+    return numbers | {index: frame[index].astype(str).str.strip().to_numpy(dtype=str) for index in texts}
+
+
+def _is_numeric(column: Column) -> bool:
+    return column.quantity not in ("", "name", "role", "run") and column.unit != "stamp"
+
+
+def _check_widths(raw: RawText, width: int) -> None:
+    wrong = np.flatnonzero(cell_counts(raw.body, raw.delimiter) != width)
+    if not wrong.size:
+        return
+    cells = split_line(raw.body[wrong[0]], raw.delimiter)
+    fix = "empty cells keep their delimiter"
+    if raw.delimiter == "," and len(cells) > width:
+        fix = "write numbers with a decimal point, or separate the columns with semicolons"
+    raise TableError(
+        f"{len(cells)} cells where {width} are expected", where=f"{raw.source} row {raw.line[wrong[0]]}", fix=fix
+    )
+
+
+def _to_float(cells: pd.Series, raw: RawText, column: Column) -> np.ndarray:
+    if cells.dtype == np.float64:
+        values = cells.to_numpy(dtype=np.float64)
+    elif cells.dtype == np.int64:
+        return cells.to_numpy(dtype=np.float64)
+    else:
+        _refuse_text(cells, raw, column)
+        values = pd.to_numeric(cells).to_numpy(dtype=np.float64)
+    infinite = np.flatnonzero(np.isinf(values))
+    if infinite.size:
+        _refuse(raw, column, int(infinite[0]))
+    return values
+
+
+def _refuse_text(cells: pd.Series, raw: RawText, column: Column) -> None:
+    texts = cells.astype(str)
+    bad = np.flatnonzero(pd.to_numeric(texts, errors="coerce").isna().to_numpy() & cells.notna().to_numpy())
+    bad = bad if bad.size or cells.dtype != bool else np.array([0])
+    if bad.size:
+        _refuse(raw, column, int(bad[0]))
+
+
+def _refuse(raw: RawText, column: Column, row: int) -> None:
+    value = split_line(raw.body[row], raw.delimiter)[column.index]
+    fix = "remove the row or mark it with an empty cell"
+    if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
+        fix = "write numbers with a decimal point"
+    where = f"{raw.source} row {raw.line[row]}, column {column.title}"
+    raise TableError(f"not a number ('{value}')", where=where, fix=fix)

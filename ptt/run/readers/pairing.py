@@ -1,0 +1,164 @@
+"""An export that holds readings only, joined with the file of the targets it was measured at."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.run.readers.export import Export, Request
+from ptt.run.readers.mapping import Understood, answer
+
+NAME, NUMBER, ORDER = "name", "number", "order"
+_SHOWN = 8
+
+
+def pair_targets(export: Export, targets: Export, request: Request) -> Export:
+    """Give every reading its target: by name, by number where the ids count the targets, else in order.
+
+    The result has the rows of the targets in their order, which is the travel order; a target without reading keeps its
+    place with empty readings. Where a target was measured more often than it is listed, the rows are the readings in
+    their order instead.
+
+    Args:
+        export: readings.
+        targets: targets or commands, and what else that file knows of each row.
+        request: known answers and who to ask.
+
+    Returns:
+        One export with the columns of both (those of the export where both have one), gaps and unmatched rows among
+        the findings.
+
+    Raises:
+        TableError: no row matches, or it cannot be known which readings are missing.
+    """
+    way = request.mapping.pairing or _way(export, targets, request)
+    _check_way(way, export, targets)
+    reading_of, order, note = {NAME: _by_name, NUMBER: _by_number, ORDER: _by_order}[way](export, targets)
+    if (reading_of < 0).all():
+        raise TableError(
+            f"no reading belongs to a target of {targets.source}",
+            where=export.source,
+            fix="use the same names in both files, or none in the targets to pair in order",
+        )
+    joined = _join(export, targets, reading_of, order)
+    findings = [note, *_gaps(export, targets, reading_of, order)]
+    mapping = replace(export.understood.mapping, pairing=way, targets=targets.understood.mapping)
+    lines = (*export.understood.lines, *targets.understood.lines, *findings)
+    ignored = tuple(dict.fromkeys((*export.understood.ignored, *targets.understood.ignored)))
+    return replace(joined, understood=Understood(lines, ignored, mapping))
+
+
+def _check_way(way: str, export: Export, targets: Export) -> None:
+    """An answer from the mapping must suit the files."""
+    names = export.columns.get("name")
+    if way == NAME and (names is None or "name" not in targets.columns):
+        raise TableError("cannot pair by name", where=export.source, fix="both files need a column name")
+    if way == NUMBER and (names is None or not _counts_targets(names, targets.n)):
+        raise TableError(
+            f"ids are not rising row numbers of the {targets.n} targets",
+            where=export.source,
+            fix="pair by name or in order",
+        )
+
+
+def _way(export: Export, targets: Export, request: Request) -> str:
+    names, wanted = export.columns.get("name"), targets.columns.get("name")
+    if names is not None and wanted is not None and _matches(names, wanted):
+        return NAME
+    if wanted is None and names is not None and _counts_targets(names, targets.n):
+        return NUMBER
+    if export.n == targets.n:
+        return ORDER
+    question = f"{export.n} readings for {targets.n} targets and no names in common; which readings belong together?"
+    if export.n > targets.n:
+        raise TableError(question, where=export.source, fix="name the points alike in both files")
+    return answer(question, (ORDER,), request.ask, export.source, "pairing")
+
+
+def _matches(names: np.ndarray, wanted: np.ndarray) -> bool:
+    return bool((set(_comparable(names.tolist(), wanted.tolist())) & set(wanted.tolist())) - {""})
+
+
+def _comparable(names: list[str], wanted: list[str]) -> list[str]:
+    """Names as the targets spell them: without their group where no full name is listed."""
+    return names if set(names) & set(wanted) - {""} else [name.rsplit("/", 1)[-1] for name in names]
+
+
+def _counts_targets(names: np.ndarray, n: int) -> bool:
+    """Whether ids are row numbers of the targets: whole, rising, from 1 to at most n; gaps are poses not measured."""
+    if not all(name.isdigit() for name in names.tolist()):
+        return False
+    numbers = names.astype(np.int64)
+    return bool((np.diff(numbers) > 0).all() and numbers[0] >= 1 and numbers[-1] <= n)
+
+
+def _by_name(export: Export, targets: Export) -> tuple[np.ndarray, np.ndarray, str]:
+    """k-th reading of a name to the k-th target of that name; a target listed once serves all readings of its name."""
+    wanted = targets.columns["name"].tolist()
+    names = _comparable(export.columns["name"].tolist(), wanted)
+    count, listed = Counter(names), Counter(wanted)
+    if any(count[name] > listed[name] > 0 for name in count if name):
+        target_of = {name: index for index, name in reversed(list(enumerate(wanted))) if name}
+        pairs = [(target_of[name], index) for index, name in enumerate(names) if name in target_of]
+        order, reading_of = (np.array(side, dtype=np.int64) for side in zip(*pairs, strict=True))
+        return reading_of, order, "paired by name, in the order of the readings"
+    places = {key: index for index, key in enumerate(_numbered(names)) if key[0]}
+    reading_of = np.array([places.get(key, -1) for key in _numbered(wanted)], dtype=np.int64)
+    return reading_of, np.arange(targets.n), "paired by name, in the order of the targets"
+
+
+def _numbered(names: list[str]) -> list[tuple[str, int]]:
+    seen: Counter[str] = Counter()
+    keys = []
+    for name in names:
+        keys.append((name, seen[name]))
+        seen[name] += 1
+    return keys
+
+
+def _by_number(export: Export, targets: Export) -> tuple[np.ndarray, np.ndarray, str]:
+    reading_of = np.full(targets.n, -1, dtype=np.int64)
+    reading_of[export.columns["name"].astype(np.int64) - 1] = np.arange(export.n)
+    return reading_of, np.arange(targets.n), "paired by number: the ids are row numbers of the targets"
+
+
+def _by_order(export: Export, targets: Export) -> tuple[np.ndarray, np.ndarray, str]:
+    reading_of = np.arange(targets.n)
+    reading_of[export.n :] = -1
+    return reading_of, np.arange(targets.n), "paired in order"
+
+
+def _join(export: Export, targets: Export, reading_of: np.ndarray, order: np.ndarray) -> Export:
+    columns = {quantity: values[order] for quantity, values in targets.columns.items()}
+    for quantity, values in export.columns.items():
+        if quantity != "name" or "name" not in columns:
+            columns[quantity] = _picked(values, reading_of)
+    extra = {title: values[order] for title, values in targets.extra.items()}
+    extra |= {title: _picked(values, reading_of) for title, values in export.extra.items()}
+    line = np.where(reading_of >= 0, export.line[reading_of], targets.line[order])
+    return Export(export.source, columns, extra, line, export.understood)
+
+
+def _picked(values: np.ndarray, reading_of: np.ndarray) -> np.ndarray:
+    """Values of the readings, empty where a target has none."""
+    picked = values[reading_of]
+    picked[reading_of < 0] = np.nan if values.dtype.kind == "f" else ""
+    return picked
+
+
+def _gaps(export: Export, targets: Export, reading_of: np.ndarray, order: np.ndarray) -> list[str]:
+    missed = np.setdiff1d(np.arange(targets.n), order[reading_of >= 0])
+    unmatched = np.setdiff1d(np.arange(export.n), reading_of[reading_of >= 0])
+    found = []
+    if missed.size:
+        found.append(f"{missed.size} targets without reading: {_listed(targets, missed)}")
+    if unmatched.size:
+        found.append(f"{unmatched.size} readings without target, left out: {_listed(export, unmatched)}")
+    return found
+
+
+def _listed(export: Export, rows: np.ndarray) -> str:
+    names = export.columns.get("name", np.full(export.n, ""))
+    shown = [f"row {export.line[row]} {names[row]}".strip() for row in rows[:_SHOWN]]
+    return ", ".join(shown) + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")

@@ -1,0 +1,127 @@
+"""Dates and times of day to seconds."""
+
+import re
+from datetime import datetime
+from itertools import pairwise
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.run.readers.mapping import Ask, answer
+
+_CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,]\d+)?))?\s*(?P<half>[AaPp][Mm])?"
+_YEAR_FIRST = re.compile(rf"(?P<year>\d{{4}})[-/.年](?P<a>\d{{1,2}})[-/.月](?P<b>\d{{1,2}})日?[ T]*{_CLOCK}Z?")
+_YEAR_LAST = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}})[ T]+{_CLOCK}")
+_COMPACT = re.compile(r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)")
+_TIME_ONLY = re.compile(_CLOCK)
+_SHORTENED = re.compile(r"[12][.,]\d+[eE]\+?1[23]|20\d{6}0{6}")
+
+DAY = 86400.0  # s
+DAY_FIRST, MONTH_FIRST = "day-first", "month-first"
+
+
+def read_seconds(
+    cells: np.ndarray, line: np.ndarray, decimal: str, dates: str | None, ask: Ask | None, where: str
+) -> tuple[np.ndarray | None, str, str | None]:
+    """Seconds from cells that hold plain numbers, dates with a time of day, or a time of day.
+
+    Args:
+        cells: (n,) str; empty where unknown.
+        line: (n,) line numbers.
+        decimal: decimal sign of plain numbers.
+        dates: 'day-first', 'month-first' or None.
+        ask: who answers when the order of day and month matters and cannot be seen.
+        where: file, for messages.
+
+    Returns:
+        (n,) s, NaN where empty, from the first stamp on, plain numbers as they are, or None where the stamps are
+        damaged; what was understood; the order of day and month where it was needed.
+
+    Raises:
+        TableError: a cell that is no time.
+    """
+    filled = [cell for cell in cells.tolist() if cell]
+    if filled and all(_SHORTENED.fullmatch(cell) for cell in filled):
+        return None, "stamps lost their digits in a spreadsheet, not used; row order is the time", None
+    numbers = _plain_numbers(cells, decimal)
+    if numbers is not None and not all(_COMPACT.fullmatch(cell) for cell in filled):
+        return _checked_epoch(numbers, ask, where), "plain numbers, taken as seconds", None
+    matches = [_match(cell, where, int(row)) for cell, row in zip(cells.tolist(), line, strict=True)]
+    dates = _order_of_day_and_month(matches, dates, ask, where)
+    values = np.array([_seconds(match, dates == DAY_FIRST, where) for match in matches], dtype=np.float64)
+    values, note = _past_midnight(matches, values)
+    first = values[~np.isnan(values)]
+    return values - (first[0] if first.size else 0.0), f"date and time, in seconds from the first row{note}", dates
+
+
+def _past_midnight(matches: list[re.Match[str] | None], values: np.ndarray) -> tuple[np.ndarray, str]:
+    """Times of day without a date go on past midnight: a fall by more than half a day is a new day."""
+    known = np.flatnonzero(~np.isnan(values))
+    if any(match and match.re is not _TIME_ONLY for match in matches):
+        return values, ""
+    nights = np.cumsum(np.diff(values[known], prepend=values[known][:1]) < -DAY / 2.0)
+    whole = values.copy()
+    whole[known] += DAY * nights
+    last = int(nights[-1]) if len(nights) else 0
+    return whole, f", on past midnight {'once' if last == 1 else f'{last} times'}" if last else ""
+
+
+def _plain_numbers(cells: np.ndarray, decimal: str) -> np.ndarray | None:
+    try:
+        return np.array([float(cell.replace(decimal, ".")) if cell else np.nan for cell in cells.tolist()])
+    except ValueError:
+        return None
+
+
+def _checked_epoch(numbers: np.ndarray, ask: Ask | None, where: str) -> np.ndarray:
+    if np.isinf(numbers).any() or np.nanmax(np.abs(numbers), initial=0.0) < 1e11:
+        return numbers
+    unit = answer(f"which unit is a time of {np.nanmax(numbers):.0f} in?", ("ms", "s"), ask, where, "[units]")
+    return numbers * 1e-3 if unit == "ms" else numbers
+
+
+def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
+    if not cell:
+        return None
+    for pattern in (_YEAR_FIRST, _YEAR_LAST, _COMPACT, _TIME_ONLY):
+        match = pattern.fullmatch(cell)
+        if match:
+            return match
+    raise TableError(f"not a time ('{cell}')", where=f"{where} row {row}", fix="empty the cell or write seconds")
+
+
+def _order_of_day_and_month(
+    matches: list[re.Match[str] | None], dates: str | None, ask: Ask | None, where: str
+) -> str | None:
+    """Needed for 02/12/25; seen from a number above 12, without consequence within one day, else asked."""
+    days = [(int(m["a"]), int(m["b"]), m["year"]) for m in matches if m and m.re is _YEAR_LAST]
+    if not days or dates:
+        return dates
+    if any(a > 12 for a, _, _ in days):
+        return DAY_FIRST
+    if any(b > 12 for _, b, _ in days):
+        return MONTH_FIRST
+    if len(set(days)) == 1:
+        return DAY_FIRST if days[0][0] else None
+    example = next(day for day, other in pairwise(days) if day != other)
+    question = f"is {example[0]:02d}/{example[1]:02d}/{example[2]} written day first or month first?"
+    return answer(question, (DAY_FIRST, MONTH_FIRST), ask, where, "dates")
+
+
+def _seconds(match: re.Match[str] | None, day_first: bool, where: str) -> float:
+    if match is None:
+        return np.nan
+    part = match.groupdict()
+    hour = int(part["hour"]) % 12 + 12 * (part["half"].lower() == "pm") if part.get("half") else int(part["hour"])
+    clock = hour * 3600.0 + int(part["minute"]) * 60.0 + float((part["second"] or "0").replace(",", "."))
+    if "year" not in part:
+        return clock
+    month, day = int(part["a"]), int(part["b"])
+    if day_first and match.re is _YEAR_LAST:
+        month, day = day, month
+    year = int(part["year"]) + (2000 if len(part["year"]) == 2 else 0)
+    try:
+        return (datetime(year, month, day) - datetime(2000, 1, 1)).total_seconds() + clock
+    except ValueError as error:
+        what = f"not a date ('{match[0]}': {error})"
+        raise TableError(what, where=where, fix="check the order of day and month") from None

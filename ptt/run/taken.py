@@ -1,0 +1,123 @@
+"""What the set-up took before any physics is looked at: the frame of the targets, and the tracker's."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ptt.run.problem import Problem
+
+WORTH_MM = 1.0  # of way, root mean square: less is what any set-up takes, and no machine is built off by more unseen
+MUCH_LESS = 0.1  # of the way to the drawing's places: a tracker elsewhere would not happen to read the targets' own
+SHARED = "several runs"
+
+
+def set_up(problem: Problem) -> dict[str, Any]:
+    """What the frames took, for JSON.
+
+    Args:
+        problem: the readings.
+
+    Returns:
+        'target_frame': run, source, origin_mm, turn_deg, left_mm, rows of each run whose targets are not stated in the
+        base frame; 'frame_taken': run, shift_mm, turn_deg, rms_mm of each tracker frame, and how far readings lay from
+        their targets as they come (as_read_mm) and from where the drawing puts them before the frame was taken off and
+        after it (before_mm, after_mm); drawing_off: whether that tells of a wrong drawing, not of the tracker's place.
+    """
+    labels = problem.table.run_label
+    moved = [(labels[run], frame) for run, frame in enumerate(problem.stated_in) if frame.source != "base"]
+    return {
+        "target_frame": [{"run": label, **frame.to_dict()} for label, frame in moved],
+        "frame_taken": _taken(problem),
+    }
+
+
+def set_up_lines(problem: Problem) -> list[str]:
+    """What the frames took, in words; what any set-up takes is not mentioned.
+
+    Args:
+        problem: the readings.
+
+    Returns:
+        One line for each frame that took more.
+    """
+    lines, labels = [], problem.table.run_label
+    for run, frame in enumerate(problem.stated_in):
+        where = f"{labels[run]}: " if len(labels) > 1 else ""
+        if frame.source == "unknown":
+            lines.append(f"{where}targets are stated for another tool or base than the drawing's; the commands count")
+        elif frame.source != "base":
+            lines.append(f"{where}targets are stated in {frame.words}{_turned_about(frame.turn_deg, frame.origin)}")
+        elif frame.doubt:
+            lines.append(
+                f"{where}commands and targets differ by one rigid motion, {frame.doubt:.3f} mm (median): taken as a"
+                " correction that was sent; if targets have a frame of their own, state it under [targets] in the"
+                " machine file"
+            )
+    return lines + [_frame_words(taken) for taken in _taken(problem) if taken["rms_mm"] > WORTH_MM]
+
+
+def _frame_words(taken: dict[str, Any]) -> str:
+    """What a tracker frame took, and where the drawing is to blame for it rather than the tracker's place."""
+    where = f"{taken['run']}: " if taken["run"] else ""
+    shift = ", ".join(f"{value:.3f}" for value in taken["shift_mm"])
+    angle = float(np.linalg.norm(taken["turn_deg"]))
+    words = (
+        f"{where}the tracker's frame took a shift of ({shift}) mm and a turn of {angle:.3f} deg: readings lay"
+        f" {taken['before_mm']:.3f} mm (rms) from where the drawing puts them, after it {taken['after_mm']:.3f} mm"
+    )
+    if not taken["drawing_off"]:
+        return words
+    return (
+        f"{words}; as they come they lie only {taken['as_read_mm']:.3f} mm from their targets, so it is no matter of "
+        "the tracker's place: the drawing or the commands are off, check radii, link length, slider zeros and side"
+    )
+
+
+def _drawing_off(near: float | None, before: float | None, after: float | None, in_base: bool) -> bool:
+    """Readings near their targets, far from the drawing's places: another frame of both, or a wrong drawing.
+
+    Another frame of both would be stated or found, and leave no more than readings are off their targets.
+    """
+    if near is None or before is None or after is None or near > MUCH_LESS * before:
+        return False
+    return in_base or 2.0 * near < after
+
+
+def _taken(problem: Problem) -> list[dict[str, Any]]:
+    """Motion of the readings from the base frame, frame by frame; none where the frame is trusted."""
+    found = []
+    for index in range(len(problem.rotation)) if problem.file.tracker.frame != "trusted" else ():
+        here = problem.used & (problem.frame == index)
+        if not here.any():
+            continue
+        way = problem.table.measured[here] - problem.measured[here]
+        read, place = problem.table.measured[here], problem.view.p.numpy()[here]
+        stages = _rms(read - problem.table.target[here]), _rms(read - place), _rms(problem.measured[here] - place)
+        runs = np.unique(problem.table.run[here])
+        in_base = all(frame.source == "base" for frame in problem.stated_in)
+        label = problem.table.run_label[runs[0]] if len(runs) == 1 else SHARED
+        turn = Rotation.from_matrix(problem.rotation[index]).as_rotvec(degrees=True)
+        found.append(
+            {
+                "run": label,
+                "shift_mm": problem.shift[index].tolist(),
+                "turn_deg": turn.tolist(),
+                "rms_mm": _rms(way),
+                **dict(zip(("as_read_mm", "before_mm", "after_mm"), stages, strict=True)),
+                "drawing_off": _drawing_off(*stages, in_base),
+            }
+        )
+    return found
+
+
+def _rms(way: np.ndarray) -> float | None:
+    """Root mean square length, mm; None where there is nothing to measure."""
+    known = way[np.isfinite(way).all(axis=1)]
+    return float(np.sqrt(np.square(known).sum(axis=1).mean())) if len(known) else None
+
+
+def _turned_about(turn_deg: np.ndarray, origin: np.ndarray) -> str:
+    """A half turn about z without a shift is what interchanged radii look like."""
+    half = abs(abs(turn_deg[2]) - 180.0) < 1.0 and np.abs(turn_deg[:2]).max() < 1.0
+    return " (are base and platform radius interchanged?)" if half and np.abs(origin).max() < WORTH_MM else ""

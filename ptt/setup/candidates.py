@@ -1,0 +1,258 @@
+"""The geometric mistakes that people make with a 3-PTT, each with what undoes it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations, permutations, product
+from typing import Literal
+
+import numpy as np
+import torch
+
+from ptt.machine import ThreePttSpec
+from ptt.setup.score import build
+from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
+
+Side = Literal["readings", "targets", "both"]
+UNITS = {"inches": 25.4, "metres": 1e3, "centimetres": 10.0, "micrometres": 1e-3}
+SHORT = {"inches": "in", "metres": "m", "centimetres": "cm", "micrometres": "um"}
+BEYOND_HOMING = 5.0  # mm: a slider's zero further off than this was counted from elsewhere, not homed badly
+SHORTEST, LONGEST = 60.0, 1e4  # mm: links of machines that carry a reflector
+AXES = "xyz"
+
+
+def mistakes_in(setup: Setup) -> list[Hypothesis]:
+    """Every single geometric mistake that the columns of a run leave possible.
+
+    Args:
+        setup: both files.
+
+    Returns:
+        Hypotheses, the plainer first.
+    """
+    table = setup.table
+    read, wanted = np.isfinite(table.measured).any(), np.isfinite(table.target).any()
+    sent = table.command is not None
+    found: list[Hypothesis] = []
+    if read:
+        found += [*mirrors("readings"), *units("readings")]
+        found += [] if setup.free else turned_axes("readings")
+    if wanted:
+        found += units("targets")
+        found += mirrors("targets") if sent or not read else []
+    if wanted and read:
+        found += units("both")
+        found += mirrors("both") if sent else []
+    if sent:
+        found += [*slider_units(setup), *slider_orders(setup)]
+    if sent or wanted:
+        found += [*drawing_slips(setup)]
+    return found
+
+
+def mirrors(side: Side) -> Iterator[Hypothesis]:
+    """One axis negated, or two swapped: all of them left-handed, so one and the same where the frame is free."""
+    for axis, letter in enumerate(AXES):
+        sign = np.where(np.arange(3) == axis, -1.0, 1.0)
+        matrix = np.diag(sign)
+        name = columns_of(side, letter)
+        yield Hypothesis("axis-sign", f"{letter}{of(side)} negated", f"negate {name}", _turn(side, matrix), cost(side))
+    for one, other in combinations(range(3), 2):
+        order = np.arange(3)
+        order[[one, other]] = other, one
+        first, second = AXES[one], AXES[other]
+        words = f"{first} and {second}{of(side)} swapped"
+        fix = f"swap {columns_of(side, first)} and {columns_of(side, second)}"
+        yield Hypothesis("axes-swapped", words, fix, _turn(side, np.eye(3)[order]), cost(side))
+
+
+def turned_axes(side: Side) -> Iterator[Hypothesis]:
+    """Every other change of axes, which a frame that is fitted would take by itself."""
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        changes = sum(place != axis for place, axis in enumerate(order)) + sum(sign < 0 for sign in signs)
+        if changes > 1 and (changes, min(signs)) != (2, 1.0):
+            matrix = np.diag(signs) @ np.eye(3)[list(order)]
+            axes = ", ".join(f"{'-' if sign < 0 else ''}{AXES[axis]}" for sign, axis in zip(signs, order, strict=True))
+            words = f"({axes}) read as (x, y, z){of(side)}"
+            fix = f"write ({axes}) into the columns {columns_of(side, 'x')}, y, z"
+            yield Hypothesis("axes-swapped", words, fix, _turn(side, matrix), 0.2 + cost(side))
+
+
+def units(side: Side) -> Iterator[Hypothesis]:
+    """Another unit of length."""
+    for unit, factor in UNITS.items():
+        title = columns_of(side, "x").replace(" and ", f"_{SHORT[unit]} and ") + f"_{SHORT[unit]}"
+        words = f"{side if side != 'both' else 'targets and readings'} taken as {unit}"
+        yield Hypothesis(
+            "unit-scale", words, f"rename the columns ({title}, ...)", _turn(side, factor * np.eye(3)), cost(side)
+        )  # fmt: skip
+
+
+def slider_units(setup: Setup) -> Iterator[Hypothesis]:
+    """Slider heights in another unit, alone or with everything else."""
+    low, high = drawn(setup).whole_travel
+    for unit, factor in UNITS.items():
+        if not _plausible(setup, factor, 2.0 * (high - low)):
+            continue
+        fix = f"rename the columns (b1_cmd_{SHORT[unit]}, ...)"
+        yield Hypothesis("unit-scale", f"slider heights taken as {unit}", fix, _scaled(factor), 0.0)
+        both = _then(_scaled(factor), _turn("both", factor * np.eye(3)))
+        yield Hypothesis("unit-scale", f"every length of the run taken as {unit}", fix, both, 0.1)
+
+
+def slider_orders(setup: Setup) -> Iterator[Hypothesis]:
+    """Sliders in another order, counted downward, or both; the zero that goes with it comes from the targets."""
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            if order == (0, 1, 2) and min(signs) > 0:
+                continue
+            if order != (0, 1, 2) and len(set(signs)) > 1:
+                continue  # two mistakes at once, and which slider it was is not told apart
+            moved, down = order != (0, 1, 2), [leg for leg in range(3) if signs[leg] < 0]
+            words = _order_words(order) if moved else ""
+            words += " and " if moved and down else ""
+            words += f"{slider_words(down)} counted downward" if down else ""
+            fix = f"swap the columns ({words})" if moved else f"take {slider_words(down)} as a constant less the column"
+            undo = _reordered(order, np.array(signs))
+            yield Hypothesis(
+                "slider-order" if moved else "slider-sign", words, fix, undo, 0.15 * (moved and bool(down))
+            )
+    yield Hypothesis(
+        "slider-sign", "each slider counted from its own zero", "add the constants to the columns", own_zeros, 0.8
+    )
+
+
+def drawing_slips(setup: Setup) -> Iterator[Hypothesis]:
+    """Slips in the machine file that need no number to be found."""
+    spec = setup.file.machine
+    assert isinstance(spec, ThreePttSpec)
+    other = "below" if spec.sliders == "above" else "above"
+    yield Hypothesis(
+        "slider-side", f"the sliders {other} the platform", f'write sliders = "{other}"', _drawn(sliders=other)
+    )
+    base, platform, link = spec.base_radius_mm, spec.platform_radius_mm, spec.link_length_mm
+    swap = f"write base_radius_mm = {platform:g} and platform_radius_mm = {base:g}"
+    yield Hypothesis(
+        "radii-interchanged", "base and platform radius interchanged", swap,
+        _drawn(base_radius_mm=platform, platform_radius_mm=base),
+    )  # fmt: skip
+    for keys in (("base_radius_mm",), ("platform_radius_mm",), ("base_radius_mm", "platform_radius_mm")):
+        half = {key: getattr(spec, key) / 2.0 for key in keys}
+        words = f"half of {' and '.join(keys)}, which {'is a diameter' if len(keys) == 1 else 'are diameters'},"
+        fix = "write " + " and ".join(f"{key} = {value:g}" for key, value in half.items())
+        yield Hypothesis("diameter-for-radius", words, fix, _drawn(**half), 0.1 * (len(keys) - 1))
+    for unit, factor in UNITS.items():
+        if not SHORTEST <= factor * link <= LONGEST or SHORTEST <= link <= LONGEST:
+            continue  # a machine of that size may well be
+        lengths = {
+            "base_radius_mm": factor * base, "platform_radius_mm": factor * platform, "link_length_mm": factor * link
+        }  # fmt: skip
+        fix = f"write base_radius_mm = {factor * base:g} and so on, in mm"
+        yield Hypothesis("unit-scale", f"the machine file's lengths taken as {unit}", fix, _drawn(**lengths), 0.1)
+
+
+def own_zeros(setup: Setup) -> Setup:
+    """Slider heights counted from where the targets say that they count from; as they are where that is no mistake."""
+    zero = _zeros(setup, np.ones(3))
+    if zero is None or np.ptp(zero) < BEYOND_HOMING:
+        return setup
+    return setup.with_rows(command=setup.table.command + np.round(zero, 3))
+
+
+def columns_of(side: Side, letter: str) -> str:
+    """Titles of a coordinate's columns."""
+    titles = {"readings": f"{letter}_meas", "targets": f"{letter}_cmd", "both": f"{letter}_cmd and {letter}_meas"}
+    return titles[side]
+
+
+def of(side: Side) -> str:
+    """Which columns, where it is not the readings."""
+    return {"readings": "", "targets": " of the targets", "both": " of targets and readings"}[side]
+
+
+def cost(side: Side) -> float:
+    """Readings come from other hands than the rest, so mistakes are likelier there."""
+    return {"readings": 0.0, "targets": 0.1, "both": 0.2}[side]
+
+
+def slider_words(legs: Sequence[int]) -> str:
+    """Sliders by number."""
+    if len(legs) == 3:
+        return "all sliders"
+    return f"slider{'s' if len(legs) > 1 else ''} {' and '.join(str(leg + 1) for leg in legs)}"
+
+
+def _order_words(order: tuple[int, ...]) -> str:
+    moved = [place for place in range(3) if order[place] != place]
+    if len(moved) == 2:
+        return f"sliders {moved[0] + 1} and {moved[1] + 1} interchanged"
+    return "sliders taken in the order " + ", ".join(str(leg + 1) for leg in order)
+
+
+def _turn(side: Side, matrix: np.ndarray) -> Undo:
+    def undo(setup: Setup) -> Setup:
+        changes = {}
+        if side != "targets":
+            changes["measured"] = setup.table.measured @ matrix.T
+            scale = abs(np.linalg.det(matrix)) ** (1.0 / 3.0)
+            if setup.table.std is not None:
+                changes["std"] = setup.table.std @ (np.abs(matrix).T if abs(scale - 1.0) < 1e-9 else scale * np.eye(3))
+        if side != "readings":
+            changes["target"] = setup.table.target @ matrix.T
+        return setup.with_rows(**changes)
+
+    return undo
+
+
+def _plausible(setup: Setup, factor: float, most: float) -> bool:
+    """Whether the sliders' strokes fit the travel in that unit, and in a large unit do not without."""
+    stroke = float(np.nanmax(np.ptp(np.nan_to_num(np.asarray(setup.table.command)), axis=0)))
+    return factor * stroke <= most and (factor > 1.0 or stroke > most)
+
+
+def _scaled(factor: float) -> Undo:
+    return lambda setup: setup.with_rows(command=factor * np.asarray(setup.table.command))
+
+
+def _then(first: Undo, second: Undo) -> Undo:
+    return lambda setup: second(first(setup))
+
+
+def _drawn(**changes: object) -> Undo:
+    return lambda setup: setup.with_drawing(**changes)
+
+
+def _reordered(order: tuple[int, ...], signs: np.ndarray) -> Undo:
+    def undo(setup: Setup) -> Setup:
+        command = setup.table.command[:, list(order)]  # type: ignore[index]
+        moved = replace(setup, table=setup.table.replace(command=command))
+        if signs.min() > 0:
+            return moved
+        zero = _zeros(moved, signs)
+        if zero is None:
+            zero = zeros_from_home(setup, signs * command, signs)
+        elif signs.max() < 0 and np.ptp(zero) < BEYOND_HOMING:
+            zero = np.full(3, np.median(zero))
+        return moved.with_rows(command=signs * command + np.round(zero, 3))
+
+    return undo
+
+
+def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """What has to be added to sliders that were turned round so that they stand about home, as runs do, (3,) mm."""
+    spec = setup.file.machine
+    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
+    home = np.zeros(3) if mechanism is None else mechanism.home().numpy()
+    zero = home - np.nanmedian(counted, axis=0)
+    return np.where(signs < 0, zero.mean() if signs.max() < 0 else zero, 0.0)
+
+
+def _zeros(setup: Setup, signs: np.ndarray) -> np.ndarray | None:
+    """What has to be added to each slider's heights to reach the targets, (3,) mm; None where there are no targets."""
+    spec = setup.file.machine
+    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
+    if mechanism is None or setup.table.command is None:
+        return None
+    reach = mechanism.inverse(torch.as_tensor(setup.table.target, dtype=torch.float64)).numpy()
+    apart = reach - signs * setup.table.command
+    known = np.isfinite(apart).all(axis=1)
+    return np.median(apart[known], axis=0) if known.sum() > 3 else None

@@ -1,0 +1,79 @@
+"""Set-up mistakes of a machine file and its runs, found before any physics."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.machine import MachineFile, ThreePttSpec
+from ptt.run.table import Table, take_rows
+from ptt.run.target_frame import stated_frame
+from ptt.setup.arm import find_arm
+from ptt.setup.context import find_noise, find_units
+from ptt.setup.geometry import find_geometry
+from ptt.setup.order import find_disorder
+from ptt.setup.reach import find_reach, find_speck
+from ptt.setup.result import Check, Finding
+from ptt.setup.rows import find_shifted_rows
+from ptt.setup.setup import Setup, written
+
+
+def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units_said: bool = False) -> Check:
+    """Look for mistakes in how a machine and its runs were set up.
+
+    Args:
+        file: the machine.
+        table: one run or several; each file is looked at by itself.
+        ordered: whether somebody said that the rows are in travel order.
+        units_said: whether somebody said which units the columns are in: then a small path is a small path.
+
+    Returns:
+        Findings, the sure ones first, and both files with those undone; several runs are handed back as they came.
+    """
+    findings: list[Finding] = []
+    cured, parts, stated = file, [], stated_frame(file.targets)
+    for part in _files(table):
+        found, after = _check_one(Setup(cured, part.replace(target=stated.into_base(part.target))), ordered, units_said)
+        findings += [
+            item for item in found if (item.mistake, item.words) not in {(f.mistake, f.words) for f in findings}
+        ]
+        cured = after.file
+        parts.append(after.table.replace(target=stated.as_stated(after.table.target)))
+    findings.sort(key=lambda item: not item.sure)
+    whole = parts[0] if len(parts) == 1 else table
+    return Check(tuple(findings), written(cured, file), whole, table.rows)
+
+
+def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Finding], Setup]:
+    """The findings of one run, and its files with the sure ones undone one after the other."""
+    findings: list[Finding] = []
+    steps = [find_units] if ordered else [find_units, find_disorder]
+    if isinstance(setup.file.machine, ThreePttSpec):
+        steps += [find_shifted_rows, find_geometry, find_shifted_rows]
+        steps += [find_reach] if units_said else [find_speck, find_reach]
+    else:
+        steps += [find_arm]
+    steps.append(find_noise)
+    for step in steps:
+        found, after = step(setup)
+        findings += found
+        if any(item.sure or item.mistake == "target-frame" for item in found):
+            setup = after
+    return findings, setup
+
+
+def _files(table: Table) -> list[Table]:
+    """The runs of each file, apart."""
+    sources = table.source.split(" + ")
+    if len(sources) == 1:
+        return [table]
+    file_of_run = np.array([_source_of(label, sources) for label in table.run_label])[table.run]
+    parts = []
+    for index, source in enumerate(sources):
+        rows = np.flatnonzero(file_of_run == index)
+        if len(rows):
+            parts.append(replace(take_rows(table, rows), source=source))
+    return parts
+
+
+def _source_of(label: str, sources: list[str]) -> int:
+    return next((index for index, source in enumerate(sources) if label.startswith(source)), 0)

@@ -1,0 +1,62 @@
+"""Rows that are not in travel order: time that runs back, rows sorted by their names' letters, readings shuffled."""
+
+import re
+
+import numpy as np
+
+from ptt.run.table import take_rows
+from ptt.setup.result import Finding
+from ptt.setup.setup import Setup
+
+DAY = 86400.0
+FEWEST = 11  # names: from ten on, the order of letters differs from that of numbers
+
+
+def find_disorder(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Rows out of travel order.
+
+    Args:
+        setup: both files.
+
+    Returns:
+        At most one finding, and the files with the rows in order.
+    """
+    return _by_time(setup) or _by_name(setup) or ([], setup)
+
+
+def _by_time(setup: Setup) -> tuple[list[Finding], Setup] | None:
+    table = setup.table
+    if table.time_s is None or not np.isfinite(table.time_s).all():
+        return None
+    time = np.asarray(table.time_s, dtype=float)
+    within = np.diff(table.run) == 0
+    steps = np.diff(time)
+    back = np.flatnonzero(within & (steps < 0.0) & (np.abs(steps + DAY) > 0.5 * DAY))
+    if not len(back):
+        return None
+    row = table.line[back[0] + 1]
+    sure = len(back) > 1
+    words = f"time goes back at {len(back)} of {len(steps)} rows, first at row {row}: the rows are not in travel order"
+    fix = "sort the rows by time" if sure else "sort the rows by time, or number two runs in a column 'run'"
+    order = np.lexsort((time, table.run))
+    cured = Setup(setup.file, take_rows(table, order)) if sure else setup
+    return [Finding("row-order", words, fix, None, None, sure, table.source)], cured
+
+
+def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
+    table = setup.table
+    if table.time_s is not None or len(set(table.name.tolist())) < FEWEST:
+        return None
+    parts = [re.fullmatch(r"(\D*)(\d+)", name) for name in table.name.tolist()]
+    if not all(parts) or len({part[1] for part in parts if part}) > 1:
+        return None
+    names, numbers = table.name.tolist(), np.array([int(part[2]) for part in parts if part])
+    if names != sorted(names) or (np.diff(numbers) >= 0).all():
+        return None
+    shown = ", ".join(dict.fromkeys(names[:40]))
+    words = (
+        f"rows are sorted by the letters of their names ({', '.join(shown.split(', ')[:4])}, ...): not in travel order"
+    )
+    order = np.argsort(numbers, kind="stable")
+    finding = Finding("row-order", words, "sort the rows by the number in their name", None, None, True, table.source)
+    return [finding], Setup(setup.file, take_rows(table, order))

@@ -1,0 +1,94 @@
+"""What targets tell by themselves: whether the machine, as drawn, can get there."""
+
+import numpy as np
+import torch
+
+from ptt.machine import ThreePttSpec
+from ptt.setup.candidates import drawing_slips, mirrors, units
+from ptt.setup.result import Finding
+from ptt.setup.score import build
+from ptt.setup.setup import Setup, drawn, used_rows
+
+FEWEST = 5
+NEARLY_ALL, NEARLY_NONE = 0.9, 0.05
+SPECK = 2e-3  # of a link
+MARGIN = 0.05  # of the travel: ends are often stated roughly
+
+
+def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
+    """A drawing or a unit by which hardly a target can be reached, where one mistake undone lets all be reached.
+
+    Args:
+        setup: both files of a 3-PTT.
+
+    Returns:
+        At most one finding, and the files with it undone.
+    """
+    before = out_of_reach(setup)
+    if before is None or before < 0.5 or setup.table.command is not None:
+        return [], setup
+    read = np.isfinite(setup.table.measured).any()
+    tried = [*drawing_slips(setup), *units("both" if read else "targets"), *([] if read else mirrors("targets"))]
+    found = []
+    for hypothesis in tried:
+        after = out_of_reach(hypothesis.undo(setup))
+        if after is not None and after <= NEARLY_NONE and before - after > 0.5:
+            found.append(hypothesis)
+    if not found:
+        return [], setup
+    others = list(dict.fromkeys(item.undone for item in found[1:] if item.mistake != found[0].mistake))
+    also = f"; {' or '.join(others[:3])} would do the same" if others else ""
+    words = (
+        f"{before:.0%} of the targets are out of the machine's reach; "
+        f"with {found[0].undone} all but {NEARLY_NONE:.0%} are in{also}"
+    )
+    sure = before > NEARLY_ALL and not others
+    finding = Finding(found[0].mistake, words, found[0].fix, None, None, sure, setup.table.source)
+    return [finding], found[0].undo(setup) if sure else setup
+
+
+def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Targets that differ and yet all lie within a speck: metres in columns of millimetres.
+
+    Args:
+        setup: both files of a 3-PTT.
+
+    Returns:
+        At most one finding, and the files with it undone.
+    """
+    if setup.table.command is not None:
+        return [], setup
+    target, size = setup.table.target[used_rows(setup.table)], drawn(setup).link_length_mm
+    target = target[np.isfinite(target).all(axis=1)]
+    if len(target) < FEWEST:
+        return [], setup
+    width = float(np.linalg.norm(np.ptp(target, axis=0)))
+    if not 1e-6 < width < SPECK * size:
+        return [], setup
+    side = "both" if np.isfinite(setup.table.measured).any() else "targets"
+    metres = next(item for item in units(side) if "metres" in item.undone.split())  # type: ignore[arg-type]
+    after = out_of_reach(metres.undo(setup))
+    if after is None or after > NEARLY_NONE:
+        return [], setup
+    words = (
+        f"the targets lie within {width:.3g} mm of each other on a machine with links of {size:.0f} mm: "
+        "this looks like metres"
+    )
+    return [Finding("unit-scale", words, metres.fix, None, None, True, setup.table.source)], metres.undo(setup)
+
+
+def out_of_reach(setup: Setup) -> float | None:
+    """Share of targets that the sliders cannot reach within their travel; None where there are too few to tell."""
+    spec = setup.file.machine
+    target = setup.table.target[used_rows(setup.table)]
+    target = target[np.isfinite(target).all(axis=1)]
+    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
+    if len(target) < FEWEST or np.ptp(target, axis=0).max() < 1e-6:
+        return None
+    if mechanism is None or not isinstance(spec, ThreePttSpec):
+        return 1.0
+    slider = mechanism.inverse(torch.as_tensor(target, dtype=torch.float64)).numpy()
+    low, high = mechanism.limits().numpy()
+    rim = MARGIN * (high - low)
+    inside = ((slider >= low - rim) & (slider <= high + rim)).all(axis=1)
+    return float(1.0 - inside.mean())

@@ -1,0 +1,102 @@
+"""What a check of the set-up hands back: findings, each one sentence with its proof and one cure."""
+
+import html
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, get_args
+
+from ptt.setup.names import Mistake
+
+if TYPE_CHECKING:
+    from ptt.machine import MachineFile
+    from ptt.run.table import Table
+
+MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One mistake in how a machine or a run was set up.
+
+    Attributes:
+        mistake: its name.
+        words: one sentence with the proof.
+        fix: one cure.
+        before_um: root mean square error as the files are, um; None where another figure is the proof.
+        after_um: the same with the mistake undone.
+        sure: whether nothing but the mistake explains the data; such a finding stops a diagnosis.
+        source: the run it was found in; '' for the machine file.
+    """
+
+    mistake: Mistake
+    words: str
+    fix: str
+    before_um: float | None = None
+    after_um: float | None = None
+    sure: bool = True
+    source: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Keys as `ptt check --json` writes them."""
+        rms = {"before": self.before_um, "after": self.after_um}
+        return {"mistake": self.mistake, "words": self.words, "fix": self.fix, "rms_um": rms, "sure": self.sure}
+
+    def __str__(self) -> str:
+        """Two lines: what it is, what to do."""
+        return f"{'' if self.sure else 'perhaps '}{self.mistake}: {self.words}\n  {self.fix}"
+
+
+@dataclass(frozen=True)
+class Check:
+    """Findings about one run and its machine, and both with what was found undone.
+
+    Attributes:
+        findings: the sure ones first.
+        file: the machine, cured.
+        table: the run, cured; None where only a machine was checked.
+        rows: rows looked at.
+    """
+
+    findings: tuple[Finding, ...]
+    file: "MachineFile"
+    table: "Table | None" = None
+    rows: int = 0
+
+    @property
+    def ok(self) -> bool:
+        """Whether no finding is sure."""
+        return not self.sure
+
+    @property
+    def sure(self) -> tuple[Finding, ...]:
+        """The findings that stop a diagnosis."""
+        return tuple(finding for finding in self.findings if finding.sure)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Keys as `ptt check --json` writes them."""
+        return {"ok": self.ok, "findings": [finding.to_dict() for finding in self.findings], "rows": self.rows}
+
+    def __str__(self) -> str:
+        """The findings as text."""
+        if not self.findings:
+            return f"the set-up holds together ({self.rows} rows)"
+        return "\n".join(str(finding) for finding in self.findings)
+
+    def _repr_html_(self) -> str:
+        """The findings in a notebook."""
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def setup_verdict(check: Check) -> dict[str, Any]:
+    """What `ptt diagnose --json` says where the set-up has to be mended first.
+
+    Args:
+        check: with sure findings.
+
+    Returns:
+        The keys of a diagnosis: verdict "setup", the findings, and nothing suggested.
+    """
+    nothing: dict[str, Any] = {
+        key: [] for key in ("suggested", "candidates", "not_testable", "depends_on", "measure_next")
+    }
+    setup = [finding.to_dict() for finding in check.findings]
+    return {"verdict": "setup", "setup": setup, **nothing, "rows": check.rows, "noise_um": None, "words": str(check)}

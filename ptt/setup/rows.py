@@ -1,0 +1,228 @@
+"""Mistakes that touch some rows: readings that slipped by a row, a block on another reflector."""
+
+import numpy as np
+
+from ptt.setup.faults import fault_columns, left_after_faults
+from ptt.setup.result import Finding
+from ptt.setup.rigid import TRIM, align_many
+from ptt.setup.score import forward_many
+from ptt.setup.setup import Setup
+
+SLIPS = (1, -1, 2, -2)
+FEWEST = 8  # rows
+LEAST_ROWS = 3  # a block of fewer rows is gross errors
+FALL = 5.0
+BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
+MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
+ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
+
+
+def places(setup: Setup) -> np.ndarray:
+    """Where the tool should be, (n, 3) mm: by the commands where there are some that close, else the targets."""
+    sent = forward_many([setup], np.arange(setup.table.rows))[0] if setup.table.joint_prefix == "b" else None
+    target = setup.table.target
+    return target if sent is None else np.where(np.isfinite(sent).all(axis=1)[:, None], sent, target)
+
+
+def find_shifted_rows(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Readings that slipped by a row, or a block on another reflector, whichever leaves less.
+
+    Args:
+        setup: both files.
+
+    Returns:
+        Findings, and the files with them undone.
+    """
+    slip, block = find_slip(setup), find_block(setup)
+    if not slip[0] or not block[0]:
+        return slip if slip[0] else block
+    left = [_mean_distance(places(item[1]), item[1].table.measured, setup.free) for item in (slip, block)]
+    return slip if left[0] < left[1] else block
+
+
+def _mean_distance(place: np.ndarray, reading: np.ndarray, free: bool) -> float:
+    """Mean distance from the places, mm, gross errors counted as they are."""
+    distance = align_many(place[None], reading[None], free)[2][0]
+    known = np.isfinite(distance)
+    return float(distance[known].mean()) if known.any() else 0.0
+
+
+def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Readings that stand one or two rows beside their targets, from the first or from some row on.
+
+    Args:
+        setup: both files.
+
+    Returns:
+        At most one finding, and the files with it undone.
+    """
+    place, reading = places(setup), setup.table.measured
+    known = np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1)
+    if known.sum() < FEWEST or not _slip_is_possible(place, reading, setup.free):
+        return [], setup
+    best = min((_best_slip(place, reading, slip, setup.free) for slip in SLIPS), key=lambda item: item[0])
+    _, slip, first = best
+    moved = slipped(reading, slip, first)
+    before, after = _beside_faults(setup, place, reading, moved)
+    fell = _mean_distance(place, reading, setup.free) > 2.0 * _mean_distance(place, moved, setup.free)
+    if not before > FALL * after or not fell:
+        return [], setup
+    line = setup.table.line[first]
+    whole = first <= 1
+    where = "from the first row on" if whole else f"from row {line} on"
+    words = (
+        f"readings stand {abs(slip)} row{'s' if abs(slip) > 1 else ''} {'late' if slip > 0 else 'early'} {where}"
+        f"{'' if whole else (': a reading was missed there' if slip < 0 else ': a reading too many there')}; "
+        f"moved back, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
+    )
+    fix = "move the readings back by that, and leave the row without a reading empty"
+    finding = Finding("row-shift", words, fix, 1e3 * before, 1e3 * after, True, setup.table.source)
+    std = setup.table.std
+    return [finding], setup.with_rows(measured=moved, std=std if std is None else slipped(std, slip, first))
+
+
+def slipped(reading: np.ndarray, slip: int, first: int) -> np.ndarray:
+    """Readings taken from `slip` rows further down, from row `first` on; NaN where there is none."""
+    moved = reading.copy()
+    rows = np.arange(first, len(reading))
+    source = rows + slip
+    inside = (source >= first) & (source < len(reading))
+    moved[rows[inside]], moved[rows[~inside]] = reading[source[inside]], np.nan
+    return moved
+
+
+def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Blocks of rows that were read on another reflector: the same shift everywhere in the block.
+
+    Args:
+        setup: both files of a machine whose tool only translates.
+
+    Returns:
+        One finding for each block, and the files with them undone.
+    """
+    place, reading = places(setup), setup.table.measured.copy()
+    known = np.flatnonzero(np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1))
+    if len(known) < FEWEST:
+        return [], setup
+    left, turn = _most_fitting(place[known], reading[known], setup.free)
+    findings, before, shifts = [], float(np.sqrt(np.mean(left**2) * 3.0)), list[np.ndarray]()
+    for block in _bad_blocks(left):
+        shift = np.median(left[block], axis=0)
+        size = float(np.linalg.norm(shift))
+        scatter = float(np.sqrt(np.median(((left[block] - shift) ** 2).sum(axis=1))))
+        if size < BLOCK_SHIFT or scatter > ALIKE * size:
+            continue
+        if not any(np.linalg.norm(shift - other) < ALIKE * size for other in shifts):
+            shifts.append(shift)
+        rows = known[block]
+        reading[rows] -= turn @ shift
+        left[block] -= shift
+        first, last = setup.table.line[rows[0]], setup.table.line[rows[-1]]
+        at = ", ".join(f"{value:.1f}" for value in shift)
+        words = (
+            f"rows {first} to {last} are read {size:.1f} mm beside the rest, "
+            f"all by the same ({at}) mm: another reflector"
+        )
+        fix = f"take ({at}) mm off rows {first} to {last}, or empty their readings"
+        findings.append(Finding("wrong-reflector", words, fix, None, None, True, setup.table.source))
+    if not 0 < len(shifts) <= MOST_REFLECTORS:
+        return [], setup
+    kept = np.linalg.norm(left, axis=1)
+    after = float(np.sqrt(np.mean(kept[kept <= TRIM * np.median(kept) + 1e-9] ** 2)))
+    if before < FALL * after:
+        return [], setup
+    figures = f"; with that off, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
+    told = [
+        Finding(item.mistake, item.words + figures, item.fix, 1e3 * before, 1e3 * after, True, item.source)
+        for item in findings
+    ]
+    return told, setup.with_rows(measured=reading)
+
+
+def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> bool:
+    """Whether at least a few rows are off by much of what the tool moves from row to row."""
+    step = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    _, _, distance = align_many(place[None], reading[None], free)
+    usual = float(np.nanmedian(step[step > 0.0])) if (step > 0.0).any() else np.inf
+    return int((distance[0] > 0.2 * usual).sum()) >= LEAST_ROWS
+
+
+def _best_slip(place: np.ndarray, reading: np.ndarray, slip: int, free: bool) -> tuple[float, int, int]:
+    """Cost, slip and first row at which readings slipped by so many rows fit best."""
+    shifted = slipped(reading, slip, 0)
+    third = max(FEWEST // 2, len(place) // 3)
+    parts = (
+        (reading, slice(0, third)),
+        (shifted, slice(-third, None)),
+        (shifted, slice(0, third)),
+        (shifted, slice(None)),
+    )
+    best = (np.inf, slip, 0)
+    for values, part in parts:
+        turn, shift, _ = align_many(place[None, part], values[None, part], free)
+        for _ in range(2):
+            cost, first = _change(place, reading, shifted, turn[0], shift[0])
+            moved = slipped(reading, slip, first)
+            turn, shift, _ = align_many(place[None], moved[None], free)
+        cost, first = _change(place, reading, shifted, turn[0], shift[0])
+        if cost < best[0]:
+            best = (cost, slip, first)
+    return best
+
+
+def _change(
+    place: np.ndarray, reading: np.ndarray, shifted: np.ndarray, turn: np.ndarray, shift: np.ndarray
+) -> tuple[float, int]:
+    """Sum of distances and the row from which on the shifted readings fit better."""
+    expected = place @ turn.T + shift
+    plain, moved = (np.nan_to_num(np.linalg.norm(points - expected, axis=1)) for points in (reading, shifted))
+    cost = np.r_[0.0, np.cumsum(plain)] + np.r_[np.cumsum(moved[::-1])[::-1], 0.0]
+    first = int(np.argmin(cost[: max(1, len(place) - LEAST_ROWS + 1)]))
+    return float(cost[first]), first
+
+
+def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: np.ndarray) -> tuple[float, float]:
+    """Error before and after, mm, ordinary faults taken off where the drawing is known; the same rows in both."""
+    columns = fault_columns(setup, place, np.arange(len(place))) if setup.table.joint_prefix == "b" else None
+    distances = []
+    for values in (reading, moved):
+        if columns is None:
+            distances.append(align_many(place[None], values[None], setup.free)[2][0])
+        else:
+            distances.append(left_after_faults(place, values, columns, setup.free))
+    both = np.isfinite(distances[0]) & np.isfinite(distances[1])
+    both &= distances[1] <= TRIM * np.nanmedian(distances[1]) + 1e-9
+    if both.sum() < FEWEST:
+        return 0.0, np.inf
+    before, after = (float(np.sqrt(np.mean(distance[both] ** 2))) for distance in distances)
+    return before, after
+
+
+def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
+    """What stays in the frame that suits most rows, (n, 3) mm in the base frame, and its rotation."""
+    quarter = max(FEWEST // 2, len(place) // 4)
+    parts = [slice(None), *(slice(at, at + quarter) for at in range(0, len(place) - quarter + 1, max(1, quarter // 2)))]
+    best, chosen = -1, (np.zeros_like(place), np.eye(3))
+    for part in parts:
+        turn, shift, _ = align_many(place[None, part], reading[None, part], free)
+        for _ in range(2):
+            left = (reading - shift[0]) @ turn[0] - place
+            near = np.linalg.norm(left, axis=1) < BLOCK_SHIFT / 2.0
+            if near.sum() < FEWEST // 2:
+                break
+            turn, shift, _ = align_many(place[None, near], reading[None, near], free)
+        left = (reading - shift[0]) @ turn[0] - place
+        count = int((np.linalg.norm(left, axis=1) < BLOCK_SHIFT / 2.0).sum())
+        if count > best:
+            best, chosen = count, (left, turn[0])
+    return chosen
+
+
+def _bad_blocks(left: np.ndarray) -> list[np.ndarray]:
+    """Stretches of rows that are off, as index arrays; none where most rows are."""
+    off = np.linalg.norm(left, axis=1) > BLOCK_SHIFT / 2.0
+    if off.mean() > 0.6:
+        return []
+    edges = np.flatnonzero(np.diff(np.r_[0, off.astype(int), 0]))
+    blocks = [np.arange(start, end) for start, end in zip(edges[::2], edges[1::2], strict=True)]
+    return [block for block in blocks if len(block) >= LEAST_ROWS]

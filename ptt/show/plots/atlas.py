@@ -1,0 +1,193 @@
+"""What an effect does on the sample machine: its error over the workspace, its residual against what tells it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.effects import Effect
+from ptt.effects.bench import sample_machine, sample_view
+from ptt.effects.cards import TELLING, Card
+from ptt.effects.case import usual_theta
+from ptt.effects.geometry import machine, pull
+from ptt.model.chain import predict
+from ptt.run.table import make_table
+from ptt.run.view import View, build_view
+
+GRID = 121
+REACH = {"three-ptt": 90.0, "serial": 700.0}  # mm, half width of the field
+SPEED = {"three-ptt": 20.0, "serial": 0.05}  # mm/s or rad/s of every joint, for effects of speed
+WARM, LOAD = 5.0, 2.0  # K and kg, for effects of temperature and payload
+UM = 1e3
+
+
+@dataclass(frozen=True)
+class Field:
+    """Error of an effect over a horizontal plane of the workspace.
+
+    Attributes:
+        x: (m,) mm.
+        y: (m,) mm.
+        z: height of the plane, mm.
+        error: (m, m, 3) mm, rows along y; NaN out of reach or beyond the ends of travel.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: float
+    error: np.ndarray
+
+
+@dataclass(frozen=True)
+class Sign:
+    """Residual of an effect along a sample run, against the variable that tells it.
+
+    Attributes:
+        telling: (n,) values of the telling variable.
+        residual: (n,) um, or urad of a serial arm's joint.
+        shade: (n,) second variable, or None.
+        labels: of telling variable, residual and shade, with units.
+    """
+
+    telling: np.ndarray
+    residual: np.ndarray
+    shade: np.ndarray | None
+    labels: tuple[str, str, str]
+
+
+def picture_theta(effect: Effect, kind: str) -> Tensor:
+    """Parameters of usual size on the sample run; a curve of many shapes dies out toward the high ones.
+
+    Args:
+        effect: the effect.
+        kind: mechanism family.
+
+    Returns:
+        Flat theta.
+    """
+    view = sample_view(kind)
+    trials = effect.search(view)
+    return usual_theta(effect, kind, view, trials[len(trials) // 2]) * _smoothly(effect, view.joints)
+
+
+def effect_field(effect: Effect, theta: Tensor, kind: str) -> Field:
+    """Error over the plane z = 0 (an arm: through its middle pose) with load, warmth and speed on.
+
+    Args:
+        effect: the effect.
+        theta: all its parameters, flat.
+        kind: mechanism family.
+
+    Returns:
+        The field.
+    """
+    sample = sample_view(kind)
+    centre = np.zeros(3) if kind == "three-ptt" else sample.p.mean(dim=0).numpy()
+    across = np.linspace(-REACH[kind], REACH[kind], GRID)
+    x, y = centre[0] + across, centre[1] + across
+    points = np.stack([*np.meshgrid(x, y), np.full((GRID, GRID), centre[2])], axis=-1).reshape(-1, 3)
+    joints = sample.mechanism.inverse(torch.as_tensor(points))
+    low, high = sample.travel_limits.T
+    inside = (torch.isfinite(joints) & (joints >= low) & (joints <= high)).all(dim=1)
+    view = _steady(sample, joints[inside], kind)
+    error = np.full((GRID * GRID, 3), np.nan)
+    error[inside.numpy()] = (predict([(effect, theta)], view).reading - view.p).numpy()
+    return Field(x, y, float(centre[2]), error.reshape(GRID, GRID, 3))
+
+
+def effect_sign(effect: Effect, theta: Tensor, view: View, card: Card) -> Sign:
+    """Residual of the sample run against the card's telling variable.
+
+    Args:
+        effect: the effect.
+        theta: all its parameters, flat.
+        view: the sample run.
+        card: names residual, telling variable and shade.
+
+    Returns:
+        The points to draw.
+    """
+    error = predict([(effect, theta)], view).reading - view.p
+    if card.residual == "joint":
+        linear = float(view.travel_limits.abs().max()) > 10.0
+        residual = (torch.linalg.pinv(view.jacobian) @ error[..., None])[:, 0, 0] * (UM if linear else 1e6)
+        unit, name = ("um", "J e of slider 1") if linear else ("urad", "J e of joint 1")
+    else:
+        residual, unit = error[:, "xyz".index(card.residual)] * UM, "um"
+        name = f"residual in {card.residual}"
+    shade = _variable(card.shade, view).numpy() if card.shade else None
+    labels = (_label(card.telling, view), f"{name} [{unit}]", _label(card.shade, view) if card.shade else "")
+    return Sign(_variable(card.telling, view).numpy(), residual.numpy(), shade, labels)
+
+
+def _steady(sample: View, joints: Tensor, kind: str) -> View:
+    """Poses each for themselves, arrived at upward, under load, warm and on the move at the end of the sample run."""
+    file = sample_machine(kind)
+    table = make_table(None, joints.numpy(), payload_kg=LOAD, temp_c=file.machine.reference_temp_c + WARM)
+    view = build_view(file, table)
+    whole = torch.ones_like(view.q)
+    return replace(
+        view,
+        direction=whole,
+        turning=view.q,
+        starts=torch.ones(view.rows, dtype=torch.bool),
+        velocity=SPEED[kind] * whole,
+        time=sample.time.max().expand(view.rows),
+        varies=sample.varies,
+    )
+
+
+def _variable(name: str, view: View) -> Tensor:
+    """Values of a telling variable for joint 1, (n,)."""
+    if name in ("x", "y", "z"):
+        return view.p[:, "xyz".index(name)]
+    if name in ("link force", "link angle"):
+        if name == "link force":
+            return pull(view)[:, 0]
+        link = machine(view).link_vectors(view.p)[:, 0]
+        return torch.acos((link @ machine(view).rail[0]).abs() / link.norm(dim=-1))
+    lead = view.lead or 1.0
+    values = {
+        "b": lambda: view.q[:, 0],
+        "phase": lambda: torch.remainder(view.q[:, 0], lead) / lead,
+        "direction": lambda: view.direction[:, 0],
+        "travel": lambda: _travel_since_reversal(view),
+        "speed": lambda: view.velocity[:, 0],
+        "payload": lambda: view.payload,
+        "load": lambda: view.axis_force()[:, 0],
+        "temperature": lambda: view.warmth,
+        "time": lambda: view.time,
+        "radius": lambda: view.p[:, :2].norm(dim=1),
+    }
+    return values[name]()
+
+
+def _travel_since_reversal(view: View) -> Tensor:
+    """Travel of joint 1 since it last turned, (n,); as far as its first move where a run begins."""
+    gone, travel = 0.0, []
+    step = torch.diff(view.q[:, 0], prepend=view.q[:1, 0]).tolist()
+    way = view.direction[:, 0].tolist()
+    for row, start in enumerate(view.starts.tolist()):
+        turned = start or way[row] != way[row - 1]
+        gone = abs(step[row]) + (0.0 if turned else gone)
+        travel.append(torch.nan if start else gone)
+    return torch.tensor(travel, dtype=torch.float64)
+
+
+def _label(name: str, view: View) -> str:
+    mm = float(view.travel_limits.abs().max()) > 10.0
+    text = TELLING[name].replace("mm or rad", "mm" if mm else "rad").replace("mm/s or rad/s", "mm/s" if mm else "rad/s")
+    text = text.replace("N or N mm", "N" if mm else "N mm")
+    return text.replace("joint", "slider 1" if mm else "joint 1").replace("command", "height" if mm else "angle")
+
+
+def _smoothly(effect: Effect, joints: int) -> Tensor:
+    """Weights that make a curve of several shapes look like one: higher shapes are smaller; all else as it is."""
+    parts = []
+    for parameter in effect.parameters:
+        place = torch.arange(parameter.size(joints), dtype=torch.float64) % parameter.count
+        curve = parameter.role == "linear" and parameter.per_joint and parameter.count > 1
+        weight = 1.0 / (1.0 + place) ** 2 if curve else torch.ones_like(place)
+        parts.append(torch.zeros_like(place) if parameter.held else weight)
+    return torch.cat(parts)

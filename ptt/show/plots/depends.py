@@ -1,0 +1,184 @@
+"""Picture of what an error depends on: readings, binned means and their bands against each telling variable."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from ptt.dependence.contexts import context_views
+from ptt.dependence.curves import binned_curve
+from ptt.dependence.dependence import Dependence
+from ptt.judge.compare.comparison import AXES, Comparison
+from ptt.run.problem import Problem
+from ptt.show.plots.common import DARK, DPI, ORANGE, PALE, POINTS, legend_below
+
+MOST = 6
+FEW = 6  # levels up to which a variable is drawn level by level
+PHASES = 10
+BINS = 12
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One panel: which residual against which variable.
+
+    Attributes:
+        residual: 'slider 2' or 'x'.
+        on: the variable.
+        found: the dependence, None where none was found and the panel only shows so.
+    """
+
+    residual: str
+    on: str
+    found: Dependence | None
+
+
+def draw_dependences(result: Comparison, problem: Problem) -> Figure:
+    """Draw the error against the variables that tell most.
+
+    Args:
+        result: the comparison.
+        problem: its run.
+
+    Returns:
+        The figure, up to six panels; where nothing tells, joints against their own travel and direction.
+    """
+    contexts = context_views(problem)
+    pairs = telling_pairs(result, contexts)
+    across = min(3, len(pairs))
+    down = -(-len(pairs) // across)
+    figure = Figure(
+        figsize=(4.2 * across + 0.4, 3.5 * down + 0.9), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1)
+    )
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for panel, pair in zip(panels, pairs, strict=False):
+        _draw_pair(panel, pair, result, problem, contexts)
+    for panel in panels[len(pairs) :]:
+        panel.set_axis_off()
+    found = bool(result.depends_on)
+    figure.suptitle("error after frame alignment: " + ("what tells most" if found else "nothing tells of it"))
+    legend_below(figure, panels)
+    return figure
+
+
+def telling_pairs(result: Comparison, contexts: dict[str, np.ndarray]) -> list[Pair]:
+    """The pairs worth a panel: each variable once, with the residual that follows it best.
+
+    Args:
+        result: the comparison.
+        contexts: variables by name.
+
+    Returns:
+        At most six.
+    """
+    chosen: dict[str, Pair] = {}
+    for item in result.depends_on:
+        if item.on in contexts and item.on not in chosen:
+            chosen[item.on] = Pair(item.residual, item.on, item)
+    if chosen:
+        return list(chosen.values())[:MOST]
+    names = [*result.joint] or list(AXES)
+    own = [
+        Pair(name, on, None)
+        for prefix in ("b", "q", "direction")
+        for index, name in enumerate(names)
+        if (on := f"{prefix}{index + 1}") in contexts
+    ]
+    return own[:MOST] or [Pair("x", next(iter(contexts)), None)]
+
+
+def variable_label(name: str, problem: Problem) -> str:
+    """A variable's name and unit for an axis.
+
+    Args:
+        name: 'b2', 'direction1', 'payload', ...
+        problem: for the family of machine and the clock.
+
+    Returns:
+        The label.
+    """
+    serial = problem.file.machine.kind == "serial"
+    joint = "joint" if serial else "slider"
+    plain = {
+        "payload": "payload [kg]",
+        "temperature": "temperature [deg C]",
+        "time": "time [s]" if "time" in problem.view.varies else "row [1]",
+        "run": "run [1]",
+    }
+    if name in plain:
+        return plain[name]
+    if name in AXES:
+        return f"target {name} [mm]"
+    if name.startswith("direction"):
+        return f"{joint} {name[9:]} arrives [-1 {'back, +1 forward' if serial else 'down, +1 up'}]"
+    if name.startswith("speed"):
+        return f"speed of {joint} {name[5:]} [{'rad' if serial else 'mm'}/s]"
+    return f"angle of joint {name[1:]} [rad]" if serial else f"height of slider {name[1:]} [mm]"
+
+
+def _draw_pair(panel: Axes, pair: Pair, result: Comparison, problem: Problem, contexts: dict[str, np.ndarray]) -> None:
+    error, unit = _error_of(pair.residual, result)
+    found, values, label = pair.found, contexts[pair.on], variable_label(pair.on, problem)
+    rows = np.flatnonzero(result.kept & np.isfinite(values) & np.isfinite(error))
+    if found is not None and found.with_ is not None:
+        second = contexts[found.with_]
+        for side, colour, word in ((1.0, DARK, "+1"), (-1.0, ORANGE, "-1")):
+            own = rows[values[rows] == side]
+            _draw_curve(panel, second[own], error[own], colour, f"binned mean, 95 % band, arriving {word}")
+        label, curve = f"{variable_label(found.with_, problem)}, by side of arrival ({pair.on})", None
+        values = second
+    elif found is not None and found.period_mm is not None:
+        values = np.mod(values, found.period_mm)
+        label, curve = f"{label}, within a period of {found.period_mm:.4g}", PHASES
+    else:
+        curve = BINS
+    _draw_points(panel, values[rows], error[rows])
+    if curve is not None:
+        _draw_curve(panel, values[rows], error[rows], DARK, "binned mean, 95 % band", curve)
+    panel.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
+    panel.set_xlabel(label, fontsize=9)
+    panel.set_ylabel(f"{pair.residual} error [{unit}]", fontsize=9)
+    share = "no dependence" if found is None else f"{100 * found.share:.0f} % of the variance"
+    panel.set_title(share, fontsize=9, loc="left")
+
+
+def _error_of(residual: str, result: Comparison) -> tuple[np.ndarray, str]:
+    if residual in AXES:
+        return 1e3 * result.residual[:, AXES.index(residual)], "um"
+    return (1e6 if residual.startswith("joint") else 1e3) * result.joint[residual], (
+        "urad" if residual.startswith("joint") else "um"
+    )
+
+
+def _draw_points(panel: Axes, values: np.ndarray, error: np.ndarray) -> None:
+    """Readings; those of a variable with few levels are spread a little sideways to be seen."""
+    step = max(1, -(-len(values) // POINTS))
+    values, error = values[::step], error[::step]
+    levels = np.unique(values)
+    if len(levels) <= FEW:
+        gap = float(np.diff(levels).min()) if len(levels) > 1 else 1.0
+        values = values + np.random.default_rng(0).uniform(-0.15, 0.15, len(values)) * gap
+        panel.set_xticks(levels)
+    panel.plot(values, error, linestyle="none", marker=".", markersize=3.5, color=PALE, label="reading", zorder=1)
+
+
+def _draw_curve(panel: Axes, values: np.ndarray, error: np.ndarray, colour: str, label: str, count: int = BINS) -> None:
+    centre, mean, half = binned_curve(values, error, count).T
+    if len(centre) <= FEW:
+        panel.errorbar(
+            centre,
+            mean,
+            yerr=half,
+            color=colour,
+            marker="o",
+            markersize=5,
+            linestyle="none",
+            capsize=5,
+            label=label,
+            zorder=3,
+        )
+        return
+    panel.fill_between(centre, mean - half, mean + half, color=colour, alpha=0.3, linewidth=0, zorder=2)
+    panel.plot(centre, mean, color=colour, marker="o", markersize=3.5, linewidth=1.4, label=label, zorder=3)

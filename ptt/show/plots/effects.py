@@ -1,0 +1,95 @@
+"""Pictures of an effect: its error over the workspace, and its residual against what tells it."""
+
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from ptt.effects import Effect
+from ptt.effects.bench import sample_machine, sample_view
+from ptt.effects.cards import card_of
+from ptt.files import write_bytes
+from ptt.show.plots.atlas import LOAD, SPEED, UM, WARM, Field, Sign, effect_field, effect_sign, picture_theta
+
+DPI = 120
+ARROWS = 15  # every so many points of the grid carry an arrow
+
+
+def plot_effect(effect: Effect, path: str | Path) -> None:
+    """Draw an effect at its usual size on the sample machine.
+
+    Args:
+        effect: the effect.
+        path: PNG to write.
+    """
+    kind = effect.mechanisms[0]
+    theta = picture_theta(effect, kind)
+    figure = Figure(figsize=(11.0, 5.1), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.15, h_pad=0.15))
+    left, right = figure.subplots(1, 2)
+    _draw_field(figure, left, effect_field(effect, theta, kind), kind)
+    _draw_sign(figure, right, effect_sign(effect, theta, sample_view(kind), card_of(effect)))
+    figure.suptitle(f"{effect.key} at usual size on the {sample_machine(kind).machine.name}, before any alignment")
+    buffer = BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    write_bytes(path, buffer.getvalue())
+
+
+def _draw_field(figure: Figure, panel: Axes, field: Field, kind: str) -> None:
+    """Size of the error in colour, its horizontal part as arrows."""
+    size = UM * np.linalg.norm(field.error, axis=-1)
+    low, high = float(np.nanmin(size)), float(np.nanmax(size))
+    if high - low < 1e-6 * max(high, 1.0):
+        low, high = 0.0, 1.05 * max(high, 1e-3)  # a field of one size is one colour, not rounding noise
+    mesh = panel.pcolormesh(
+        field.x, field.y, size, cmap="viridis", vmin=low, vmax=high, shading="nearest", rasterized=True
+    )
+    figure.colorbar(mesh, ax=panel, label="size of the error [um]")
+    part = (slice(ARROWS // 2, None, ARROWS), slice(ARROWS // 2, None, ARROWS))
+    flat = UM * field.error[part][..., :2]
+    largest = float(np.nanmax(np.linalg.norm(flat, axis=-1)))
+    if largest > 1e-3:
+        x, y = np.meshgrid(field.x, field.y)
+        scale = largest / (0.9 * ARROWS * (field.x[1] - field.x[0]))
+        arrows = panel.quiver(
+            x[part], y[part], flat[..., 0], flat[..., 1], angles="xy", scale_units="xy", scale=scale, color="white",
+            edgecolor="black", linewidth=0.4, width=0.006,
+        )  # fmt: skip
+        nice = _round_down(largest)
+        panel.quiverkey(arrows, 0.72, -0.105, nice, f"{nice:g} um in x, y", labelpos="E", color="black")
+    panel.set_box_aspect(1.0)  # both axes span the same length
+    panel.set_xlabel("x [mm]")
+    panel.set_ylabel("y [mm]")
+    speed = f"{SPEED[kind]:g} {'mm/s' if kind == 'three-ptt' else 'rad/s'}"
+    panel.set_title(f"z = {field.z:.0f} mm; {LOAD:g} kg, +{WARM:g} K, upward at {speed}", fontsize=9, loc="left")
+
+
+def _draw_sign(figure: Figure, panel: Axes, sign: Sign) -> None:
+    """Points of the sample run, coloured by the second variable."""
+    if sign.shade is None:
+        panel.scatter(sign.telling, sign.residual, s=16, color="#33638d")
+    elif len(np.unique(sign.shade)) == 2:
+        for value, colour, marker in zip(np.unique(sign.shade), ("#440154", "#35b779"), ("v", "^"), strict=True):
+            rows = sign.shade == value
+            panel.scatter(
+                sign.telling[rows], sign.residual[rows], s=18, color=colour, marker=marker, label=f"{value:+g}"
+            )
+        panel.legend(title=sign.labels[2], frameon=True, fontsize=8, title_fontsize=8)
+    else:
+        points = panel.scatter(sign.telling, sign.residual, s=18, c=sign.shade, cmap="cividis")
+        figure.colorbar(points, ax=panel, label=sign.labels[2])
+    spread, middle = float(np.ptp(sign.residual)), abs(float(sign.residual.mean()))
+    if not 0.02 * middle < spread < 0.5 * middle:  # what varies a little about much is drawn without its zero
+        panel.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
+    panel.set_xlabel(sign.labels[0])
+    panel.set_ylabel(sign.labels[1])
+    panel.set_title("sample run, no noise", fontsize=9, loc="left")
+
+
+def _round_down(value: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten below a value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-9)))

@@ -1,0 +1,133 @@
+"""Picture of an error field: an arrow for each pose, on the path or through the volume, in space and from above."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from ptt.judge.compare.comparison import Comparison
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem
+from ptt.show.plots.common import COLOUR_MAP, DPI, round_down
+
+MOST_ARROWS = 300
+REACH = 0.18  # of the workspace's size that the 95 % arrow takes
+ZOOM, TALL = 1.1, 0.6
+NARROW = 0.5  # share of the longest side that every side is given at least
+KEY = 0.2  # room for the key, in halves of the picture
+
+
+def draw_field(result: Comparison, problem: Problem) -> Figure:
+    """Draw the error left after the frame, a mean arrow for each pose.
+
+    Args:
+        result: the comparison.
+        problem: its run.
+
+    Returns:
+        The figure: in space on the left, from above on the right.
+    """
+    place, error, poses = field_of(result, problem)
+    size = 1e3 * np.linalg.norm(error, axis=1)
+    span = max(float(np.ptp(place, axis=0).max()), 1e-3)
+    factor = enlargement(span, 1e-3 * float(np.quantile(size, 0.95)))
+    norm = Normalize(0.0, max(float(size.max()), 1e-3))
+    figure = Figure(figsize=(12.4, 6.0), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, wspace=0.16))
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
+    space = figure.add_subplot(grid[0], projection="3d")
+    _draw_space(space, place, error * factor, size, norm)
+    above = figure.add_subplot(grid[1])
+    arrows = _draw_above(above, place, error * factor, size, norm)
+    figure.colorbar(arrows, ax=above, label="size of the error [um]", shrink=0.85)
+    _draw_key(above, span, factor)
+    shown = f"{len(place)} of {poses} poses" if len(place) < poses else f"{poses} poses"
+    figure.suptitle(f"error after frame alignment, mean of each pose; {shown}; arrows {factor:g} times enlarged")
+    return figure
+
+
+def field_of(result: Comparison, problem: Problem) -> tuple[np.ndarray, np.ndarray, int]:
+    """Mean error of each pose, thinned to what a picture can show.
+
+    Args:
+        result: the comparison.
+        problem: its run.
+
+    Returns:
+        Targets (m, 3) mm, errors (m, 3) mm, and how many poses there are.
+    """
+    rows = result.kept
+    number = np.unique(pose_groups(problem.table)[rows], return_inverse=True)[1].reshape(-1)
+    count = np.bincount(number)
+    place, error = (
+        np.column_stack([np.bincount(number, column) / count for column in values[rows].T])
+        for values in (problem.target, result.residual)
+    )
+    chosen = np.unique(np.linspace(0, len(count) - 1, min(MOST_ARROWS, len(count))).astype(int))
+    return place[chosen], error[chosen], len(count)
+
+
+def enlargement(span: float, size: float) -> float:
+    """Round factor that makes an arrow of this size well seen.
+
+    Args:
+        span: size of the workspace, mm.
+        size: of the arrow, mm.
+
+    Returns:
+        1, 2 or 5 times a power of ten.
+    """
+    wanted = REACH * span / max(size, 1e-9)
+    return round_down(wanted)
+
+
+def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndarray, norm: Normalize) -> None:
+    from matplotlib import colormaps
+
+    colours = colormaps[COLOUR_MAP](norm(size))
+    # The heads of 3-D arrows are two more segments each: first come all shafts, then the left halves, then the right.
+    colours = np.tile(colours, (3, 1))
+    panel.plot(*place.T, linestyle="none", marker=".", markersize=3.0, color="0.6")
+    panel.quiver(*place.T, *arrow.T, colors=colours, linewidth=1.8, arrow_length_ratio=0.3)
+    tips = np.concatenate([place, place + arrow])
+    low, high = tips.min(axis=0), tips.max(axis=0)
+    room = np.maximum(high - low, NARROW * (high - low).max())
+    for axis, bounds in zip("xyz", np.stack([(low + high - room) / 2, (low + high + room) / 2], axis=1), strict=True):
+        getattr(panel, f"set_{axis}lim")(*bounds)
+        getattr(panel, f"set_{axis}label")(f"{axis} [mm]", labelpad=11.0)
+        places = max(2, round(5 * (bounds[1] - bounds[0]) / room.max()))
+        getattr(panel, f"{axis}axis").get_major_locator().set_params(nbins=places)
+        panel.tick_params(axis=axis, pad=4.0, labelsize=8)  # type: ignore[arg-type]
+    # A tall box would reach beyond the figure, a flat one leave it empty.
+    zoom = min(ZOOM, TALL * float(np.linalg.norm(room) / room[2]))
+    panel.set_box_aspect(tuple(room), zoom=zoom)  # type: ignore[call-arg,arg-type]
+    panel.set_title("in space", fontsize=10)
+
+
+def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndarray, norm: Normalize):  # type: ignore[no-untyped-def]
+    panel.plot(place[:, 0], place[:, 1], linestyle="none", marker=".", markersize=2, color="0.6")
+    drawn = panel.quiver(
+        place[:, 0], place[:, 1], arrow[:, 0], arrow[:, 1], size, norm=norm, cmap=COLOUR_MAP, angles="xy",
+        scale_units="xy", scale=1.0, width=0.005,
+    )  # fmt: skip
+    tips = np.concatenate([place, place + arrow])[:, :2]
+    low, high = tips.min(axis=0), tips.max(axis=0)
+    middle, half = (low + high) / 2, 0.54 * float((high - low).max())
+    panel.set_xlim(middle[0] - half, middle[0] + half)
+    panel.set_ylim(middle[1] - (1.0 + KEY) * half, middle[1] + half)  # room for the key below the arrows
+    panel.set_aspect("equal")
+    panel.set_xlabel("x [mm]")
+    panel.set_ylabel("y [mm]")
+    panel.set_title("from above, horizontal part of the arrows", fontsize=10)
+    return drawn
+
+
+def _draw_key(panel: Axes, span: float, factor: float) -> None:
+    """A bar below the arrows: how long an error of a round size is drawn."""
+    size = round_down(1e3 * REACH * span / factor)
+    left, right = panel.get_xlim()
+    start, height = left + 0.04 * (right - left), panel.get_ylim()[0] + 0.2 * KEY * (right - left)
+    end = start + 1e-3 * size * factor
+    panel.plot([start, end], [height, height], color="black", linewidth=2)
+    words = f"an error of {size:g} um is drawn this long"
+    panel.text(end + 0.02 * (right - left), height, words, va="center", fontsize=9)

@@ -1,0 +1,97 @@
+"""The ladder as a picture: error per axis after each step, training and held-out, and the noise floor to reach."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from ptt.files import write_bytes
+from ptt.judge.history import AXES, Entry
+from ptt.judge.ladder.climb import Ladder
+
+DPI = 150
+TRAINING, HELD_OUT, NOISE = "#33658a", "#f26419", "#6b705c"
+
+Rung = tuple[str, dict[str, float], dict[str, float]]  # words, training error, held-out error
+
+
+def plot_ladder(ladder: Ladder, path: str | Path) -> None:
+    """Draw a ladder.
+
+    Args:
+        ladder: the ladder.
+        path: PNG to write.
+    """
+    signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
+    rungs = [(signs.get(s.kind, "") + s.effect, s.rms_um, s.heldout_rms_um) for s in ladder.steps]
+    draw_rungs(rungs, ladder.noise_um, path)
+
+
+def plot_history(entries: Sequence[Entry], path: str | Path) -> None:
+    """Draw a ladder again from the history of a machine file.
+
+    Args:
+        entries: the steps of one ladder, as `ptt.judge.history.runs_of` cuts them.
+        path: PNG to write.
+    """
+    signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
+    rungs: list[Rung] = [("as given", entries[0].before_um, entries[0].heldout_before_um)]
+    rungs += [(signs.get(e.kind, "") + e.effect, e.after_um, e.heldout_after_um) for e in entries]
+    draw_rungs(rungs, entries[-1].noise_um, path)
+
+
+def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float], path: str | Path) -> None:
+    """Draw errors after each step, one panel per axis and one for the total.
+
+    Args:
+        rungs: words, training and held-out errors in um, in order.
+        noise_um: noise floor by axis.
+        path: PNG to write.
+    """
+    figure = Figure(figsize=(2.2 + 2.6 * len(AXES), 1.9 + 0.34 * len(rungs)))
+    figure.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.06))
+    panels = figure.subplots(1, len(AXES), sharey=True)
+    for axis, panel in zip(AXES, panels, strict=True):
+        _draw_panel(panel, axis, rungs, float(noise_um[axis]))
+    panels[0].set_yticks(range(len(rungs)), [words for words, _, _ in rungs])
+    panels[0].invert_yaxis()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    figure.suptitle("Error after each step, RMS in \N{MICRO SIGN}m")
+    picture = io.BytesIO()
+    FigureCanvasAgg(figure).print_figure(picture, format="png", dpi=DPI)
+    write_bytes(path, picture.getvalue())
+
+
+def _draw_panel(panel: Axes, axis: str, rungs: Sequence[Rung], noise: float) -> None:
+    place = range(len(rungs))
+    training = [errors[axis] for _, errors, _ in rungs]
+    held_out = [errors[axis] for _, _, errors in rungs]
+    panel.axvline(noise, color=NOISE, linewidth=1.2, linestyle="--", label="noise floor")
+    panel.plot(training, place, "o-", color=TRAINING, markersize=10, fillstyle="none", linewidth=1.4, label="training")
+    panel.plot(held_out, place, "D", color=HELD_OUT, markersize=4, label="held out")
+    panel.set_xscale("log")
+    low, high = min(noise, *training, *held_out), max(noise, *training, *held_out)
+    panel.set_xlim(low / (high / low) ** 0.1 / 1.2, high * (high / low) ** 0.35 * 1.4)
+    decades = high / low > 30.0
+    panel.xaxis.set_major_locator(LogLocator(subs=(1.0,) if decades else (1.0, 2.0, 5.0)))
+    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    panel.xaxis.set_minor_formatter(NullFormatter())
+    panel.set_title(axis)
+    panel.grid(axis="x", which="both", color="0.92")
+    panel.spines[["top", "right"]].set_visible(False)
+    for row, value in enumerate(held_out):
+        panel.annotate(
+            f"{value:.3g}",
+            (value, row),
+            xytext=(9, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"},
+        )

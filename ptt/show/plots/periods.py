@@ -1,0 +1,116 @@
+"""Picture of the periods in each joint's error: what repeats with the screw, and what does not."""
+
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from ptt.dependence.periods import Periodogram, periodogram
+from ptt.judge.compare.comparison import Comparison
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem
+from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, thinned
+
+RIPPLE = 3  # degree of the smooth course that is taken out before periods are looked for
+MANY = 100  # poses from which on that is affordable
+FINER = 6  # points drawn for each trial frequency
+
+
+def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
+    """Draw the periodogram of each joint's error over its own travel, the screw lead marked.
+
+    Args:
+        result: the comparison.
+        problem: its run.
+
+    Returns:
+        The figure, a panel for each joint; None where joints visit too few places.
+    """
+    joint, unit = ("joint", "rad") if problem.file.machine.kind == "serial" else ("slider", "mm")
+    lines = {name: joint_periods(result, problem, name) for name in result.joint}
+    lines = {name: line for name, line in lines.items() if len(line.period)}
+    if not lines:
+        return None
+    across = 1 if len(lines) <= 3 else 2
+    down = -(-len(lines) // across)
+    size = (9.5 if across == 1 else 13.0, 2.4 * down + 1.2)
+    figure = Figure(figsize=size, dpi=DPI, layout=ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.08))
+    panels = figure.subplots(down, across, squeeze=False, sharex=True)
+    for panel, (name, line) in zip(panels.ravel(), lines.items(), strict=False):
+        _draw_lines(panel, name, line, problem.view.lead, unit)
+    ends = [bound for line in lines.values() for bound in (line.period.min(), line.period.max())]
+    _scale_periods(panels[0, 0], min(ends), max(ends))
+    for panel in panels.ravel()[len(lines) :]:
+        panel.set_axis_off()
+    for panel in panels[-1]:
+        panel.set_xlabel(f"period [{unit}]")
+    legend_below(figure, panels.ravel())
+    figure.suptitle(f"periods in each {joint}'s error over its own travel, smooth course and directions taken out")
+    return figure
+
+
+def joint_periods(result: Comparison, problem: Problem, name: str) -> Periodogram:
+    """Periodogram of one joint's error, its smooth course over the workspace and its directions taken out.
+
+    Args:
+        result: the comparison.
+        problem: its run.
+        name: 'slider 2' or 'joint 2'.
+
+    Returns:
+        The periodogram of the mean error of each pose and direction, as visits of one pose share their error.
+    """
+    index = int(name.split()[1]) - 1
+    q, direction = problem.view.q.numpy()[result.kept], problem.view.direction.numpy()[result.kept]
+    place = np.column_stack([pose_groups(problem.table)[result.kept], direction])
+    number = np.unique(place, axis=0, return_inverse=True)[1].reshape(-1)
+    values = np.column_stack([q[:, index], result.joint[name][result.kept], direction, problem.target[result.kept]])
+    mean = np.column_stack([np.bincount(number, column) for column in values.T]) / np.bincount(number)[:, None]
+    mean = mean[thinned(np.ones(len(mean), dtype=bool))]
+    height, error = mean[:, 0], mean[:, 1]
+    columns = np.column_stack([_smooth(mean[:, -3:]), mean[:, 2:-3]])
+    error = error - columns @ np.linalg.lstsq(columns, error, rcond=1e-9)[0]
+    coarse = periodogram(height, error)
+    if not len(coarse.period):
+        return coarse
+    frequency = 1.0 / coarse.period
+    fine = np.linspace(frequency[0], frequency[-1], FINER * len(frequency))
+    return replace(periodogram(height, error, fine), chance=coarse.chance)
+
+
+def _smooth(place: np.ndarray) -> np.ndarray:
+    """Products of coordinates: up to the third degree where rows allow, else the first."""
+    scaled = (place - place.mean(axis=0)) / np.maximum(np.ptp(place, axis=0), 1e-9)
+    degree = RIPPLE if len(place) >= MANY else 1
+    powers = [power for power in np.ndindex(*(degree + 1,) * 3) if sum(power) <= degree]
+    return np.column_stack([np.prod(scaled ** np.array(power), axis=1) for power in powers])
+
+
+def _draw_lines(panel: Axes, name: str, line: Periodogram, lead: float | None, unit: str) -> None:
+    panel.plot(line.period, 100.0 * line.share, color=BLUE, linewidth=1.2, label="share of what is left")
+    panel.axhline(
+        100.0 * line.chance, color="0.4", linestyle="--", linewidth=1, label="noise reaches this 1 time in 100"
+    )
+    low, high = float(line.period.min()), float(line.period.max())
+    for part, words in ((1.0, "screw lead"), (0.5, "half the lead")):
+        if lead is not None and low <= part * lead <= high:
+            style = "-" if part == 1.0 else ":"
+            label = f"{words} {part * lead:g}"
+            panel.axvline(part * lead, color=ORANGE, linestyle=style, linewidth=1.6, zorder=0, label=label)
+    panel.set_ylim(0.0, 1.15 * 100.0 * max(float(line.share.max()), line.chance))
+    panel.set_ylabel(f"{name} [%]")
+    found = line.share.max() > line.chance
+    panel.set_title(f"highest at {line.best:.4g} {unit}" if found else "none above noise", fontsize=9, loc="right")
+
+
+def _scale_periods(panel: Axes, low: float, high: float) -> None:
+    """Logarithmic axis with plain numbers; the panels share it."""
+    panel.set_xscale("log")
+    panel.set_xlim(low, high)
+    places = [step * 10.0**power for power in range(-6, 4) for step in (1, 2, 5)]
+    panel.xaxis.set_major_locator(FixedLocator([place for place in places if low <= place <= high]))
+    panel.xaxis.set_minor_locator(NullLocator())
+    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

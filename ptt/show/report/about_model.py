@@ -1,0 +1,147 @@
+"""What the report says of the model: the ladder that led to it, its parameters, its network."""
+
+from collections.abc import Iterator, Sequence
+
+from ptt.fitting.report import Value
+from ptt.judge.history import Entry
+from ptt.model.model import Term, parameter_names
+from ptt.show.report.blocks import Block, Grid, Lines, Picture, Section, Words, grid
+from ptt.show.report.commands import ladder_command
+from ptt.show.report.contents import Contents
+from ptt.show.report.network import NetworkFacts
+from ptt.show.report.numbers import AXES, NONE, axes, percent, plus_minus, um
+
+MEASURED = {
+    "yes": "yes",
+    "in part": "in part: only combinations with others are",
+    "no": "no: held near zero by its usual size",
+    "fixed": "fixed by the user",
+    "searched": "searched, not fitted",
+}
+MOST_PAIRS = 10
+
+
+def ladder_section(contents: Contents) -> Section:
+    """The steps that led to the model, as its history tells them."""
+    blocks: list[Block] = []
+    if "history" in contents.why_not:
+        blocks.append(Words(f"No ladder: {contents.why_not['history']}.", "lack"))
+    elif not contents.ladders:
+        words = "The model has no history: nothing was added to it, removed from it or refitted with this program."
+        blocks.append(Words(words, "lack"))
+    for number, ladder in enumerate(contents.ladders):
+        files = ", ".join(f"{item['file']} (SHA-256 {item['sha256'][:12]}...)" for item in ladder[0].files)
+        blocks += [
+            Words(f"{ladder[0].date[:10]}, from {files or 'unnamed files'}, {ladder[0].rows} readings:"),
+            Lines((ladder_command(ladder),), code=True),
+            Picture(
+                f"ladder-{number}", "Error after each step, on the readings it was fitted to and on held-out ones."
+            ),
+            _ladder_grid(ladder),
+        ]
+    return Section("ladder", "The ladder: how the error fell", tuple(blocks))
+
+
+def parameter_section(contents: Contents) -> Section:
+    """Parameters with standard errors, in the model and as this run tells them, and what it cannot tell."""
+    rows = list(_parameters(contents))
+    head = ("parameter", "unit", "in the model", "fitted to this run", "measured by this run")
+    strong = frozenset(index for index, row in enumerate(rows) if not any(row[1:]))
+    title = "Parameters with one standard error"
+    blocks: list[Block] = [grid(title, head, rows, left=2, wordy=True, strong=strong)]
+    if contents.refit is None:
+        blocks.append(Words(f"Not fitted to this run: {contents.why_not.get('fit', '')}.", "lack"))
+        return Section("parameters", "Parameters of the model", tuple(blocks))
+    report = contents.refit.report
+    blocks.append(
+        Words(
+            f"The fit {report.status}: {report.rows} readings, {report.unknowns} unknowns with the frame, of which the "
+            f"data see {report.rank}; chi-squared per degree of freedom {report.reduced:.3f}.",
+        )
+    )
+    blocks += [Words(f"{note}.") for note in contents.refit.notes]
+    if report.unobservable:
+        blocks += [Words("What this run cannot tell:"), Lines(tuple(item.text for item in report.unobservable))]
+    else:
+        blocks.append(Words("Every parameter that was fitted is measured by this run."))
+    if report.correlations:
+        pairs = [(one.first, one.second, f"{one.value:+.3f}") for one in report.correlations[:MOST_PAIRS]]
+        title = f"Parameters that the run hardly parts: correlations above 0.9, {len(report.correlations)} in all"
+        blocks.append(grid(title, ("one", "other", "correlation"), pairs, left=2))
+    return Section("parameters", "Parameters of the model", tuple(blocks))
+
+
+def network_section(contents: Contents) -> Section:
+    """What the network learned of the rest, and its share."""
+    facts = contents.network
+    if facts is None:
+        words = "No compensator was given: nothing but physics is in this report."
+        return Section("network", "The network's share", (Words(words, "lack"),))
+    learned = ", ".join(facts.learned)
+    words = f"{facts.nodes} Gaussians, for {learned}." if learned else "Nothing was left that the network could learn."
+    blocks = (
+        Words(f"{words} It took {percent(facts.share)} of the held-out variance that physics left. {_origin(facts)}"),
+        grid("Held-out error when it was trained, RMS in um", ("", *AXES), _stages(facts)),
+        Words(
+            f"Held out: {facts.protocol}. {facts.inside} of {facts.readings} readings of this run lie in its training "
+            f"domain; the largest correction it asks for there is {um(facts.largest_um)} um. Outside the domain it "
+            "changes nothing.",
+        ),
+    )
+    return Section("network", "The network's share", blocks)
+
+
+def _origin(facts: NetworkFacts) -> str:
+    files = ", ".join(facts.trained_on)
+    same = {True: ", which this report is about", False: ", another run than this one", None: ""}[facts.this_run]
+    return f"Trained on {files}{same}."
+
+
+def _stages(facts: NetworkFacts) -> list[tuple[str, ...]]:
+    words = {"given": "model as given", "physics": "physics refitted", "rbf": "physics and network"}
+    return [(words.get(stage, stage), *axes(figures)) for stage, figures in facts.heldout_rms_um.items()]
+
+
+def _ladder_grid(ladder: Sequence[Entry]) -> Grid:
+    signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
+    first, last = ladder[0], ladder[-1]
+    rows = [("as given", *axes(first.before_um), *axes(first.heldout_before_um), NONE)]
+    rows += [
+        (
+            f"{signs.get(entry.kind, '')}{entry.effect}",
+            *axes(entry.after_um),
+            *axes(entry.heldout_after_um),
+            "yes" if entry.helped else "no",
+        )
+        for entry in ladder
+    ]
+    noise = axes(last.noise_um)
+    rows.append((f"noise ({last.noise_um['source']})", *noise, *noise, NONE))
+    head = ("step", *AXES, *(f"held out {axis}" for axis in AXES), "helped")
+    return grid("Error after each step, RMS in um", head, rows)
+
+
+def _parameters(contents: Contents) -> Iterator[tuple[str, ...]]:
+    """A row for each effect, then one for each parameter: name, unit, in the model, fitted, measured."""
+    found: dict[tuple[str, str], Value] = {}
+    if contents.refit is not None:
+        found = {(value.effect, value.name): value for value in contents.refit.report.values}
+    for term in contents.given.model.terms:
+        yield term.effect.key, "", "", "", ""
+        for index, (name, unit) in enumerate(_names(term, contents)):
+            value = found.get((term.effect.key, name))
+            fitted = NONE if value is None or value.measured == "no" else plus_minus(value.value, value.std)
+            word = NONE if value is None else MEASURED[value.measured]
+            yield name, unit, _stored(term, index), fitted, word
+
+
+def _names(term: Term, contents: Contents) -> list[tuple[str, str]]:
+    kind, joints = contents.file.machine.kind, contents.given.model.joints
+    units = [p.on(kind).unit for p in term.effect.parameters for _ in range(p.size(joints))]
+    return list(zip(parameter_names(term.effect, kind, joints), units, strict=True))
+
+
+def _stored(term: Term, index: int) -> str:
+    if not len(term.theta):
+        return "not fitted yet"
+    return plus_minus(float(term.theta[index]), None if term.std is None else float(term.std[index]))

@@ -1,0 +1,70 @@
+"""What the report says of the use of it: error before and after, and the standard's figures."""
+
+from ptt.judge.iso.pose import named_figures
+from ptt.show.report.blocks import Block, Picture, Section, Words, grid
+from ptt.show.report.contents import Contents
+from ptt.show.report.numbers import NONE, um
+
+TITLES = {
+    "blocks": "whole parts of the path held out: what a new place can expect",
+    "random": "poses held out at random: between measured neighbours",
+}
+
+
+def reduction_section(contents: Contents) -> Section:
+    """Mean absolute error per axis before and after, on held-out readings."""
+    if not contents.evaluation:
+        words = f"Not worked out: {contents.why_not['evaluate']}."
+        return Section("reduction", "Before and after, per axis", (Words(words, "lack"),))
+    blocks: list[Block] = []
+    for name, result in contents.evaluation.items():
+        data = result.to_dict()
+        rows = [
+            (
+                axis,
+                um(row["before_um"]),
+                um(row["after_um"]),
+                _less(row["reduction_percent"]),
+                "yes" if data["rest_is_noise"].get(axis) else NONE,
+            )
+            for axis, row in (*data["axes"].items(), ("length", data["length"]))
+        ]
+        head = ("mean |error|", "before um", "after um", "less", "left is noise")
+        blocks.append(grid(f"{TITLES.get(name, name).capitalize()}", head, rows))
+        blocks.append(Words(f"{data['protocol']['rows']} readings; {data['protocol']['held_out']}.", "note"))
+    blocks.append(
+        Picture("curves", "Error of held-out readings along the path, before and after; their scales differ.")
+    )
+    blocks.append(
+        Words(
+            "Computed on readings that neither parameters nor network had seen, not measured again: send corrected "
+            "commands to the machine, measure once more and compare both runs with ptt evaluate.",
+            "note",
+        )
+    )
+    return Section("reduction", "Before and after, per axis", tuple(blocks))
+
+
+def iso_section(contents: Contents) -> Section:
+    """ISO 9283 figures where poses were repeated, else why not."""
+    if contents.iso is None:
+        words = f"Not worked out: {contents.why_not['iso']}."
+        return Section("iso", "ISO 9283 figures", (Words(words, "lack"),))
+    figures = contents.iso.to_dict()
+    after = figures["aligned"]
+    cells = [
+        (name, *((um(pair["mean"]), um(pair["worst"])) if pair else (NONE, NONE)))
+        for name, pair in named_figures(figures)
+    ]
+    words = (
+        f"The machine as it was measured, without the model: {len(after['poses'])} poses at least twice the same way; "
+        f"{after['single_poses']} measured once are left out."
+    )
+    cycles = f" The standard asks for 30 cycles, here there are {after['cycles']}: in its manner, not by it."
+    less = "" if after["standard"].startswith("ISO 9283") else cycles
+    table = grid(f"{figures['standard']}, um", ("", "mean", "worst"), cells)
+    return Section("iso", "ISO 9283 figures", (Words(words + less), table))
+
+
+def _less(value: float | None) -> str:
+    return NONE if value is None else f"{um(value)} %"

@@ -1,0 +1,266 @@
+"""Everything a report says, gathered once as values: the same results that the other verbs give."""
+
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+
+from ptt import __version__
+from ptt.correct.training.compensator import Compensator
+from ptt.correct.training.heldout import evaluate_heldout
+from ptt.correct.training.protocols import PROTOCOLS
+from ptt.diagnosis.long import choose_diagnosis
+from ptt.diagnosis.noise import noise_floor
+from ptt.diagnosis.verdict import Diagnosis
+from ptt.effects.registry import Library, library
+from ptt.errors import InputError, ModelError
+from ptt.judge.compare.comparison import Comparison, compare_run
+from ptt.judge.evaluate import Evaluation
+from ptt.judge.history import Entry, read_entries, runs_of
+from ptt.judge.iso.figures import IsoPoses, iso_of_poses
+from ptt.judge.ladder.climb import Ladder, climb
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model, read_model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import Table
+from ptt.run.taken import set_up
+from ptt.show.report.commands import Command, commands_of
+from ptt.show.report.facts import RunFacts, facts_of
+from ptt.show.report.network import NetworkFacts, network_facts
+from ptt.show.report.source import Source, shown_table
+
+PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
+NOTHING_TO_JUDGE = "the model has no effects and no network: there is no after to hold against the before"
+
+Progress = Callable[[str, int, int], None]
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class Look:
+    """A run held against one model.
+
+    Attributes:
+        model: the model.
+        comparison: how large the error is, where, and what it depends on.
+        diagnosis: what is missing; None where nothing tells the noise.
+        why_not: why there is no diagnosis, '' where there is one.
+    """
+
+    model: Model
+    comparison: Comparison
+    diagnosis: Diagnosis | None
+    why_not: str = ""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """All that a report says.
+
+    Attributes:
+        date: ISO 8601, UTC.
+        source: files, names and options.
+        facts: what was understood of the run.
+        problem: the run, seen through the machine.
+        known: effects by name, the user's own included.
+        drawing: the run against the bare drawing.
+        given: the run against the model; the same as `drawing` where the model has no effects.
+        ladders: steps that led to the model, one tuple for each ladder, from its history.
+        refit: the model's effects fitted to this run; None where that cannot be done.
+        evaluation: protocol -> mean absolute errors before and after on held-out rows; empty where there is no after.
+        network: what a compensator's network does; None without one.
+        iso: ISO 9283 figures; None where no pose was repeated.
+        why_not: 'fit', 'evaluate', 'iso', 'history' -> why it is not there.
+        versions: name and version of what worked it out.
+        commands: what repeats it, and what each of them tells.
+    """
+
+    date: str
+    source: Source
+    facts: RunFacts
+    problem: Problem
+    known: Library
+    drawing: Look
+    given: Look
+    ladders: tuple[tuple[Entry, ...], ...]
+    refit: Ladder | None
+    evaluation: dict[str, Evaluation]
+    network: NetworkFacts | None
+    iso: IsoPoses | None
+    why_not: dict[str, str]
+    versions: tuple[tuple[str, str], ...]
+    commands: tuple[Command, ...]
+
+    @property
+    def file(self) -> MachineFile:
+        """The machine and its model."""
+        return self.given.model.file
+
+    @property
+    def bare(self) -> bool:
+        """Whether the model is the drawing alone."""
+        return self.given is self.drawing
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; what other verbs tell too is in their own words."""
+        looks = {"drawing": self.drawing, "model": self.given}
+        beside = {name: set_up(self.problem) | _aside(look) for name, look in looks.items()}
+        return {
+            "date": self.date,
+            "files": [file.to_dict() for file in self.source.files],
+            "run": self.facts.to_dict(),
+            "compare": {name: look.comparison.to_dict() | beside[name] for name, look in looks.items()},
+            "diagnose": {
+                name: look.diagnosis and look.diagnosis.to_dict() | beside[name] for name, look in looks.items()
+            },
+            "history": [[dict(vars(entry)) for entry in ladder] for ladder in self.ladders],
+            "fit": None if self.refit is None else self.refit.to_dict() | beside["model"],
+            "evaluate": {name: result.to_dict() for name, result in self.evaluation.items()},
+            "network": None if self.network is None else self.network.to_dict(),
+            "iso": None if self.iso is None else self.iso.to_dict(),
+            "why_not": self.why_not,
+            "versions": dict(self.versions),
+            "commands": [command.line for command in self.commands],
+        }
+
+
+def gather(
+    table: Table,
+    machine: MachineFile | Compensator,
+    source: Source | None = None,
+    *,
+    known: Library | None = None,
+    problem: Problem | None = None,
+    progress: Progress | None = None,
+) -> Contents:
+    """Work out everything that a report says.
+
+    Args:
+        table: the rows, n of them.
+        machine: machine with its model, or a compensator with its network.
+        source: files and options; None where there are no files to name.
+        known: effects by name; None for the library.
+        problem: the same table seen through the machine; None builds it.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        The contents.
+
+    Raises:
+        InputError: run and machine cannot be brought together.
+    """
+    tell, source, known = progress or (lambda what, done, of: None), source or Source(), known or library()
+    compensator = machine if isinstance(machine, Compensator) else Compensator(read_model(machine, known), None, {})
+    model, shown = compensator.model, shown_table(table, source)
+    problem = replace(problem or build_problem(model.file, table), table=shown)
+    why: dict[str, str] = {}
+    tell("compare and diagnose", 0, 5)
+    drawing = _look(Model(model.file), problem, known, source)
+    given = drawing if not model.terms else _look(model, problem, known, source)
+    tell("fit", 1, 5)
+    noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
+    refit = _unless("fit", why, lambda: climb(model, noisy, []), source)
+    tell("evaluate", 2, 5)
+    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem), source) or {}
+    tell("iso", 3, 5)
+    iso = _unless("iso", why, lambda: _iso(problem), source)
+    entries = _unless("history", why, lambda: read_entries(model.file), source) or ()
+    ladders = tuple(tuple(ladder) for ladder in runs_of(entries))
+    tell("write", 4, 5)
+    return Contents(
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        source=source,
+        facts=facts_of(problem),
+        problem=problem,
+        known=known,
+        drawing=drawing,
+        given=given,
+        ladders=ladders,
+        refit=refit,
+        evaluation=evaluation,
+        network=None if compensator.network is None else network_facts(compensator, problem, source),
+        iso=iso,
+        why_not=why,
+        versions=_versions(),
+        commands=commands_of(source, model, compensator.network is not None),
+    )
+
+
+def _aside(look: Look) -> dict[str, list[str]]:
+    """Effects of other runs, as the verbs tell them."""
+    return {"other_runs": [term.effect.key for term in look.model.aside]}
+
+
+def with_network(model: Compensator, trained: Compensator, where: str) -> Compensator:
+    """A model beside the network that was trained on what it leaves.
+
+    Args:
+        model: the model.
+        trained: from a compensator folder.
+        where: name of that folder, for messages.
+
+    Returns:
+        The model with the network.
+
+    Raises:
+        ModelError: the folder has no network, or it was trained on another model.
+    """
+    if trained.network is None:
+        raise ModelError("no network in it", where=where, fix="name the folder that train.py wrote")
+    if trained.model.keys != model.model.keys or trained.model.file.machine != model.model.file.machine:
+        theirs, ours = (", ".join(one.model.keys) or "no effects" for one in (trained, model))
+        what = f"trained on another model ({theirs}) than the one given ({ours})"
+        raise ModelError(what, where=where, fix="train it again on this model, or name it as --model")
+    return replace(model, network=trained.network, notes=trained.notes)
+
+
+def _look(model: Model, problem: Problem, known: Library, source: Source) -> Look:
+    why: dict[str, str] = {}
+    noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
+    diagnose = choose_diagnosis(problem.table.rows)
+    found = _unless("diagnose", why, lambda: diagnose(model, problem, known), source)
+    return Look(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
+
+
+def _unless(what: str, why: dict[str, str], action: Callable[[], Found], source: Source) -> Found | None:
+    """A result, or the note why the run does not give one."""
+    try:
+        return action()
+    except InputError as error:
+        why[what] = source.clean(str(error))
+        return None
+
+
+def _evaluate(compensator: Compensator, problem: Problem) -> dict[str, Evaluation]:
+    if not compensator.model.terms and compensator.network is None:
+        raise ModelError(NOTHING_TO_JUDGE)
+    return {name: evaluate_heldout(compensator, problem, make(problem)) for name, make in PROTOCOLS.items()}
+
+
+def _iso(problem: Problem) -> IsoPoses:
+    """As `ptt iso` does: targets that the file leaves out are what the commands ask for."""
+    table = problem.table
+    if table.command is not None:
+        reached = build_mechanism(problem.file.machine).forward(torch.as_tensor(table.command)).numpy()
+        table = table.replace(target=np.where(np.isnan(table.target), reached, table.target))
+    return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run")
+
+
+def _versions() -> tuple[tuple[str, str], ...]:
+    return (("ptt", __version__), ("python", platform.python_version()), *_installed(PACKAGES))
+
+
+def _installed(names: Sequence[str]) -> list[tuple[str, str]]:
+    found = []
+    for name in names:
+        try:
+            found.append((name, version(name)))
+        except PackageNotFoundError:
+            continue
+    return found

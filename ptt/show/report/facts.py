@@ -1,0 +1,166 @@
+"""What was understood of a run: rows, runs, columns and units, what varied, and what repeats there are."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ptt.run.holdout import pose_groups
+from ptt.run.noise import repeat_groups
+from ptt.run.problem import Problem
+from ptt.run.table import Table, table_to_frame
+
+LEVELS = 6  # values up to which they are listed one by one
+UNITS = {"c": "deg C", "mm_s": "mm/s", "n": "N", "nm": "N m", "um": "um"}
+COVARIATES = (
+    ("payload", "payload_kg", "kg", "payload"),
+    ("temperature", "temp_c", "deg C", "temperature"),
+    ("speed (feed)", "feed_mm_s", "mm/s", "speed"),
+    ("time", "time_s", "s", "time"),
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the file, what it was taken for, and its unit there ('' where it has none)."""
+
+    title: str
+    meaning: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """Something beside the pose that may matter.
+
+    Attributes:
+        name: 'payload', 'temperature', 'speed (feed)', 'time', 'arrival of slider 1'.
+        values: in words, with unit; 'not recorded' where the run does not tell.
+        varies: whether effects of it can be tested.
+    """
+
+    name: str
+    values: str
+    varies: bool
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """A run as it was understood.
+
+    Attributes:
+        rows: rows of the file or files.
+        observed: rows with a whole reading.
+        roles: 'pose', 'base', 'datum' -> rows.
+        runs: label and rows of each run.
+        poses: distinct targets that were read.
+        repeats: rows beyond the first of each group of true repeats.
+        low: (3,) mm, the lowest target coordinates.
+        high: (3,) mm.
+        columns: of the first file.
+        ignored: titles that were not used.
+        covariates: what may matter beside the pose.
+        lines: what the reader said, one finding a line.
+    """
+
+    rows: int
+    observed: int
+    roles: dict[str, int]
+    runs: tuple[tuple[str, int], ...]
+    poses: int
+    repeats: int
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    columns: tuple[Column, ...]
+    ignored: tuple[str, ...]
+    covariates: tuple[Covariate, ...]
+    lines: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def facts_of(problem: Problem) -> RunFacts:
+    """Gather what was understood of a run.
+
+    Args:
+        problem: the run, seen through its machine.
+
+    Returns:
+        The facts.
+    """
+    table, used = problem.table, problem.used
+    whole = np.isfinite(table.measured).all(axis=1)
+    groups = repeat_groups(table, problem.view.direction.numpy())[used]
+    target = problem.target[used]
+    return RunFacts(
+        rows=table.rows,
+        observed=int(whole.sum()),
+        roles={role: int((table.role == role).sum()) for role in ("pose", "datum", "base")},
+        runs=tuple((label, int((table.run == code).sum())) for code, label in enumerate(table.run_label)),
+        poses=len(np.unique(pose_groups(table)[used])),
+        repeats=int(used.sum() - len(np.unique(groups))),
+        low=tuple(target.min(axis=0).tolist()),
+        high=tuple(target.max(axis=0).tolist()),
+        columns=_columns(table),
+        ignored=table.understood.ignored,
+        covariates=(*_covariates(problem), *_directions(problem)),
+        lines=table.understood.lines,
+    )
+
+
+def _columns(table: Table) -> tuple[Column, ...]:
+    found = table.understood.mapping
+    titles = found.columns or {str(title): str(title) for title in table_to_frame(table).columns}
+    joint = "slider" if table.joint_prefix == "b" else "joint"
+    return tuple(
+        Column(title, _meaning(what, joint), UNITS.get(unit := found.units.get(title, ""), unit))
+        for title, what in titles.items()
+        if what != "ignore"
+    )
+
+
+def _meaning(what: str, joint: str) -> str:
+    """'x_cmd' as 'target x', 'b2_cmd' as 'command of slider 2', 'z_std' as 'scatter of z, as the tracker says'."""
+    stem, _, kind = what.partition("_")
+    number = stem[-1] if stem[-1:].isdigit() else ""
+    if kind.startswith("cmd"):
+        return f"command of {joint} {number}" if number else f"target {stem}"
+    if kind.startswith("meas"):
+        return f"reading {stem}"
+    if kind == "std":
+        return f"scatter of {stem}, as the tracker says"
+    if number and stem[:-1] in ("dir", "tau"):
+        return f"{'direction of arrival' if stem.startswith('dir') else 'force or torque'} of {joint} {number}"
+    return what.replace("_", " ")
+
+
+def _covariates(problem: Problem) -> list[Covariate]:
+    found = []
+    for name, key, unit, word in COVARIATES:
+        values = getattr(problem.table, key)
+        rows = None if values is None else values[problem.used & np.isfinite(values)]
+        if rows is None or not len(rows):
+            found.append(Covariate(name, "not recorded", False))
+        else:
+            found.append(Covariate(name, _spread(rows, unit), word in problem.view.varies))
+    return found
+
+
+def _spread(values: np.ndarray, unit: str) -> str:
+    levels = np.unique(values)
+    if len(levels) <= LEVELS:
+        return f"{', '.join(f'{level:g}' for level in levels)} {unit}"
+    return f"{levels[0]:.6g} to {levels[-1]:.6g} {unit}"
+
+
+def _directions(problem: Problem) -> list[Covariate]:
+    serial = problem.file.machine.kind == "serial"
+    joint, up, down = ("joint", "forward", "back") if serial else ("slider", "up", "down")
+    arrived = problem.view.direction.numpy()[problem.used]
+    counts = [(int((ways > 0).sum()), int((ways < 0).sum())) for ways in arrived.T]
+    return [
+        Covariate(f"arrival of {joint} {number}", f"{plus} {up}, {minus} {down}", bool(plus and minus))
+        for number, (plus, minus) in enumerate(counts, 1)
+    ]

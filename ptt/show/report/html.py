@@ -1,0 +1,83 @@
+"""A report as one HTML file: no scripts, no addresses, pictures inside; to be mailed, read and printed."""
+
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ptt.correct.training.compensator import Compensator
+from ptt.effects.registry import Library
+from ptt.files import write_text
+from ptt.machine import MachineFile
+from ptt.run.problem import Problem
+from ptt.run.table import Table
+from ptt.show.report.contents import Contents, Progress, gather
+from ptt.show.report.interactive import interactive_parts
+from ptt.show.report.pictures import data_uri, draw_pictures
+from ptt.show.report.sections import sections_of
+from ptt.show.report.source import Source
+
+
+def write_report(
+    out: str | Path,
+    table: Table,
+    machine: MachineFile | Compensator,
+    source: Source | None = None,
+    *,
+    known: Library | None = None,
+    problem: Problem | None = None,
+    interactive: bool = False,
+    progress: Progress | None = None,
+) -> Contents:
+    """Work a report out and write it; the file appears whole or not at all.
+
+    Args:
+        out: HTML file to write.
+        table: the rows, n of them.
+        machine: machine with its model, or a compensator with its network.
+        source: files and options; None where there are no files to name.
+        known: effects by name; None for the library.
+        problem: the same table seen through the machine; None builds it.
+        interactive: embed plotly and two pictures to turn and point at.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        What was written.
+
+    Raises:
+        InputError: run and machine cannot be brought together, plotly is missing, or the file cannot be written.
+    """
+    contents = gather(table, machine, source, known=known, problem=problem, progress=progress)
+    write_text(out, render(contents, interactive=interactive))
+    return contents
+
+
+def render(contents: Contents, *, interactive: bool = False) -> str:
+    """A report as HTML.
+
+    Args:
+        contents: what it says.
+        interactive: embed plotly and two pictures to turn and point at.
+
+    Returns:
+        The whole page.
+
+    Raises:
+        InputError: plotly is missing.
+    """
+    moving = interactive_parts(contents) if interactive else {}
+    sections = sections_of(contents)
+    pictures = {name: data_uri(png) for name, png in draw_pictures(contents, sections).items()}
+    environment = Environment(
+        loader=PackageLoader("ptt.show.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    return environment.get_template("report.html").render(
+        contents=contents,
+        sections=sections,
+        pictures=pictures,
+        style=Markup(environment.loader.get_source(environment, "report.css")[0]),  # type: ignore[union-attr]
+        moving={name: Markup(text) for name, text in moving.items()},
+        run=contents.problem.table.source,
+        version=dict(contents.versions)["ptt"],
+    )

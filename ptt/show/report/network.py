@@ -1,0 +1,84 @@
+"""What a compensator's network does, as its folder and this run tell."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ptt.correct.training.compensator import Compensator
+from ptt.correct.training.rest import inputs_of
+from ptt.errors import ModelError
+from ptt.run.problem import Problem
+from ptt.show.report.source import Source
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class NetworkFacts:
+    """The Gaussian RBF network of a compensator.
+
+    Attributes:
+        nodes: number of Gaussians.
+        learned: axes on which it helped held-out rows; on the others it is zero.
+        share: of the held-out variance after the physics that it took away, when it was trained.
+        heldout_rms_um: 'given', 'physics', 'rbf' -> x, y, z, total, when it was trained.
+        protocol: which rows those were.
+        trained_on: file names.
+        this_run: whether one of them is the run of this report; None where its hash is not known.
+        inside: readings of this run in the training domain.
+        readings: readings of this run.
+        largest_um: largest correction that it asks for on this run, um.
+    """
+
+    nodes: int
+    learned: tuple[str, ...]
+    share: float
+    heldout_rms_um: dict[str, dict[str, float]]
+    protocol: str
+    trained_on: tuple[str, ...]
+    this_run: bool | None
+    inside: int
+    readings: int
+    largest_um: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def network_facts(compensator: Compensator, problem: Problem, source: Source) -> NetworkFacts:
+    """Gather what a network does.
+
+    Args:
+        compensator: with a network.
+        problem: the run.
+        source: hashes of its files.
+
+    Returns:
+        The facts.
+
+    Raises:
+        ModelError: compensator.json lacks a key.
+    """
+    network, notes = compensator.network, compensator.notes
+    target = inputs_of(problem, compensator.space)[problem.used]
+    assert network is not None
+    inside = np.asarray(network.inside(target))
+    asked = np.linalg.norm(network.predict(target), axis=1)[inside]
+    own = {file.sha256 for file in source.files if file.role in ("run", "also")}
+    try:
+        return NetworkFacts(
+            nodes=int(notes["rbf"]["centres"]),
+            learned=tuple(axis for axis, flag in zip(AXES, notes["rbf"]["learned"], strict=True) if flag),
+            share=float(notes["rbf"]["share"]),
+            heldout_rms_um=notes["heldout_rms_um"],
+            protocol=str(notes["protocol"]),
+            trained_on=tuple(str(item["file"]) for item in notes["trained_on"]),
+            this_run=any(item["sha256"] in own for item in notes["trained_on"]) if own else None,
+            inside=int(inside.sum()),
+            readings=len(target),
+            largest_um=1e3 * float(asked.max(initial=0.0)),
+        )
+    except KeyError as error:
+        raise ModelError(f"compensator.json lacks {error}", fix="train it again") from None

@@ -1,0 +1,97 @@
+"""Pictures of a report: those of the other verbs, drawn for a page that is 180 mm wide."""
+
+import base64
+from collections.abc import Callable, Mapping
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ptt.judge.compare.comparison import Comparison
+from ptt.run.problem import Problem
+from ptt.show.plots.compare import draw_course, draw_histogram
+from ptt.show.plots.compensation import plot_error_curves
+from ptt.show.plots.depends import draw_dependences
+from ptt.show.plots.field import draw_field
+from ptt.show.plots.ladder import plot_history
+from ptt.show.report.blocks import Picture, Section
+from ptt.show.report.contents import Contents
+
+WIDE = 9.6  # inches before it is shrunk to the page: letters of 9 points print as 6.7
+DPI = 160
+LETTERS: Any = {"font.size": 13.0, "axes.titlesize": 14.0, "figure.titlesize": 15.0}  # of pictures wider than that
+
+Draw = Callable[[Comparison, Problem], Figure]
+
+
+def draw_pictures(contents: Contents, sections: tuple[Section, ...]) -> dict[str, bytes]:
+    """Draw the pictures that the sections name.
+
+    Args:
+        contents: what they show.
+        sections: which are wanted.
+
+    Returns:
+        Name -> PNG.
+    """
+    wanted = [block.name for section in sections for block in section.blocks if isinstance(block, Picture)]
+    return {name: draw_picture(name, contents) for name in dict.fromkeys(wanted)}
+
+
+def draw_picture(name: str, contents: Contents) -> bytes:
+    """Draw one picture.
+
+    Args:
+        name: 'field-drawing', 'ladder-0', 'curves', ...
+        contents: what it shows.
+
+    Returns:
+        PNG.
+    """
+    what, _, of = name.partition("-")
+    if what == "ladder":
+        return _written(lambda path: plot_history(contents.ladders[int(of)], path))
+    if what == "curves":
+        return _written(lambda path: _draw_curves(contents, path))
+    look = contents.drawing if of == "drawing" else contents.given
+    draws: Mapping[str, tuple[Draw, float]] = {
+        "field": (draw_field, 0.5),
+        "depends": (draw_dependences, 0.0),
+        "course": (draw_course, 0.55),
+        "histogram": (draw_histogram, 0.4),
+    }
+    draw, shape = draws[what]
+    return _png(draw(look.comparison, contents.problem), shape)
+
+
+def data_uri(png: bytes) -> str:
+    """A PNG as the address of an image that travels inside the page."""
+    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+
+
+def _draw_curves(contents: Contents, path: Path) -> None:
+    result = contents.evaluation["blocks"]
+    noise = None if result.noise is None else {axis: float(result.noise.to_dict()[axis]) for axis in "xyz"}  # type: ignore[arg-type]
+    plot_error_curves(result.before, result.after, path, noise_um=noise)
+
+
+def _png(figure: Figure, shape: float) -> bytes:
+    """A figure at the page's width; its layout is worked out anew for it."""
+    wide, high = figure.get_size_inches()
+    figure.set_size_inches(min(WIDE, wide), min(WIDE, wide) * (shape or 1.08 * high / wide))
+    figure.set_dpi(DPI)
+    buffer = BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    return buffer.getvalue()
+
+
+def _written(draw: Callable[[Path], None]) -> bytes:
+    """What a function of a path draws, with letters that survive being shrunk."""
+    with TemporaryDirectory() as folder, rc_context(LETTERS):
+        path = Path(folder) / "picture.png"
+        draw(path)
+        return path.read_bytes()

@@ -1,0 +1,168 @@
+"""What the page shows of a run held against a model: plain arrays, so that a look travels between processes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ptt.judge.compare.comparison import Comparison
+    from ptt.model.model import Model
+    from ptt.run.problem import Problem
+
+COVARIATES = {
+    "time_s": "time [s]", "payload_kg": "payload [kg]", "temp_c": "temperature [\N{DEGREE SIGN}C]",
+    "feed_mm_s": "feed [mm/s]", "direction": "directions of arrival", "torque": "torque", "std": "tracker deviations",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """The machine as lines.
+
+    Attributes:
+        rails: (r, 2, 3) mm, ends of each rail; none on a serial arm.
+        chains: (n, c, m, 3) mm, for each row c lines of m points: links of a 3-PTT, the arm of a serial one.
+        platform: (n, j, 3) mm, corners of the platform, closed by the drawer; no corners on a serial arm.
+    """
+
+    rails: np.ndarray
+    chains: np.ndarray
+    platform: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A run held against a model, n rows.
+
+    Attributes:
+        source: name of the run.
+        line: (n,) int, line in the file.
+        name: (n,) names, '' where none.
+        run: (n,) label of each row's run.
+        target: (n, 3) mm.
+        residual: (n, 3) mm, after the frame; NaN where not observed.
+        kept: (n,) bool, rows that count.
+        views: residual by component, (n,) mm or rad.
+        contexts: what it may depend on, (n,) each.
+        drawing: the machine at each row.
+        serial: whether the machine is a serial arm.
+        effects: keys of the model's effects.
+        understood: what was made of the file, a finding a line.
+        covariates: what the table holds beside targets and readings.
+        runs: labels of the runs.
+        noise: noise floor per axis and in total, um, with its source; None where unknown.
+    """
+
+    source: str
+    line: np.ndarray
+    name: tuple[str, ...]
+    run: tuple[str, ...]
+    target: np.ndarray
+    residual: np.ndarray
+    kept: np.ndarray
+    views: Mapping[str, np.ndarray]
+    contexts: Mapping[str, np.ndarray]
+    drawing: Drawing
+    serial: bool
+    effects: tuple[str, ...]
+    understood: tuple[str, ...]
+    covariates: tuple[str, ...]
+    runs: tuple[str, ...]
+    noise: Mapping[str, float | str] | None
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.line)
+
+    @property
+    def size_um(self) -> np.ndarray:
+        """(n,) um, size of the error of each reading."""
+        return np.asarray(1e3 * np.linalg.norm(self.residual, axis=1))
+
+    def visits_of(self, row: int, within: float = 1e-3) -> np.ndarray:
+        """Rows whose target lies near that of a row.
+
+        Args:
+            row: which row.
+            within: distance, mm; at least a micrometre.
+
+        Returns:
+            (m,) row numbers.
+        """
+        distance = np.linalg.norm(self.target - self.target[row], axis=1)
+        return np.flatnonzero(self.kept & (distance <= max(within, 1e-3)))
+
+
+def look_at(model: "Model", problem: "Problem", compared: "Comparison | None" = None) -> Look:
+    """Hold a run against a model as it is, fast: only the tracker frame is fitted.
+
+    Args:
+        model: its effects are held at their values.
+        problem: the readings.
+        compared: a comparison that was made already, whose residual is taken.
+
+    Returns:
+        The look.
+    """
+    from ptt.dependence.contexts import context_views, residual_views
+    from ptt.fitting.solve import residual_of
+
+    if compared is None:
+        fitted = residual_of(model, problem)
+        residual = fitted.residual
+        kept = problem.used & ~fitted.outliers & np.isfinite(residual).all(axis=1)
+    else:
+        residual, kept = compared.residual, compared.kept
+    noise = problem.noise if compared is None else compared.noise
+    table = problem.table
+    return Look(
+        source=table.source,
+        line=np.asarray(table.line),
+        name=tuple(map(str, table.name)),
+        run=tuple(table.run_label[code] for code in table.run),
+        target=np.asarray(problem.target, dtype=float),
+        residual=np.asarray(residual),
+        kept=np.asarray(kept),
+        views=residual_views(problem, residual),
+        contexts=context_views(problem),
+        drawing=draw_machine(problem),
+        serial=problem.file.machine.kind == "serial",
+        effects=model.keys,
+        understood=tuple(table.understood.lines),
+        covariates=tuple(words for name, words in COVARIATES.items() if getattr(table, name) is not None),
+        runs=tuple(label for label in table.run_label if label),
+        noise=None if noise is None else dict(noise.to_dict()),  # type: ignore[arg-type]
+    )
+
+
+def draw_machine(problem: "Problem") -> Drawing:
+    """The machine as drawn, at the commands of each row.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        Its lines.
+    """
+    from ptt.mechanisms.serial import Serial
+    from ptt.mechanisms.three_ptt import ThreePtt
+
+    view, spec = problem.view, problem.file.machine
+    mechanism, q, p = view.mechanism, view.q.numpy(), view.p.numpy()
+    if isinstance(mechanism, Serial) or spec.kind == "serial":
+        assert isinstance(mechanism, Serial)
+        origins = mechanism.frames(view.q)[0].numpy()
+        chain = np.concatenate([np.zeros((len(q), 1, 3)), origins, p[:, None]], axis=1)
+        return Drawing(np.zeros((0, 2, 3)), chain[:, None], np.zeros((len(q), 0, 3)))
+    assert isinstance(mechanism, ThreePtt)
+    azimuth = np.radians(spec.slider_azimuth_deg)
+    corner = spec.platform_radius_mm * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
+    foot, rail = mechanism.foot.numpy() + corner, mechanism.rail.numpy()
+    ends = np.asarray(spec.travel_ends)
+    rails = foot[:, None] + ends[:, :, None] * rail[:, None]
+    sliders = foot[None] + q[:, :, None] * rail[None]
+    platform = p[:, None] + corner[None]
+    return Drawing(rails, np.stack([sliders, platform], axis=2), platform)

@@ -1,0 +1,183 @@
+"""Finish: train the network on the rest, and take everything along: model, compensator, corrected commands, report."""
+
+from collections.abc import Callable
+
+from nicegui import events, ui
+
+from ptt.errors import PttError
+from ptt.show.studio.controller import LIMIT, Studio
+from ptt.show.studio.figures import before_after_figure
+from ptt.show.studio.results import SEAL
+from ptt.show.studio.steps import REFITS
+
+UNTRAINED = (
+    "A Gaussian RBF network learns what physics left over, as a function of position; it changes nothing beside the "
+    "poses it has seen. Held-out errors show whether it helps."
+)
+
+
+class FinishView:
+    """The view's parts."""
+
+    def __init__(self, studio: Studio) -> None:
+        """Build it."""
+        self.studio = studio
+        with ui.element("div").classes("st-two"):
+            with ui.element("div").classes("st-col"), ui.element("div").classes("st-box st-col"):
+                self._build_train()
+            with ui.element("div").classes("st-col st-scroll"):
+                self._build_downloads()
+                self._build_commands()
+        studio.on("session", self.show)
+        studio.on("busy", self._enable)
+        self.show()
+
+    def _build_train(self) -> None:
+        with ui.element("div").classes("st-tools"):
+            ui.label("Let a network learn the rest").classes("st-head")
+            ui.space()
+            self.train = ui.button("Train", icon="model_training", on_click=self.studio.train).props("no-caps")
+        self.told = ui.label().classes("st-note").mark("trained")
+        self.plot = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.plot.props('role=img aria-label="errors before and after"')
+
+    def _build_downloads(self) -> None:
+        with ui.element("div").classes("st-box"):
+            ui.label("Take along").classes("st-head")
+            with ui.element("div").classes("st-tools").style("margin-top: 6px"):
+                self.model = self._button("Model (machine.toml)", self._give_model)
+                self.compensator = self._button("Compensator (zip)", self._give_compensator)
+                self.report = self._button("Report (HTML)", self._give_report)
+            ui.label(
+                "Corrected sliders for a list of targets, by the compensator where one is trained, else by the model."
+            ).classes("st-note").style("margin-top: 8px")
+            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 4px"):
+                self.targets = ui.upload(
+                    label="Targets (CSV): drop here", on_upload=self._predict, max_file_size=LIMIT, auto_upload=True,
+                    on_rejected=lambda: self.studio.fail(f"not taken: larger than {LIMIT >> 20} MB"),
+                )  # fmt: skip
+                self.targets.classes("st-drop st-drop-predict").props("flat hide-upload-btn")
+                choose = ui.button("Choose").props('no-caps outline aria-label="choose targets"')
+                choose.on("click", js_handler=f"() => getElement({self.targets.id}).pickFiles()")
+            self.predicted = ui.label().classes("st-note").mark("predicted")
+            with ui.element("div").classes("st-tools").style("margin-top: 8px"):
+                self.seal = ui.button("Open the seal", icon="lock_open", on_click=self._reveal).props("no-caps outline")
+            self.revealed = ui.label().classes("st-mono").mark("revealed")
+
+    def _build_commands(self) -> None:
+        with ui.element("div").classes("st-box"):
+            ui.label("The same from the command line").classes("st-head")
+            self.commands = ui.label().classes("st-mono").mark("commands")
+
+    def _button(self, words: str, act: Callable[[], object]) -> ui.button:
+        return ui.button(words, icon="download", on_click=act).props("no-caps outline")
+
+    def _enable(self) -> None:
+        session = self.studio.session
+        idle = self.studio.busy is None and session.ready
+        self.train.set_enabled(idle)
+        self.model.set_enabled(session.ready)
+        self.compensator.set_enabled(session.training is not None)
+        self.report.set_enabled(idle)
+        self.seal.set_visibility((self.studio.folder / SEAL).exists())
+        self.seal.set_enabled(idle)
+
+    def show(self) -> None:
+        """Take over a changed session."""
+        self._enable()
+        session = self.studio.session
+        self.commands.set_text("\n".join(commands_of(self.studio)))
+        self.revealed.set_text("")
+        trained = session.training
+        if trained is None:
+            words = "The model has changed: train again." if session.trainings else UNTRAINED
+            self.told.set_text(words if session.ready else "Load a run first.")
+            self.plot.update_figure({"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}})
+            return
+        data = trained.data
+        learned = [axis for axis, flag in data["learned"].items() if flag]
+        what = f"{data['centres']} nodes, for {', '.join(learned)}" if learned else "nothing left that it can learn"
+        before, after = data["heldout_rms_um"]["given"]["total"], data["heldout_rms_um"]["rbf"]["total"]
+        self.told.set_text(
+            f"Network: {what}; it takes {max(data['share'], 0.0):.0%} of what physics leaves. Held-out error "
+            f"{before:.2f} \N{RIGHTWARDS ARROW} {after:.2f} \N{MICRO SIGN}m ({data['protocol']})."
+        )
+        self.plot.update_figure(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
+
+    def _give_model(self) -> None:
+        ui.download.content(self.studio.session.text, "machine.toml")
+
+    def _give_compensator(self) -> None:
+        trained = self.studio.session.training
+        if trained is not None:
+            ui.download.content(trained.archive, "compensator.zip")
+
+    async def _give_report(self) -> None:
+        session = self.studio.session
+        archive = session.training.archive if session.training else None
+        page = await self.studio.work("writing the report", "report", session.source, session.text, archive)
+        if page is not None:
+            ui.download.content(page, "report.html")
+
+    async def _predict(self, event: events.UploadEventArguments) -> None:
+        data = await event.file.read()
+        self.targets.reset()
+        session = self.studio.session
+        if session.source is None:
+            self.studio.fail("load a run and its machine first")
+            return
+        try:
+            kept = self.studio.keep(event.file.name, data)
+        except PttError as error:
+            self.studio.fail(str(error))
+            return
+        model = session.training.archive if session.training else session.text
+        found = await self.studio.work("working out commands", "predict", session.source, model, kept)
+        if found is None:
+            self.predicted.set_text("")
+            return
+        figures = found.data
+        ways = ", ".join(f"{count} {status}" for status, count in figures["status"].items() if count)
+        told = [
+            f"{figures['rows']} rows ({ways}); largest correction {figures['largest_shift_um']:.1f} \N{MICRO SIGN}m"
+        ]
+        self.predicted.set_text("; ".join([*told, *found.notes]))
+        ui.download.content(found.content, "sliders.csv")
+
+    async def _reveal(self) -> None:
+        found = await self.studio.work("opening the seal", "reveal", self.studio.session.text)
+        if found is not None:
+            self.revealed.set_text(found["text"])
+
+
+def commands_of(studio: Studio) -> list[str]:
+    """The commands that repeat the session.
+
+    Args:
+        studio: of this tab.
+
+    Returns:
+        One a line.
+    """
+    session = studio.session
+    if session.now is None or session.source is None:
+        return []
+    steps, run = session.commands, session.source.words
+    last = f"model{len(steps)}.toml" if steps else "machine.toml"
+    lines = [f"ptt compare {run} --model machine.toml", f"ptt diagnose {run} --model machine.toml", *steps]
+    if session.now.removed or len(steps) > len(session.now.commands):
+        lines.append(REFITS)
+    if session.training is not None:
+        lines.append(f"python train.py {run} --machine {last} --out compensator")
+        last = "compensator"
+    return [*lines, f"ptt predict targets.csv --model {last} --out sliders.csv"]
+
+
+def build_finish(studio: Studio, go: Callable[[str], None]) -> None:
+    """Build the view.
+
+    Args:
+        studio: of this tab.
+        go: shows another view.
+    """
+    FinishView(studio)

@@ -1,0 +1,217 @@
+"""Look: the error field over the machine, the residual against any variable, the time line, and the readings."""
+
+import math
+from collections.abc import Callable, Sequence
+from html import escape
+
+import numpy as np
+from nicegui import events, ui
+
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.field import field_figure, usual_scale
+from ptt.show.studio.figures import MOST, against_figure, short_label, unit_of
+from ptt.show.studio.looks import Look
+
+PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}
+SHOWN = 60  # rows of the table
+NONE = "nothing"
+ROWS = "e => emit((e?.points ?? []).map(p => p.customdata).filter(row => row !== undefined))"
+POINTED = "e => { getElement(ID).pointed = e?.points?.[0]?.customdata; }"
+LEFT = "() => { getElement(ID).pointed = undefined; }"
+PRESSED = "e => { getElement(ID).pressed = [e.clientX, e.clientY]; }"
+CLICKED = """e => { const own = getElement(ID), [x, y] = own.pressed ?? [0, 0];
+  if (own.pointed !== undefined && Math.hypot(e.clientX - x, e.clientY - y) < 4) emit([own.pointed]); }"""
+
+
+class LookView:
+    """The view's controls and figures."""
+
+    def __init__(self, studio: Studio) -> None:
+        """Build it."""
+        self.studio = studio
+        self.drawn: Look | None = None
+        self.led = ""
+        with ui.element("div").classes("st-look"):
+            with ui.element("div").classes("st-box st-col"):
+                self._build_field()
+            with ui.element("div").classes("st-box st-col"):
+                self._build_against()
+            with ui.element("div").classes("st-box st-table st-col"):
+                self._build_table()
+        studio.on("session", self.show)
+        studio.on("picked", self.redraw)
+        self.show()
+
+    def _build_field(self) -> None:
+        with ui.element("div").classes("st-tools"):
+            self.scale = ui.number("arrows enlarged, times", value=100.0, min=1.0, on_change=self.redraw_field)
+            self.scale.props("dense outlined debounce=400").classes("w-40")
+            self.machine = ui.switch("machine", value=True, on_change=self.redraw_field)
+            self.pick = ui.select(PICKS, value=0.0, label="a click picks").props("dense outlined").classes("w-44")
+        self.field_note = ui.label().classes("st-note").mark("field-note")
+        self.field = ui.plotly({"data": [], "layout": {}}).classes("st-plot st-field")
+        self.field.props('role=img aria-label="error field in space"')
+        # Plotly emits no click in space where frames are slow: what is pointed at when the button comes up counts.
+        self.field.on("plotly_hover", js_handler=POINTED.replace("ID", str(self.field.id)))
+        self.field.on("plotly_unhover", js_handler=LEFT.replace("ID", str(self.field.id)))
+        self.field.on("pointerdown.capture", js_handler=PRESSED.replace("ID", str(self.field.id)))
+        self.field.on("click", self._clicked, js_handler=CLICKED.replace("ID", str(self.field.id)))
+
+    def _build_against(self) -> None:
+        with ui.element("div").classes("st-tools st-line"):
+            self.view = ui.select(["x"], value="x", label="residual in", on_change=self.redraw_against)
+            self.context = ui.select(["time"], value="time", label="against", on_change=self.redraw_against)
+            self.beside = ui.select([NONE], value=NONE, label="beside it", on_change=self.redraw_against)
+            for select in (self.view, self.context, self.beside):
+                select.props("dense outlined options-dense")
+        self.against = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.against.props('role=img aria-label="residual against a variable"')
+        self.time = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.time.props('role=img aria-label="residual over time"')
+        for plot in (self.against, self.time):
+            plot.on("plotly_click", self._clicked, js_handler=ROWS)
+            plot.on("plotly_selected", self._selected, js_handler=ROWS)
+
+    def _build_table(self) -> None:
+        with ui.element("div").classes("st-tools"):
+            self.table_note = ui.label().classes("st-head")
+            ui.space()
+            self.line = ui.number("go to line", min=1, precision=0, on_change=self._typed)
+            self.line.props("dense outlined debounce=500").classes("w-28")
+            ui.button("Clear", on_click=lambda: self.studio.pick([])).props("no-caps flat dense")
+        with ui.element("div").classes("st-scroll w-full").style("flex: 1 1 0; min-height: 0").props("tabindex=0"):
+            self.table = ui.html("", sanitize=False).classes("w-full").mark("readings")
+
+    def show(self) -> None:
+        """Take over a changed session."""
+        look = self.studio.session.look
+        if look is None or look is self.drawn:
+            return
+        fresh = self.drawn is None or self.drawn.source != look.source or self.drawn.rows != look.rows
+        self.drawn = look
+        others = [NONE, *self.studio.session.others()]
+        self.beside.set_options(others, value=self.beside.value if self.beside.value in others else NONE)
+        if fresh:
+            self.view.set_options(list(look.views), value=self.first(look))
+            names = {name: short_label(name, look) for name in look.contexts}
+            self.context.set_options(names, value=next(iter(names)))
+            self.scale.set_value(usual_scale(look))
+            self.led = ""
+        self._lead()
+        self.redraw()
+
+    def _lead(self) -> None:
+        """Show the strongest dependence first, once it is known and until the person chooses another one."""
+        session = self.studio.session
+        chosen = f"{self.view.value} {self.context.value}"
+        if session.comparison is None or self.led not in ("", chosen):
+            return
+        for item in session.comparison.data["depends_on"][:1]:
+            if item["residual"] in self.view.options and item["on"] in self.context.options:
+                self.led = f"{item['residual']} {item['on']}"
+                self.view.set_value(item["residual"])
+                self.context.set_value(item["on"])
+
+    def redraw(self) -> None:
+        """Draw everything again."""
+        self.redraw_field()
+        self.redraw_against()
+        self._fill_table()
+
+    def redraw_field(self) -> None:
+        """Draw the field again."""
+        look = self.drawn
+        if look is None:
+            return
+        scale = float(self.scale.value or usual_scale(look))
+        figure = field_figure(look, self.studio.picked, scale=scale, machine=bool(self.machine.value))
+        self.field.update_figure(figure)
+        kept = int(look.kept.sum())
+        share = f"{MOST} of {kept} readings drawn, evenly thinned; " if kept > MOST else ""
+        self.field_note.set_text(
+            f"{share}each arrow is the error of a reading after frame alignment, {scale:g} times enlarged: "
+            f"10 mm long is {1e4 / scale:.3g} \N{MICRO SIGN}m"
+        )
+
+    def redraw_against(self) -> None:
+        """Draw residual and time line again."""
+        look = self.drawn
+        if look is None or self.view.value not in look.views or self.context.value not in look.contexts:
+            return
+        others = self.studio.session.others()
+        beside = (self.beside.value, others[self.beside.value]) if self.beside.value in others else None
+        picked = self.studio.picked
+        self.against.update_figure(against_figure(look, self.view.value, self.context.value, picked, beside))
+        if "time" in look.contexts:
+            self.time.update_figure(against_figure(look, self.view.value, "time", picked, None))
+
+    def _fill_table(self) -> None:
+        look, picked = self.drawn, self.studio.picked
+        if look is None:
+            return
+        order = np.argsort(np.where(look.kept, -look.size_um, np.inf))[: int(look.kept.sum())]
+        rows = picked[:SHOWN] if picked else order[:SHOWN].tolist()
+        what = f"{len(picked)} picked readings" if picked else f"the {len(rows)} largest errors of {look.rows} readings"
+        cut = f", {SHOWN} shown" if len(picked) > SHOWN else ""
+        self.table_note.set_text(what + cut)
+        self.table.set_content(_table(look, rows))
+
+    def _clicked(self, event: events.GenericEventArguments) -> None:
+        if event.args:
+            self._pick(int(event.args[0]))
+
+    def _selected(self, event: events.GenericEventArguments) -> None:
+        rows = sorted({int(row) for row in event.args or []})
+        if rows:
+            self.studio.pick(rows)
+
+    def _typed(self) -> None:
+        look = self.drawn
+        if look is None or self.line.value is None:
+            return
+        found = np.flatnonzero((look.line == int(self.line.value)) & look.kept)
+        if len(found):
+            self._pick(int(found[0]))
+
+    def _pick(self, row: int) -> None:
+        look, within = self.drawn, float(self.pick.value)
+        assert look is not None
+        others = [] if within < 0 else [int(each) for each in look.visits_of(row, within) if each != row]
+        self.studio.pick([row, *others])
+
+    @staticmethod
+    def first(look: Look) -> str:
+        """The component with the largest residual, joint space first."""
+        inner = [name for name in look.views if name not in "xyz"]
+        return max(inner, key=lambda name: float(np.nanmean(np.square(look.views[name]))))
+
+
+def build_look(studio: Studio, go: Callable[[str], None]) -> None:
+    """Build the view.
+
+    Args:
+        studio: of this tab.
+        go: shows another view.
+    """
+    LookView(studio)
+
+
+def _table(look: Look, rows: Sequence[int]) -> str:
+    """Readings as an HTML table; everything from the file is escaped."""
+    inner = [name for name in look.views if name not in "xyz"]
+    units = [unit_of(name) for name in inner]
+    heads = ["line", "name", "run", "x [mm]", "y [mm]", "z [mm]"]
+    heads += [f"{name} [\N{MICRO SIGN}m]" for name in ("error x", "error y", "error z", "size")]
+    heads += [f"{name} [{unit}]" for name, (unit, _) in zip(inner, units, strict=True)]
+    parts = ["<table class='st-plain'><thead><tr>", *(f"<th>{head}</th>" for head in heads), "</tr></thead><tbody>"]
+    for row in rows:
+        cells = [str(look.line[row]), escape(look.name[row]), escape(look.run[row])]
+        cells += [_number(value, 2) for value in look.target[row]]
+        cells += [_number(1e3 * value, 1) for value in (*look.residual[row], float(np.linalg.norm(look.residual[row])))]
+        cells += [_number(factor * look.views[name][row], 1) for name, (_, factor) in zip(inner, units, strict=True)]
+        parts.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+    return "".join([*parts, "</tbody></table>"])
+
+
+def _number(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if math.isfinite(value) else "\N{EN DASH}"

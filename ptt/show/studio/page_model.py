@@ -1,0 +1,222 @@
+"""Add: the ladder of errors beside the noise floor, the effects with their switches, and the model with and without."""
+
+from collections.abc import Callable, Mapping
+
+from nicegui import ui
+
+from ptt.machine import EffectEntry
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.figures import against_figure, ladder_figure, short_label
+from ptt.show.studio.page_look import LookView
+from ptt.show.studio.session import Rung, Session, Snapshot, key_of, parameter_rows
+
+AXES = ("total", "x", "y", "z")
+
+
+class ModelView:
+    """The view's parts."""
+
+    def __init__(self, studio: Studio) -> None:
+        """Build it."""
+        self.studio = studio
+        self.asked = ""
+        with ui.element("div").classes("st-two st-wide-left"):
+            with ui.element("div").classes("st-col"):
+                with ui.element("div").classes("st-box st-col").style("height: auto; flex: 6 1 0"):
+                    self._build_ladder()
+                with ui.element("div").classes("st-box st-col").style("height: auto; flex: 5 1 0"):
+                    self._build_against()
+            with ui.element("div").classes("st-box st-col st-scroll").props("tabindex=0"):
+                self._build_add()
+                self.list = ui.element("div").classes("w-full")
+        studio.on("session", self.show)
+        studio.on("busy", self._enable)
+        self.show()
+
+    def _build_ladder(self) -> None:
+        with ui.element("div").classes("st-tools"):
+            ui.label("Error after each step").classes("st-head")
+            ui.space()
+            self.axis = ui.toggle(list(AXES), value="total", on_change=self._draw_ladder)
+            self.axis.props('dense no-caps aria-label="axis of the ladder"')
+        self.figures = ui.label().classes("st-note").mark("ladder")
+        self.ladder = ui.plotly({"data": [], "layout": {}}).classes("st-plot st-ladder")
+        self.ladder.props('role=img aria-label="ladder of errors"')
+
+    def _build_against(self) -> None:
+        with ui.element("div").classes("st-tools st-line"):
+            ui.label("With and without").classes("st-head")
+            self.view = ui.select(["x"], value="x", label="residual in", on_change=self._draw_against)
+            self.context = ui.select(["time"], value="time", label="against", on_change=self._draw_against)
+            self.beside = ui.select(["nothing"], value="nothing", label="beside it", on_change=self._draw_against)
+            for select in (self.view, self.context, self.beside):
+                select.props("dense outlined options-dense")
+        self.against = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.against.props('role=img aria-label="residual with and without"')
+
+    def _build_add(self) -> None:
+        with ui.element("div").classes("st-tools"):
+            self.which = ui.select([], label="effect", with_input=True).props("dense outlined options-dense")
+            self.which.classes("w-48")
+            self.add = ui.button("Add", icon="add", on_click=self._add).props("no-caps dense")
+            self.refit = ui.button("Refit", icon="refresh", on_click=lambda: self.studio.change("fit"))
+            self.refit.props("no-caps dense outline")
+
+    def _enable(self) -> None:
+        idle = self.studio.busy is None and self.studio.session.ready
+        for button in (self.add, self.refit):
+            button.set_enabled(idle)
+
+    def show(self) -> None:
+        """Take over a changed session."""
+        self._enable()
+        session = self.studio.session
+        if session.ready and self.asked != session.kind:
+            self.asked = session.kind
+            ui.timer(0.01, self._learn_names, once=True)
+        self._draw_ladder()
+        self._fill_selects()
+        self._draw_against()
+        self.list.clear()
+        with self.list:
+            if session.now is not None:
+                self._fill_list(session.now)
+
+    async def _learn_names(self) -> None:
+        session = self.studio.session
+        files = () if session.source is None else session.source.effect_files
+        known = await self.studio.work("effects", "names", session.kind, files, quiet=True)
+        if known is not None:
+            self.which.set_options(list(known))
+
+    def _fill_list(self, now: Snapshot) -> None:
+        entries = now.file.effect
+        if not entries:
+            ui.label("The model has no effects yet: it is the drawing as it is.").classes("st-note")
+        for entry in entries:
+            self._effect(entry, key_of(entry) not in now.off)
+        if now.fit:
+            with ui.expansion("The fit in words").classes("w-full").props("dense"):
+                ui.label(now.fit).classes("st-mono")
+
+    def _effect(self, entry: EffectEntry, on: bool) -> None:
+        key = key_of(entry)
+        with ui.element("div").classes("st-box").style("margin-top: 6px; padding: 4px 8px").mark(f"effect {key}"):
+            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
+                ui.switch(key, value=on, on_change=lambda event: self.studio.switch(key, bool(event.value)))
+                ui.space()
+                remove = ui.button("Remove", icon="delete", on_click=lambda: self.studio.change("remove", key))
+                remove.props("flat dense no-caps size=sm").props["aria-label"] = f"remove {key}"
+                remove.set_enabled(on)
+            columns = "max-content max-content max-content 1fr"
+            with ui.element("div").classes("st-grid").style(f"grid-template-columns: {columns}; font-size: 13px"):
+                for name, value, std, word in parameter_rows(entry):
+                    ui.label(name)
+                    ui.label(f"{value:.5g}").classes("st-right")
+                    ui.label("" if std is None else f"\N{PLUS-MINUS SIGN} {std:.2g}").classes("st-right")
+                    ui.label(word).classes("st-note")
+
+    def _draw_ladder(self) -> None:
+        session = self.studio.session
+        rungs, noise = ladder_of(self.studio)
+        if not rungs:
+            self.figures.set_text(
+                "The ladder appears once a run is compared." if session.ready else "Load a run first."
+            )
+            self.ladder.update_figure(
+                {"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}}
+            )
+            return
+        self.ladder.update_figure(ladder_figure(rungs, noise, str(self.axis.value)))
+        self.figures.set_text(words_of(session, rungs[-1], noise, str(self.axis.value)))
+
+    def _fill_selects(self) -> None:
+        look = self.studio.session.look
+        if look is None:
+            return
+        if self.view.options != list(look.views):
+            self.view.set_options(list(look.views), value=LookView.first(look))
+            names = {name: short_label(name, look) for name in look.contexts}
+            self.context.set_options(names, value=next(iter(names)))
+        others = list(self.studio.session.others())
+        self.beside.set_options(["nothing", *others], value=others[-1] if others else "nothing")
+
+    def _draw_against(self) -> None:
+        session = self.studio.session
+        look = session.look
+        if look is None or self.view.value not in look.views or self.context.value not in look.contexts:
+            return
+        others = session.others()
+        beside = (self.beside.value, others[self.beside.value]) if self.beside.value in others else None
+        view, context = self.view.value, self.context.value
+        self.against.update_figure(against_figure(look, view, context, self.studio.picked, beside))
+
+    async def _add(self) -> None:
+        if self.which.value:
+            await self.studio.change("add", str(self.which.value))
+
+
+def ladder_of(studio: Studio) -> tuple[tuple[Rung, ...], dict[str, float]]:
+    """The ladder of the session, and the comparison where the ladder does not speak of the active model.
+
+    Args:
+        studio: of this tab.
+
+    Returns:
+        Its steps and the noise floor in um; no steps where nothing is known yet.
+    """
+    now, found = studio.session.now, studio.session.comparison
+    rungs: tuple[Rung, ...] = () if now is None else now.rungs
+    noise = dict(now.noise_um) if now is not None and rungs else dict(found.data["noise_um"]) if found else {}
+    if now is None or noise.get("total") is None:
+        return (), {}
+    if now.fitted != now.active and found is not None:
+        rungs = (*rungs, Rung(_switched(now) or "as given", found.data["rms_um"], None))
+    return rungs, noise
+
+
+def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: str) -> str:
+    """The error of the active model in words; a held-out figure only where one was worked out.
+
+    Args:
+        session: the session.
+        last: the ladder's last step.
+        noise_um: noise floor.
+        axis: 'x', 'y', 'z' or 'total'.
+
+    Returns:
+        One sentence.
+    """
+    now, micro = session.now, "\N{MICRO SIGN}m"
+    assert now is not None
+    left = f"; switched off: {', '.join(sorted(now.off))}; the figures are without it" if now.off else ""
+    if last.heldout_rms_um is None:
+        after = (
+            "no held-out figure, because nothing was fitted" if not now.rungs else "nothing was refitted or held out"
+        )
+        noise = f"noise {noise_um[axis]:.2f} {micro}"
+        return f"Now {last.rms_um[axis]:.2f} {micro} over all rows (plain RMS; {after}); {noise}{left}"
+    if now.fitted != now.active:
+        return f"{_switched(now)}: the figures of that are being worked out"
+    helped = "" if last.helped else " (this step did not help beyond chance)"
+    return (
+        f"Now {last.rms_um[axis]:.2f} {micro} on training rows, {last.heldout_rms_um[axis]:.2f} {micro} held out; "
+        f"noise {noise_um[axis]:.2f} {micro}{helped}{left}"
+    )
+
+
+def _switched(now: Snapshot) -> str:
+    """What switches did since the last fit; '' where nothing was fitted and nothing is off."""
+    if now.off:
+        return f"{', '.join(sorted(now.off))} off"
+    return "switched on again" if now.rungs else ""
+
+
+def build_model(studio: Studio, go: Callable[[str], None]) -> None:
+    """Build the view.
+
+    Args:
+        studio: of this tab.
+        go: shows another view.
+    """
+    ModelView(studio)

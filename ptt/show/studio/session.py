@@ -1,0 +1,285 @@
+"""The state of one page: a run, a model and how it came to be, and what was found out; values only, no browser."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+from ptt.errors import ModelError
+from ptt.machine import EffectEntry, MachineFile, format_machine, parse_machine
+from ptt.show.studio.looks import Look
+from ptt.show.studio.results import Changed, Compared, Learned, Source, Trained
+from ptt.show.studio.steps import START, step_command, switch_commands
+
+Value = TypeVar("Value")
+Figures = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One step of the ladder: words, RMS in um, and whether the step helped.
+
+    The RMS is of training and of held-out rows; where nothing was held out, it is the plain one of all rows.
+    """
+
+    words: str
+    rms_um: Figures
+    heldout_rms_um: Figures | None
+    helped: bool = True
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A model at one time.
+
+    Attributes:
+        text: its machine.toml.
+        off: keys of effects that are switched off for now.
+        words: what was done last.
+        rungs: the ladder that led here.
+        noise_um: noise floor of that ladder.
+        commands: the commands that led here.
+        removed: effects that those commands removed because they were switched off.
+        fitted: the active text that the last rung describes.
+        fit: the last fit in words.
+    """
+
+    text: str
+    off: frozenset[str] = frozenset()
+    words: str = "as given"
+    rungs: tuple[Rung, ...] = ()
+    noise_um: Mapping[str, Any] = field(default_factory=dict)
+    commands: tuple[str, ...] = ()
+    removed: frozenset[str] = frozenset()
+    fitted: str = ""
+    fit: str = ""
+
+    @property
+    def file(self) -> MachineFile:
+        """The machine file, switched-off effects included."""
+        return parse_machine(self.text, START)
+
+    @property
+    def active(self) -> str:
+        """The machine.toml without the effects that are switched off."""
+        if not self.off:
+            return self.text
+        file = self.file
+        kept = tuple(entry for entry in file.effect if key_of(entry) not in self.off)
+        return format_machine(replace(file, effect=kept))
+
+
+@dataclass(frozen=True)
+class Session:
+    """All that one page knows; every change makes a new one.
+
+    Attributes:
+        source: the files that are read; None before a run is there.
+        now: the model; None before a machine is there.
+        past: models before it, oldest first.
+        future: models that were undone, the next one first.
+        looks: model text -> look.
+        comparisons: model text -> comparison.
+        lessons: model text -> diagnosis.
+        trainings: model text -> compensator.
+    """
+
+    source: Source | None = None
+    now: Snapshot | None = None
+    past: tuple[Snapshot, ...] = ()
+    future: tuple[Snapshot, ...] = ()
+    looks: Mapping[str, Look] = field(default_factory=dict)
+    comparisons: Mapping[str, Compared] = field(default_factory=dict)
+    lessons: Mapping[str, Learned] = field(default_factory=dict)
+    trainings: Mapping[str, Trained] = field(default_factory=dict)
+
+    @property
+    def ready(self) -> bool:
+        """Whether run and model are there."""
+        return self.source is not None and self.now is not None
+
+    @property
+    def text(self) -> str:
+        """The active model's machine.toml."""
+        return "" if self.now is None else self.now.active
+
+    @property
+    def look(self) -> Look | None:
+        """The run held against the active model."""
+        return self.looks.get(self.text)
+
+    @property
+    def comparison(self) -> Compared | None:
+        """Its comparison."""
+        return self.comparisons.get(self.text)
+
+    @property
+    def lesson(self) -> Learned | None:
+        """Its diagnosis."""
+        return self.lessons.get(self.text)
+
+    @property
+    def training(self) -> Trained | None:
+        """Its compensator."""
+        return self.trainings.get(self.text)
+
+    @property
+    def effects(self) -> tuple[EffectEntry, ...]:
+        """Effects of the model, those switched off included."""
+        return () if self.now is None else self.now.file.effect
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """The commands that lead to the active model, the removal of what is switched off included."""
+        if self.now is None or self.source is None:
+            return ()
+        return (
+            *self.now.commands,
+            *switch_commands(self.source, len(self.now.commands), self.now.removed, self.now.off),
+        )
+
+    @property
+    def kind(self) -> str:
+        """Family of the mechanism."""
+        return "three-ptt" if self.now is None else self.now.file.machine.kind
+
+    def opened(self, source: Source, model: str) -> "Session":
+        """A fresh session on another run or machine; nothing of the old one is kept."""
+        return Session(source=source, now=Snapshot(model))
+
+    def remembering(
+        self,
+        *,
+        look: Look | None = None,
+        compared: Compared | None = None,
+        learned: Learned | None = None,
+        trained: Trained | None = None,
+    ) -> "Session":
+        """With a finding on the active model kept."""
+        text = self.text
+        return replace(
+            self,
+            looks=_with(self.looks, text, compared.look if compared else look),
+            comparisons=_with(self.comparisons, text, compared),
+            lessons=_with(self.lessons, text, learned),
+            trainings=_with(self.trainings, text, trained),
+        )
+
+    def changed(self, verb: str, effects: tuple[str, ...], change: Changed) -> "Session":
+        """With the model that adding, removing or refitting made.
+
+        Args:
+            verb: 'add', 'remove' or 'fit'.
+            effects: keys.
+            change: its outcome; effects that were switched off meanwhile stay in the model, switched off.
+
+        Returns:
+            The session.
+        """
+        assert self.now is not None and self.source is not None
+        commands, off = self.commands, self.now.off - set(effects)
+        sign = {"add": "+ ", "remove": "\N{MINUS SIGN} ", "fit": ""}[verb]
+        steps = tuple(_rung(step) for step in change.data["steps"])
+        made = Snapshot(
+            _with_off(change.model, self.now),
+            off,
+            f"{sign}{' '.join(effects) or 'refit'}",
+            (*self.now.rungs, *steps[1:]) if self.now.rungs else steps,
+            change.data["noise_um"],
+            (*commands, step_command(self.source, len(commands), verb, effects)),
+            off,
+            fit=change.text,
+        )
+        return self._to(replace(made, fitted=made.active))
+
+    def switched(self, key: str, on: bool) -> "Session":
+        """With an effect on or off; its parameters stay as they are.
+
+        Args:
+            key: the effect.
+            on: whether it counts.
+
+        Returns:
+            The session.
+
+        Raises:
+            ModelError: it is not in the model.
+        """
+        assert self.now is not None
+        if key not in map(key_of, self.effects):
+            raise ModelError(f"effect '{key}' is not in the model")
+        off = self.now.off - {key} if on else self.now.off | {key}
+        return self._to(replace(self.now, off=off, words=f"{key} {'on' if on else 'off'}"))
+
+    def undone(self) -> "Session":
+        """One step back; the same where there is none."""
+        if not self.past or self.now is None:
+            return self
+        return replace(self, now=self.past[-1], past=self.past[:-1], future=(self.now, *self.future))
+
+    def redone(self) -> "Session":
+        """One step forward again; the same where there is none."""
+        if not self.future or self.now is None:
+            return self
+        return replace(self, now=self.future[0], past=(*self.past, self.now), future=self.future[1:])
+
+    def others(self) -> dict[str, Look]:
+        """Looks at other models of this session, by words, to draw beside the active one's."""
+        if self.now is None:
+            return {}
+        found: dict[str, Look] = {}
+        for snapshot in (*self.past, self.now, *self.future):
+            text = snapshot.active
+            if text != self.text and text in self.looks:
+                keys = self.looks[text].effects
+                words = f"model with {', '.join(keys)}" if keys else "model without effects"
+                found[words] = self.looks[text]
+        return found
+
+    def _to(self, snapshot: Snapshot) -> "Session":
+        assert self.now is not None
+        return replace(self, now=snapshot, past=(*self.past, self.now), future=())
+
+
+def key_of(entry: EffectEntry) -> str:
+    """Name of an effect, with [label] where it has one."""
+    return f"{entry.name}[{entry.label}]" if entry.label else entry.name
+
+
+def parameter_rows(entry: EffectEntry) -> list[tuple[str, float, float | None, str]]:
+    """Parameters of an effect of a machine file.
+
+    Args:
+        entry: the effect.
+
+    Returns:
+        Name with its unit, value, standard error or None, and what is to be said of it, for each number.
+    """
+    rows = []
+    for name, item in entry.parameters.items():
+        values = item.value if isinstance(item.value, tuple) else (item.value,)
+        stds = item.std if isinstance(item.std, tuple) else (item.std,) * len(values)
+        flags = item.measured if isinstance(item.measured, tuple) else (item.measured,) * len(values)
+        for index, (value, std, seen) in enumerate(zip(values, stds, flags, strict=True), 1):
+            word = "held" if item.fixed else "not measured by this data" if seen is False else "" if std else "searched"
+            label = f"{name} {index}" if len(values) > 1 else name
+            rows.append((label, value, std if seen is not False else None, word))
+    return rows
+
+
+def _rung(step: Mapping[str, Any]) -> Rung:
+    sign = {"added": "+ ", "removed": "\N{MINUS SIGN} "}.get(step["kind"], "")
+    return Rung(sign + step["effect"], step["rms_um"], step["heldout_rms_um"], step.get("helped", True))
+
+
+def _with(known: Mapping[str, Value], text: str, value: Value | None) -> Mapping[str, Value]:
+    return known if value is None else {**known, text: value}
+
+
+def _with_off(text: str, before: Snapshot) -> str:
+    """The new model with the effects that are switched off put back beside the others."""
+    if not before.off:
+        return text
+    file, there = parse_machine(text, START), {key_of(entry) for entry in before.file.effect}
+    off = tuple(e for e in before.file.effect if key_of(e) in before.off and key_of(e) in there)
+    own = {key_of(entry) for entry in file.effect}
+    return format_machine(replace(file, effect=(*file.effect, *(e for e in off if key_of(e) not in own))))

@@ -1,0 +1,43 @@
+"""The steps of a session as commands: each reads the model that the one before wrote."""
+
+import shlex
+from collections.abc import Collection, Sequence
+
+from ptt.show.studio.results import Source
+
+START = "machine.toml"
+REFITS = "# a switch on the page leaves the parameters as they are; ptt remove and ptt add refit the model"
+
+
+def step_command(source: Source, before: int, verb: str, effects: Sequence[str]) -> str:
+    """A step as a command.
+
+    Args:
+        source: the files.
+        before: how many steps were made before.
+        verb: 'add', 'remove' or 'fit'.
+        effects: keys.
+
+    Returns:
+        The command.
+    """
+    given = f"model{before}.toml" if before else START
+    words = [source.run, *effects, "--model", given, *source.options, "--out", f"model{before + 1}.toml"]
+    return shlex.join(["ptt", verb, *words])
+
+
+def switch_commands(source: Source, before: int, removed: Collection[str], off: Collection[str]) -> tuple[str, ...]:
+    """The commands that do what switches did.
+
+    Args:
+        source: the files.
+        before: how many steps were made before.
+        removed: effects that those steps have removed because they were switched off.
+        off: effects that are switched off now.
+
+    Returns:
+        Removal of what was switched off since, then adding of what was switched on again.
+    """
+    turned = [("remove", sorted(set(off) - set(removed))), ("add", sorted(set(removed) - set(off)))]
+    steps = [(verb, effects) for verb, effects in turned if effects]
+    return tuple(step_command(source, before + number, *step) for number, step in enumerate(steps))
