@@ -16,7 +16,7 @@ from torch import Tensor
 from ur10 import MACHINE, read_series
 
 from ptt.effects.base import Effect, Parameter, Stage
-from ptt.effects.serial import levers
+from ptt.effects.self_weight import levers
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor
 
-from ptt.effects.cards.card import Card
+from ptt.effects.card import Card
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.mechanisms.serial import Serial

@@ -7,7 +7,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from ptt.effects import drive, links, metrology, reversal, screw, serial, structure, towers, twist
+from ptt.effects import (
+    dh_offsets,
+    drive,
+    joint_error_map,
+    links,
+    metrology,
+    reversal,
+    screw,
+    self_weight,
+    structure,
+    towers,
+    twist,
+)
 from ptt.effects.base import STAGES, Effect
 from ptt.errors import InputError, ModelError
 
@@ -32,9 +44,9 @@ _CLASSES: tuple[type[Effect], ...] = (
     links.JointClearance,
     links.LinkCompliance,
     twist.PlatformTwist,
-    serial.JointErrorMap,
-    serial.DhOffsets,
-    serial.SelfWeight,
+    joint_error_map.JointErrorMap,
+    dh_offsets.DhOffsets,
+    self_weight.SelfWeight,
     structure.ColumnBend,
     structure.FrameGrowth,
     metrology.TrackerFrame,

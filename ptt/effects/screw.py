@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage, family, per_joint
-from ptt.effects.cards.card import Card
+from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
-from ptt.effects.cards.card import Card
+from ptt.effects.card import Card
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View

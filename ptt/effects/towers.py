@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Parameter
-from ptt.effects.cards.card import Card
+from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.geometry import (
     CLOSURE,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.effects import Effect, Library
-from ptt.effects.cards import card_of
+from ptt.effects.card import card_of
 from ptt.effects.metrology import TrackerFrame
 from ptt.effects.registry import make_effect, parse_key
 from ptt.fitting.solve import FitResult

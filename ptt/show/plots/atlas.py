@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
-from ptt.effects.cards import TELLING, Card
+from ptt.effects.card import TELLING, Card
 from ptt.effects.case import usual_theta
 from ptt.effects.geometry import machine, pull
 from ptt.model.chain import predict

@@ -1,0 +1,79 @@
+"""Links and joint axes of an arm are not where the drawing has them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, cast
+
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Effect, Parameter, Stage
+from ptt.effects.card import Card
+from ptt.effects.phrases import Phrase
+from ptt.mechanisms.serial import LINK_SLOTS, Serial
+from ptt.run.view import View
+
+BETA = 4  # place of the Hayati angle among a link's slots
+
+
+@dataclass(frozen=True)
+class DhOffsets(Effect):
+    """Denavit-Hartenberg parameters are off, link by link; axes that the drawing has parallel lean by beta too.
+
+    Every link has all five parameters. What they do twice (the offset along parallel axes, the first and last link
+    against a fitted frame and tool) the fit leaves where it is; beta acts between parallel axes only, because
+    elsewhere twist and joint angle of the neighbours do the same.
+    """
+
+    name: ClassVar[str] = "dh-offsets"
+    stage: ClassVar[Stage] = "geometry"
+    mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("da", "mm", 0.5, "link too long along its common normal", True),
+        Parameter("dalpha", "rad", 1e-3, "twist between the joint axes too large", True),
+        Parameter("dd", "mm", 0.5, "offset along the joint axis too large", True),
+        Parameter("dtheta", "rad", 2e-3, "joint angle larger than the encoder says", True),
+        Parameter("dbeta", "rad", 1e-3, "lean of parallel joint axes across their common normal (Hayati)", True),
+    )
+    card: ClassVar[Card] = Card(
+        cause="Links and joint axes are not where the drawing has them: machining, assembly, encoder zeros.",
+        equation=(
+            "dp = sum over links of (dp/da da + dp/dalpha dalpha + dp/dd dd + dp/dtheta dtheta + dp/dbeta dbeta), "
+            "carried by the exact chain; beta, a rotation about y behind the twist, between parallel axes only"
+        ),
+        source=(
+            "Hui Jizhuang et al., Mechanical Engineering and Technology 5(4), 2016, eq. 7; parallel axes: Hayati and "
+            "Mirmirani, J. Robotic Systems 2, 1985"
+        ),
+        size="a and d 0.1 to 1 mm, angles 0.1 to 5 mrad",
+        fingerprint="A field that is smooth in the joint values, with periods of one turn of each joint.",
+        confused_with=(
+            ("homing-offset", "is the dtheta of every joint, so only one of the two goes in"),
+            ("tracker-frame", "first link and joint one is a moved base: base reflectors"),
+            ("reflector mount", "last link and joint is a moved reflector: a second mount, or turns of the last joint"),
+            ("axis-compliance", "gravity bends alike in the same poses: repeat under another payload"),
+        ),
+        remedy="Enter the measured Denavit-Hartenberg parameters in the controller, or command corrected joints.",
+        telling="b",
+        shade="z",
+    )
+    arm_noun: ClassVar[str] = "link"
+    called: ClassVar[str] = "link geometry"
+    phrases: ClassVar[tuple[Phrase, ...]] = (
+        Phrase("da", "{is_} {what} too long", "{is_} {what} too short"),
+        Phrase("dalpha", "{is_} twisted {what} too far", "{is_} twisted {what} too little"),
+        Phrase("dd", "{has} {what} too much offset along its axis", "{has} {what} too little offset along its axis"),
+        Phrase(
+            "dtheta", "stand{s} {what} further toward + than q says", "stand{s} {what} further toward - than q says"
+        ),
+        Phrase("dbeta", "lean{s} {what} toward + about y", "lean{s} {what} toward - about y"),
+    )
+
+    def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Unit of each link's slots, parameter by parameter."""
+        arm, width = cast(Serial, view.mechanism), len(LINK_SLOTS)
+        slots, joints = len(arm.slots), view.joints
+        units = torch.eye(slots, width * joints, dtype=view.q.dtype).unflatten(1, (joints, width)).clone()
+        parallel = torch.tensor(arm.parallel_axes())
+        units[:, :, BETA] *= parallel
+        return units.transpose(1, 2).flatten(1).expand(view.rows, slots, width * joints)
