@@ -10,8 +10,8 @@ BOOK = Path(__file__).parents[1] / "effects.md"
 HEAD = """# Effects
 
 What the library knows, stage by stage of the causal chain: target -> joint command -> **drive** -> joint value ->
-**geometry** -> tool -> **structure** -> tool -> **metrology** -> reading. Every effect adds a shift at its stage; zero parameters
-are the drawing. `ptt effects NAME --plot DIR` draws one, and `ptt effects new NAME` begins one of your own.
+**geometry** -> tool -> **structure** -> tool -> **metrology** -> reading. Every effect adds a shift at its stage; zero
+parameters are the drawing. `ptt effects NAME --plot DIR` draws one, `ptt effects new NAME` begins one of your own.
 
 This page is written from the classes in `ptt/effects` by `make docs`.
 """
