@@ -102,7 +102,7 @@ def test_exit_codes_of_the_program_itself(tmp_path):
         (PttError("failed"), 1, "error: failed"),
         (FileNotFoundError(2, "No such file or directory", "b.csv"), 2, "error: b.csv: No such file or directory"),
         (KeyError("x"), 1, "error: unexpected KeyError"),
-        (KeyboardInterrupt(), 1, "error: interrupted"),
+        (KeyboardInterrupt(), 130, "error: interrupted"),
     ],
 )
 def test_every_exception_becomes_one_line_and_a_code(raised, code, shown, capsys):

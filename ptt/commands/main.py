@@ -5,7 +5,9 @@ import importlib
 import importlib.util
 import os
 import sys
-from collections.abc import Callable, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -18,6 +20,10 @@ VERBS = (
     "check", "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso",
     "plan", "challenge", "dexterity", "effects", "report", "studio",
 )  # fmt: skip
+UNLISTED = ("train",)  # train.py has a program of its own; `run` and `ptt train` do the same
+PROGRAM = "ptt"
+INTERRUPTED = 130  # as shells say it of a program that was ended by Ctrl-C
+THREADS, ONE = "OMP_NUM_THREADS", "1"  # arrays are small: on shared cores threads wait for each other up to fifty times
 HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
 
 
@@ -30,11 +36,11 @@ class Verbs(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Build a verb from its file; None where there is none."""
-        return _build(cmd_name) if cmd_name in self.list_commands(ctx) else None
+        return _build(cmd_name) if cmd_name in (*self.list_commands(ctx), *UNLISTED) else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the verb on the command line, or suggest one."""
-        if not args[0].startswith("-") and args[0] not in self.list_commands(ctx):
+        if not args[0].startswith("-") and args[0] not in (*self.list_commands(ctx), *UNLISTED):
             near = difflib.get_close_matches(args[0], self.list_commands(ctx), n=1)
             fix = f"did you mean '{near[0]}'?" if near else "`ptt --help` lists the commands"
             raise InputError(f"no command '{args[0]}'", fix=fix)
@@ -69,8 +75,24 @@ def _root() -> None:
 
 def main() -> None:
     """Entry point of `ptt`."""
-    _work_in_one_thread()
-    app()
+    os.environ.setdefault(THREADS, ONE)
+    app(prog_name=PROGRAM)
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run one verb, `train` included, in this process, and print as the command does.
+
+    Args:
+        argv: the words after `ptt`, as in ['compare', 'run.csv', '--model', 'machine.toml'].
+
+    Returns:
+        The exit code of the command; the process goes on, whatever happens.
+    """
+    if isinstance(argv, str | bytes):
+        return _fail("run takes a list of words, as in run(['compare', 'run.csv', '--model', 'machine.toml'])", 2)
+    words = [os.fspath(word) for word in argv]
+    with _one_thread():
+        return guard(lambda: typer.main.get_command(app).main(args=words, prog_name=PROGRAM, standalone_mode=False))
 
 
 def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
@@ -80,7 +102,7 @@ def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
         verb: name of its file in ptt/commands.
         args: arguments; None for those of the command line.
     """
-    _work_in_one_thread()
+    os.environ.setdefault(THREADS, ONE)
     command = _build(verb)
     sys.exit(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
 
@@ -92,7 +114,7 @@ def guard(action: Callable[[], Any]) -> int:
         action: what to run.
 
     Returns:
-        The exit code: 0 done, 2 bad input, 1 anything else.
+        The exit code: 0 done, 2 bad input, 3 data or poses that cannot work, 130 interrupted, 1 anything else.
     """
     try:
         code = action()
@@ -101,20 +123,39 @@ def guard(action: Callable[[], Any]) -> int:
     except OSError as error:
         return _fail(f"{error.filename or 'file'}: {error.strerror or error}", 2)
     except (typer.Abort, KeyboardInterrupt):
-        return _fail("interrupted", 1)
+        return _fail("interrupted", INTERRUPTED)
+    except SystemExit as end:
+        return _ended(end.code)
     except Exception as error:
         if hasattr(error, "format_message"):  # an error of the command line itself, of typer's own family
             return _fail(_usage(error), 2)
         if os.environ.get("PTT_TRACEBACK"):
-            raise
+            traceback.print_exc()
         return _fail(f"unexpected {type(error).__name__}: {error}; PTT_TRACEBACK=1 shows where", 1)
+    if code == INTERRUPTED:  # typer turns Ctrl-C in a verb into this code
+        return _fail("interrupted", code)
     tell_notes()
     return code if isinstance(code, int) else 0
 
 
-def _work_in_one_thread() -> None:
-    # Arrays here are small: threads wait for each other, up to fifty times as long where cores are shared.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+def _ended(code: Any) -> int:
+    """The exit code of something that would have ended the process."""
+    tell_notes()
+    if isinstance(code, str):
+        return _fail(code, 1)
+    return code if isinstance(code, int) else 0
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Where the verb loads torch, it loads it for one thread; the environment of the process stays as it was."""
+    given = os.environ.get(THREADS)
+    os.environ.setdefault(THREADS, ONE)
+    try:
+        yield
+    finally:
+        if given is None:
+            os.environ.pop(THREADS, None)
 
 
 def _build(verb: str) -> Any:

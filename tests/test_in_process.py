@@ -1,0 +1,97 @@
+"""`ptt.commands.main.run`: a verb in the running process does what the command does, and the process goes on."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ptt.commands import effects as verb_file
+from ptt.commands.main import run
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "data"
+MACHINE = str(DATA / "machine.toml")
+
+
+def process(*words: str, program: tuple[str, ...] = ("-m", "ptt.commands.main")) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, *program, *words], capture_output=True, text=True, check=False, cwd=ROOT)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["predict", "--help"],
+        ["train", "--help"],
+        [],
+        ["levitate"],
+        ["predict", "none.csv", "--model", MACHINE, "--out", "none/out.csv"],
+        ["predict", str(DATA / "targets.csv")],
+        ["compare", "--no-such-option"],
+    ],
+)
+def test_text_and_code_are_those_of_a_process(words, capsys):
+    code = run(words)
+    here, there = capsys.readouterr(), process(*words)
+    assert (code, here.out, here.err) == (there.returncode, there.stdout, there.stderr)
+
+
+def test_figures_are_those_of_a_process(tmp_path, capsys):
+    words = ["predict", str(DATA / "targets.csv"), "--model", MACHINE, "--json", "--out"]
+    assert run([*words, tmp_path / "a.csv"]) == 0
+    here = json.loads(capsys.readouterr().out)
+    there = json.loads(process(*words, str(tmp_path / "b.csv")).stdout)
+    assert {**here, "out": ""} == {**there, "out": ""}
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def test_a_code_of_three_comes_back_as_it_is(tmp_path, capsys):
+    (tmp_path / "far.csv").write_text("x_cmd,y_cmd,z_cmd\n0,0,0\n5000,0,0\n")
+    assert run(["predict", str(tmp_path / "far.csv"), "--model", MACHINE, "--out", str(tmp_path / "s.csv")]) == 3
+    assert (tmp_path / "s.csv").exists() and "not sent" in capsys.readouterr().err
+
+
+def test_train_is_a_verb_too(tmp_path, capsys):
+    words = ["none.csv", "--machine", MACHINE, "--out", str(tmp_path / "out")]
+    assert run(["train", *words]) == 2
+    assert capsys.readouterr().err == process(*words, program=("train.py",)).stderr
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "said"),
+    [
+        (KeyboardInterrupt(), 130, "error: interrupted"),
+        (SystemExit(7), 7, ""),
+        (SystemExit(None), 0, ""),
+        (SystemExit("enough"), 1, "error: enough"),
+        (RuntimeError("broken"), 1, "error: unexpected RuntimeError: broken; PTT_TRACEBACK=1 shows where"),
+    ],
+)
+def test_nothing_ends_the_process(raised, code, said, monkeypatch, capsys):
+    def fail(*_: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(verb_file, "_list", fail)
+    assert run(["effects"]) == code
+    assert capsys.readouterr().err.strip() == said
+
+
+def test_a_traceback_that_was_asked_for_is_printed_and_the_process_goes_on(monkeypatch, capsys):
+    monkeypatch.setenv("PTT_TRACEBACK", "1")
+    monkeypatch.setattr(verb_file, "_list", lambda *_: 1 / 0)
+    assert run(["effects"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_one_text_instead_of_words_is_refused_in_words(capsys):
+    assert run("compare run.csv") == 2
+    assert "a list of words" in capsys.readouterr().err
+
+
+def test_the_environment_stays_as_it_was(monkeypatch, capsys):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    assert run(["effects", "--json"]) == 0
+    assert "OMP_NUM_THREADS" not in os.environ and json.loads(capsys.readouterr().out)["effects"]
