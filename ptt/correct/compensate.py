@@ -1,7 +1,6 @@
 """Corrected commands: the joint values that put the real tool where it is wanted, each row with a status of its own."""
 
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 import torch
@@ -10,8 +9,7 @@ from torch import Tensor
 from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, command_sigma, doubtful
 from ptt.correct.task import Task, first_order, nearest_commands, settle
-from ptt.effects import Effect
-from ptt.effects.dated import Place, at_place, is_dated
+from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts
@@ -23,7 +21,6 @@ __all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "co
 
 LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; what goes beyond this is a mistake in drawing, frame or network
 
-Reversal = Literal["software", "none"]
 Correction = Callable[
     [np.ndarray], np.ndarray
 ]  # wanted positions (n, 3) mm -> positions to ask the model for (n, 3) mm
@@ -70,7 +67,7 @@ def compensate(
     """
     tell = progress or (lambda what, done, of: None)
     tell("invert", 0, 1)
-    steady, turning, words = _split(model, reversal)
+    steady, turning, words = split_terms(model, reversal)
     task = _prepare(model, targets, correction, (steady, turning), limit)
     solved, status, shift = settle(task)
     sent = sent_rows(status)
@@ -146,33 +143,6 @@ def _posture(model: Model, targets: Table) -> Tensor | None:
     if model.file.machine.kind != "serial" or targets.command is None or not np.isfinite(targets.command).all():
         return None
     return torch.as_tensor(np.array(targets.command, dtype=float))
-
-
-def _split(model: Model, reversal: Reversal | None) -> tuple[Shifts, Shifts, str]:
-    """Effects that depend on the pose and its context, those that depend on the way there, and who does the latter."""
-    terms = [
-        (_now(term.effect), term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)
-    ]
-    steady = [item for item in terms if not item[0].reverses]
-    turning = [item for item in terms if item[0].reverses]
-    if not turning:
-        return steady, [], "the model has no reversal effect"
-    if reversal == "none":
-        return steady, [], f"none, as asked: {_keys(turning)} left out"
-    done = [item for item in turning if item[0].name in model.file.controller.compensates]
-    mine = [item for item in turning if item not in done]
-    words = [f"in these commands: {_keys(mine)}"] if mine else []
-    words += [f"left to the controller: {_keys(done)}"] if done else []
-    return steady, mine, "; ".join(words)
-
-
-def _now(effect: Effect) -> Effect:
-    """What happened to the machine at some moment of a run is the state that it is in now."""
-    return at_place(effect, Place(())) if is_dated(effect) else effect
-
-
-def _keys(terms: Shifts) -> str:
-    return ", ".join(effect.key for effect, _ in terms)
 
 
 def _prepare(

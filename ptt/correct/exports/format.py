@@ -1,0 +1,110 @@
+"""What every export takes and gives back: options in; what was written, what it holds, what error it leaves."""
+
+import datetime
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+    from ptt.run.table import Table
+
+THREE_PTT, SERIAL = "three-ptt", "serial"
+
+
+@dataclass(frozen=True)
+class CannotHold:
+    """An effect of the model that a format has no place for.
+
+    Attributes:
+        effect: its key.
+        why: in words.
+    """
+
+    effect: str
+    why: str
+
+
+@dataclass(frozen=True)
+class ErrorLeft:
+    """What the machine would still miss over its workspace, root mean square of the miss in um, x, y, z together.
+
+    Attributes:
+        drawing: with commands by the drawing alone.
+        format: with the commands that a controller makes of the export.
+        model: with the whole model: what its own solution leaves, and what the fit left uncertain.
+    """
+
+    drawing: float
+    format: float
+    model: float
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What came of an export.
+
+    Attributes:
+        written: files, in the order of writing.
+        holds: keys of the effects that are in them.
+        cannot_hold: the others that commands of `ptt predict` compensate, and why.
+        error_um: what is left.
+        notes: what a user should know beside that, one line each.
+    """
+
+    written: tuple[Path, ...]
+    holds: tuple[str, ...]
+    cannot_hold: tuple[CannotHold, ...]
+    error_um: ErrorLeft
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verb's JSON."""
+        left = self.error_um
+        return {
+            "written": [str(path) for path in self.written],
+            "holds": list(self.holds),
+            "cannot_hold": [{"effect": item.effect, "why": item.why} for item in self.cannot_hold],
+            "error_um": {"drawing": left.drawing, "format": left.format, "model": left.model},
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user said beside the format.
+
+    Attributes:
+        model_path: machine file or compensator folder that the model came from; None where it came from neither.
+        step: distance of table entries, mm or rad of the axis or mm of the workspace; None takes the format's own.
+        table: a run; where one is given, errors are judged at the payloads, temperatures and speeds of its rows.
+        date: of the export, for the head of the files.
+    """
+
+    model_path: Path | None = None
+    step: float | None = None
+    table: "Table | None" = None
+    date: datetime.date = field(default_factory=datetime.date.today)
+
+
+Write = Callable[["Compensator", Path, Options], Exported]
+
+
+@dataclass(frozen=True)
+class Format:
+    """One way to hand a model to a controller.
+
+    Attributes:
+        name: after --to.
+        module: where its `write(compensator, out, options) -> Exported` is.
+        mechanisms: which machines it is for.
+        about: one line.
+        stepped: whether --step says anything to it.
+    """
+
+    name: str
+    module: str
+    mechanisms: tuple[str, ...]
+    about: str
+    stepped: bool = False

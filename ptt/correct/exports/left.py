@@ -1,0 +1,182 @@
+"""What an export leaves: over the workspace, by how much the model says that commands miss."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ptt.correct.commands import Commands
+from ptt.correct.compensate import Correction, Inside, compensate
+from ptt.correct.exports.format import CannotHold, ErrorLeft, Options
+from ptt.correct.terms import left_to_controller, split_terms
+from ptt.correct.training.rest import correction_of
+from ptt.errors import PttError
+from ptt.machine import TargetsSpec
+from ptt.mechanisms import build_mechanism
+from ptt.model.chain import Shifts, predict
+from ptt.plan.space import build_space, draw_poses
+from ptt.run.table import Table, make_table, take_rows
+from ptt.run.view import build_view
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+POSES = 600  # a root mean square of a smooth field is then known to a few percent
+COMPENSATED = "left to the controller, which compensates it already"
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Places all over the workspace that the model can be sent to, each joint arriving from one side or the other.
+
+    Attributes:
+        compensator: what is exported.
+        table: the places as targets in the base frame, with payload, temperature and speed.
+        targets: (n, 3) mm, the same.
+        nominal: (n, k) mm or rad, joint values by the drawing.
+        direction: (n, k), +1 or -1, how each joint arrives; drawn by lot, so that it says nothing about the place.
+        static: (n, k) mm or rad, the whole model's commands without the reversal part: what a format is fitted to.
+        commands: the whole model's commands.
+    """
+
+    compensator: "Compensator"
+    table: Table
+    targets: np.ndarray
+    nominal: np.ndarray
+    direction: np.ndarray
+    static: np.ndarray
+    commands: Commands
+
+
+def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> Ground:
+    """Spread targets over a machine's workspace and work out the whole model's commands there.
+
+    Args:
+        compensator: the model, and a network where there is one.
+        options: where a run is given, its payloads, temperatures and speeds are taken row by row; else no payload,
+            the reference temperature and standstill.
+        poses: how many to try.
+
+    Returns:
+        Those that can be sent.
+
+    Raises:
+        PttError: none of them can.
+    """
+    compensator = _in_base(compensator)
+    file = compensator.model.file
+    mechanism = build_mechanism(file.machine)
+    random = np.random.default_rng(0)
+    q = draw_poses(build_space(file), poses, random)
+    place = mechanism.forward(q).numpy()
+    arm = file.machine.kind == "serial"
+    direction = random.choice((-1.0, 1.0), q.shape)
+    table = make_table(
+        place, command=q.numpy() if arm else None, direction=direction, **_context(options.table, len(place))
+    )
+    table = table.replace(joint_prefix="q" if arm else "b", source="workspace")
+    first = _solve(compensator, table, q.numpy())
+    kept = np.flatnonzero(first.sent)
+    if not len(kept):
+        raise PttError(f"{file.source}: no place of the workspace can be sent; `ptt predict` says why of each target")
+    table = take_rows(table, kept)
+    commands = first if len(kept) == len(q) else _solve(compensator, table, q.numpy()[kept])
+    static = commands.q - commands.reversal
+    return Ground(compensator, table, place[kept], q.numpy()[kept], direction[kept], static, commands)
+
+
+def error_left(ground: Ground, q: np.ndarray) -> ErrorLeft:
+    """By how much the tool misses where a controller sends certain commands, judged by the model itself.
+
+    The tool goes where drive, geometry and structure of the model say, reversal along the travel included unless the
+    controller compensates it; what the network knows of is part of the target. A miss that is not known because the
+    fit left parameters uncertain (their covariance carried to the tool, and what the network leaves of held-out rows)
+    is added to all three figures: root of the mean of miss^2 + sigma^2. A model without a covariance adds nothing, so
+    its own figure is then only what its solution leaves, which is near zero.
+
+    Args:
+        ground: the places.
+        q: (n, k) mm or rad, what is sent there; NaN rows are left out.
+
+    Returns:
+        The figures.
+    """
+    sigma = np.nan_to_num(ground.commands.sigma)
+    return ErrorLeft(*(_rms_um(ground, each, sigma) for each in (ground.nominal, q, ground.commands.q)))
+
+
+def holdings(ground: Ground, cannot: dict[str, str]) -> tuple[tuple[str, ...], tuple[CannotHold, ...]]:
+    """Divide the effects of a model into those that a format holds and those that it cannot hold.
+
+    Args:
+        ground: for the model.
+        cannot: key -> why, of effects that the format has no place for; others than the model's are passed over.
+
+    Returns:
+        Keys, and the others with the reason; what the controller compensates already is among the latter.
+    """
+    model = ground.compensator.model
+    why = cannot | dict.fromkeys(left_to_controller(model), COMPENSATED)
+    steady, turning, _ = split_terms(model)
+    keys = [effect.key for effect, _ in (*steady, *turning)] + left_to_controller(model)
+    holds = tuple(key for key in keys if key not in why)
+    return holds, tuple(CannotHold(key, why[key]) for key in keys if key in why)
+
+
+def _rms_um(ground: Ground, q: np.ndarray, sigma: np.ndarray) -> float:
+    rows = np.isfinite(q).all(axis=1)
+    if not rows.any():
+        return float("nan")
+    miss = _tool(ground, np.where(rows[:, None], q, ground.nominal)) - _asked(ground)
+    return 1e3 * float(np.sqrt(np.mean((miss[rows] ** 2).sum(axis=1) + sigma[rows] ** 2)))
+
+
+def _tool(ground: Ground, q: np.ndarray) -> np.ndarray:
+    """Where the model puts the tool, (n, 3) mm; the network left aside."""
+    model = ground.compensator.model
+    steady, turning, _ = split_terms(model)
+    terms: Shifts = [*steady, *turning]
+    return np.asarray(predict(terms, build_view(model.file, ground.table.replace(command=q))).p.numpy())
+
+
+def _asked(ground: Ground) -> np.ndarray:
+    """What physics is asked for so that network and physics together reach the targets, (n, 3) mm."""
+    correction, _ = network_parts(ground.compensator, ground.nominal)
+    return ground.targets if correction is None else correction(ground.targets)
+
+
+def network_parts(compensator: "Compensator", posture: np.ndarray) -> tuple[Correction | None, Inside | None]:
+    """What a compensator's network adds, as `compensate` takes it.
+
+    Args:
+        compensator: with or without a network.
+        posture: (n, k) nominal joint commands, for a network over joints.
+
+    Returns:
+        Correction and domain; None without a network.
+    """
+    network = compensator.network
+    if network is None:
+        return None, None
+    at = posture if compensator.space == "joints" else None
+    return correction_of(network, at), lambda wanted: network.inside(wanted if at is None else at)
+
+
+def _solve(compensator: "Compensator", table: Table, posture: np.ndarray) -> Commands:
+    correction, inside = network_parts(compensator, posture)
+    return compensate(compensator.model, table, correction=correction, inside=inside, network=compensator.error)
+
+
+def _in_base(compensator: "Compensator") -> "Compensator":
+    """The same for targets in the base frame, whatever frame the targets of its runs were stated in."""
+    model = compensator.model
+    return replace(compensator, model=replace(model, file=replace(model.file, targets=TargetsSpec(frame="base"))))
+
+
+def _context(run: Table | None, rows: int) -> dict[str, np.ndarray]:
+    """Payload, temperature and speed of a run's poses, over and over."""
+    if run is None:
+        return {}
+    poses = take_rows(run, run.role == "pose")
+    found = {key: getattr(poses, key) for key in ("payload_kg", "temp_c", "feed_mm_s")}
+    return {key: np.resize(value, rows) for key, value in found.items() if value is not None and len(value)}

@@ -1,0 +1,102 @@
+"""What all exports share: names of formats, files that appear together, the error that is left."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.commands.main import guard
+from ptt.correct.exports.format import Options
+from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.left import error_left, holdings, survey
+from ptt.correct.exports.registry import find_format, writer
+from ptt.correct.exports.whole import write_all
+from ptt.correct.training.compensator import Compensator
+from ptt.effects.drive import HomingOffset
+from ptt.effects.reversal import Backlash
+from ptt.errors import InputError
+from ptt.machine import ControllerSpec, MachineFile
+from ptt.model.model import Model, Term
+
+ZEROS = torch.tensor([0.2, -0.1, 0.05], dtype=torch.float64)
+GAPS = torch.tensor([0.04, 0.06, 0.02], dtype=torch.float64)
+
+
+def _model(file: MachineFile) -> Compensator:
+    model = Model(file) + Term(HomingOffset(), ZEROS) + Term(Backlash(), GAPS)
+    return Compensator(model, None, {})
+
+
+def test_an_unknown_format_is_refused_with_the_nearest_one() -> None:
+    with pytest.raises(InputError, match=r"no export format 'tabel'.*table|no export format 'tabel'"):
+        find_format("tabel")
+
+
+def test_a_format_of_other_machines_is_refused() -> None:
+    from ptt.correct.exports.registry import FORMATS
+
+    klipper = next(each for each in FORMATS if each.name == "klipper")
+    with pytest.raises(InputError, match="not for a serial machine"):
+        writer(klipper, "serial")
+
+
+def test_nothing_is_written_where_one_file_of_several_cannot_be(tmp_path: Path) -> None:
+    (tmp_path / "b").mkdir()
+    (tmp_path / "mine").write_text("kept")
+    with pytest.raises(InputError, match="is a folder"):
+        write_all({tmp_path / "a": "1", tmp_path / "b": "2"})
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["b", "mine"]
+    assert write_all({tmp_path / "a": "1", tmp_path / "c": b"2"}) == (tmp_path / "a", tmp_path / "c")
+    assert (tmp_path / "a").read_text() == "1"
+
+
+def test_errors_left_are_those_of_a_machine_worked_out_by_hand(bench: MachineFile) -> None:
+    compensator = _model(bench)
+    ground = survey(compensator, Options(), 200)
+    left = error_left(ground, ground.static)
+    assert left.model < 1e-3 < left.format < left.drawing
+    # Without reversal compensation each slider stays half a gap behind: dp = J^-1 (gap / 2), signs as they come.
+    from ptt.mechanisms import build_mechanism
+
+    jacobian = build_mechanism(bench.machine).jacobian(torch.as_tensor(ground.nominal)).numpy()
+    square = np.einsum("nck,k->n", jacobian**2, (GAPS.numpy() / 2.0) ** 2)
+    assert left.format == pytest.approx(1e3 * np.sqrt(square.mean()), rel=0.2)
+    whole = np.einsum("nck,k->nc", jacobian, ZEROS.numpy())
+    both = np.sqrt(((whole**2).sum(axis=1) + square).mean())
+    assert left.drawing == pytest.approx(1e3 * both, rel=0.1)
+
+
+def test_what_the_controller_compensates_is_neither_held_nor_counted(bench: MachineFile) -> None:
+    compensator = _model(replace(bench, controller=ControllerSpec(compensates=("backlash",))))
+    ground = survey(compensator, Options(), 60)
+    holds, cannot = holdings(ground, {"column-bend": "not in the model"})
+    assert holds == ("homing-offset",)
+    assert [item.effect for item in cannot] == ["backlash"]
+    assert error_left(ground, ground.static).format < 1e-3
+
+
+def test_the_head_names_model_and_digest_without_ending_a_comment(bench: MachineFile, tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text("x")
+    machine = bench.machine.model_copy(update={"name": "big */ one\n(µ)"})
+    compensator = Compensator(Model(replace(bench, machine=machine)), None, {})
+    text = "\n".join(head_lines(compensator, Options(path)))
+    assert "2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881" in text  # sha256sum of an x
+    assert "*/" not in text
+    assert ")" not in text
+    assert text.isascii()
+    assert len(text.splitlines()) == 2
+
+
+def test_the_command_refuses_to_write_over_its_model(tmp_path: Path) -> None:
+    from ptt.commands.export import _refuse_own
+
+    path = tmp_path / "m.toml"
+    path.write_text("x")
+
+    def action() -> None:
+        _refuse_own(tmp_path / "." / "m.toml", path)
+
+    assert guard(action) == 2
