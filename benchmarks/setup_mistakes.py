@@ -214,6 +214,14 @@ def _shuffle(file: MachineFile, table: Table, random: Random) -> tuple[MachineFi
     return file, take_rows(timed, np.lexsort(np.nan_to_num(timed.measured).T))
 
 
+def _other_order(file: MachineFile, table: Table, random: Random) -> tuple[MachineFile, Table]:
+    """Readings joined to the poses in another order; those of the base have names of their own."""
+    rows = np.flatnonzero(table.role != "base")
+    reading = table.measured.copy()
+    reading[rows] = reading[random.permutation(rows)]
+    return file, table.replace(measured=reading)
+
+
 def _letters(file: MachineFile, table: Table, random: Random) -> tuple[MachineFile, Table]:
     names = np.array([f"P{row + 1}" for row in range(table.rows)])
     return file, take_rows(table.replace(name=names, time_s=None), np.argsort(names, kind="stable"))
@@ -298,6 +306,7 @@ CASES = (
     Case("readings a row late", ("row-shift",), _read(lambda p, r: np.vstack([p[:1], p[:-1]]))),
     Case("a reading missed", ("row-shift",), _read(_missed)),
     Case("rows not in travel order (time)", ("row-order",), _shuffle),
+    Case("readings in another order than the poses", ("row-order",), _other_order),
     Case("rows sorted by their names' letters", ("row-order",), _letters),
     Case("targets in the workpiece's frame", ("target-frame",), _want(_frame), ("both",)),
     Case("a block on another reflector", ("wrong-reflector",), _read(_block)),

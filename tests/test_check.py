@@ -9,7 +9,7 @@ import pytest
 from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
 from ptt.commands.main import run_alone
 from ptt.machine import MachineFile, load_machine, parse_machine
-from ptt.run.table import Table, make_table, read_table, write_table
+from ptt.run.table import Table, make_table, read_table, take_rows, write_table
 from ptt.setup import MISTAKES, check_setup
 from ptt.setup.machine import describe_machine
 
@@ -154,3 +154,14 @@ def test_names_are_those_of_the_contract() -> None:
     assert len(MISTAKES) == 20
     used = {name for case in CASES for name in case.names}
     assert used <= set(MISTAKES)
+
+
+def test_poses_that_match_in_two_ways_are_named_and_left_alone() -> None:
+    """A cube of poses looks the same from four sides: the order is wrong, and no reading can tell which is right."""
+    file, table = draw_run(2, rows=100)
+    grid = np.stack(np.meshgrid(*[np.linspace(-30.0, 30.0, 3)] * 3), axis=-1).reshape(-1, 3)
+    cube = take_rows(table, np.arange(len(grid))).replace(target=grid, command=None, std=None)
+    mixed = cube.replace(measured=np.random.default_rng(1).permutation(grid) + 500.0)
+    found = check_setup(file, mixed)
+    assert [item.mistake for item in found.sure] == ["row-order"] and "several ways alike" in found.sure[0].words
+    np.testing.assert_array_equal(found.table.measured, mixed.measured)  # type: ignore[union-attr]

@@ -15,6 +15,7 @@ from ptt.setup.reach import find_reach, find_speck
 from ptt.setup.result import Check, Finding
 from ptt.setup.rows import find_shifted_rows
 from ptt.setup.setup import Setup, written
+from ptt.setup.shuffled import find_shuffled
 
 
 def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units_said: bool = False) -> Check:
@@ -48,7 +49,7 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
     findings: list[Finding] = []
     steps = [find_units] if ordered else [find_units, find_disorder]
     if isinstance(setup.file.machine, ThreePttSpec):
-        steps += [find_shifted_rows, find_geometry, find_shifted_rows]
+        steps += [find_shifted_rows, find_geometry, find_shifted_rows, find_shuffled]
         steps += [find_reach] if units_said else [find_speck, find_reach]
     else:
         steps += [find_arm]

@@ -1,0 +1,135 @@
+"""Readings in another order than the poses they belong to: matched by where they lie, not by their row."""
+
+from itertools import permutations, product
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from ptt.setup.result import Finding
+from ptt.setup.rigid import align_many
+from ptt.setup.rows import places
+from ptt.setup.setup import Setup, used_rows
+
+FEWEST, LEAST = 12, 6  # rows and different poses: fewer match anything
+MOST = 600  # rows that are matched: the pairing costs their cube
+ROUNDS = 25  # a matching settles within a dozen
+LEAVES = 2.0  # mm: twice the largest ordinary fault
+FALL = 5.0
+APART = 5.0  # times what is left that poses have to lie apart for a match to mean anything
+MOVED = 0.2  # of the rows that belong elsewhere: a few are gross errors, or a reading that was missed
+SAME = 1e-3  # mm: matches that differ by less are equally good
+UPRIGHT = 0.2  # rad: trackers stand upright, so a match that turns z over is taken only where no other fits
+
+
+def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Readings that were sorted, or joined to the poses in another order.
+
+    Args:
+        setup: both files.
+
+    Returns:
+        At most one finding, and the files with every reading beside its pose.
+    """
+    place, used = places(setup), used_rows(setup.table)
+    poses, read = (np.flatnonzero(used & np.isfinite(points).all(axis=1)) for points in (place, setup.table.measured))
+    both = np.intersect1d(poses, read)
+    if not FEWEST <= len(read) <= len(poses) <= MOST or not len(both):
+        return [], setup
+    before = _root_mean_square(align_many(place[None, both], setup.table.measured[None, both], setup.free)[2][0])
+    if before < FALL * LEAVES:
+        return [], setup
+    a, b = place[poses], setup.table.measured[read]
+    matches = [_settle(a, b, turn, setup.free) for turn in _starts(a, b, setup.free)]
+    after, order, turn = min(matches, key=lambda match: (match[0] > LEAVES, _tilt(match[2]) > UPRIGHT, match[0]))
+    if after > min(LEAVES, before / FALL) or _crowded(a, after):
+        return [], setup
+    moved = np.linalg.norm(a[order] - place[read], axis=1) > APART * max(after, 1e-6)
+    if moved.mean() < MOVED:
+        return [], setup
+    alone = not any(other[0] < 2.0 * after + SAME and _apart(other[2], turn) for other in matches)
+    finding = _tell(setup, before, after, int(moved.sum()), len(read), alone)
+    return [finding], _sorted(setup, read, poses[order]) if alone else setup
+
+
+def _starts(a: np.ndarray, b: np.ndarray, free: bool) -> list[np.ndarray]:
+    """Rotations from which a matching is tried: none, and every way to lay principal axes on each other."""
+    if not free:
+        return [np.eye(3)]
+    own, other = (np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2] for points in (a, b))
+    turns = [np.eye(3)]
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            turn = other.T @ (np.diag(signs)[:, order] @ own)
+            if np.linalg.det(turn) > 0.0:
+                turns.append(turn)
+    return turns
+
+
+def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple[float, np.ndarray, np.ndarray]:
+    """Iterated closest points, then one pose for each reading: what is left (mm), pose of each reading, rotation.
+
+    Source: Besl and McKay, IEEE PAMI 14(2), 1992.
+    """
+    shift, tree = b.mean(axis=0) - turn @ a.mean(axis=0) if free else np.zeros(3), cKDTree(a)
+    nearest = np.zeros(len(b), dtype=int)
+    for _ in range(ROUNDS):
+        last, (_, nearest) = nearest, tree.query((b - shift) @ turn)
+        if (last == nearest).all():
+            break
+        found, at, _ = align_many(a[nearest][None], b[None], free)
+        turn, shift = found[0], at[0]
+    left = np.linalg.norm((b - shift) @ turn - a[nearest], axis=1)
+    if np.median(left) > LEAVES:
+        return np.inf, nearest, turn
+    cost = np.linalg.norm(((b - shift) @ turn)[:, None] - a[None], axis=2)
+    order = linear_sum_assignment(cost)[1]
+    return _root_mean_square(align_many(a[order][None], b[None], free)[2][0]), order, turn
+
+
+def _root_mean_square(distance: np.ndarray) -> float:
+    near = distance[distance <= 6.0 * np.median(distance) + 1e-9]
+    return float(np.sqrt(np.mean(near**2)))
+
+
+def _tilt(turn: np.ndarray) -> float:
+    return float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two rotations are different answers; of two, the upright one is believed."""
+    same = np.trace(one @ other.T) > 1.0 + 2.0 * np.cos(0.1)
+    return not same and (_tilt(one) < UPRIGHT) == (_tilt(other) < UPRIGHT)
+
+
+def _crowded(a: np.ndarray, left: float) -> bool:
+    """Whether poses, repeats taken as one, lie so close together that any order would match."""
+    unique = np.unique(np.round(a, 3), axis=0)
+    if len(unique) < LEAST:
+        return True
+    nearest = cKDTree(unique).query(unique, k=2)[0][:, 1]
+    return bool(np.median(nearest) < APART * left)
+
+
+def _tell(setup: Setup, before: float, after: float, moved: int, rows: int, alone: bool) -> Finding:
+    words = (
+        f"{moved} of {rows} readings stand beside the wrong pose; each beside the pose nearest to it, the error falls "
+        f"from {1e3 * before:,.0f} to {1e3 * after:,.0f} um: poses and readings are in different orders"
+    )
+    if not alone:
+        words += "; the poses match in several ways alike, so the order cannot be told from these readings"
+    fix = "join targets and readings by their names or times, or export both in the order of measuring"
+    return Finding("row-order", words, fix, 1e3 * before, 1e3 * after, True, setup.table.source)
+
+
+def _sorted(setup: Setup, read: np.ndarray, row: np.ndarray) -> Setup:
+    """Every reading beside its pose; the rows stay in the order of the poses, which is how the machine drove."""
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        other = values.copy()
+        other[read] = np.nan
+        other[row] = values[read]
+        return other
+
+    std = setup.table.std
+    return setup.with_rows(measured=moved(setup.table.measured), std=None if std is None else moved(std))
