@@ -18,7 +18,8 @@ from ptt.effects import library
 from ptt.effects.base import linear_size
 from ptt.fitting.linear import usual_sizes
 from ptt.fitting.observability import unobservable
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig

@@ -18,7 +18,8 @@ import torch
 from ptt.challenge.truth import table_of
 from ptt.correct.compensate import compensate
 from ptt.effects import library
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.rig.nominal import draw_machine

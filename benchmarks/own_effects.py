@@ -2,9 +2,9 @@
 
     python benchmarks/own_effects.py --count 24 --start 0 [--kinds unseen]
 
-One fault outside the library alone on a foreign machine; the diagnosis is asked, the file written for what it says first is
-loaded as it is, added and fitted, and the virtual machine measured again with the corrected commands, without noise. The
-reduction is of the tool's error, against the drawing. Nothing is written where the verdict is not `unknown`.
+One fault outside the library alone on a foreign machine; the diagnosis is asked, the file written for what it says
+first is loaded as it is, added and fitted, and the virtual machine measured again with the corrected commands, without
+noise. The reduction is of the tool's error, against the drawing. Nothing is written where the verdict is not `unknown`.
 """
 
 import argparse
@@ -49,12 +49,12 @@ def main() -> None:
         found += [] if reduction is None else [reduction]
         print(f"{case.seed:>7} {case.faults[0]:<24} {words}  {time.perf_counter() - began:.0f} s", flush=True)
     if found:
-        share = np.mean(np.array(found) >= 60.0)
-        print(f"median {np.median(found):.0f} % of {len(found)}; at least 60 % in {share:.0%}; worst {np.min(found):.0f} %")
+        share = f"at least 60 % in {np.mean(np.array(found) >= 60.0):.0%}"
+        print(f"median {np.median(found):.0f} % of {len(found)}; {share}; worst {np.min(found):.0f} %")
 
 
 def _one(case: object) -> tuple[str, float | None]:
-    drawn, truth = draw(case)  # type: ignore[arg-type]
+    drawn, _ = draw(case)  # type: ignore[arg-type]
     problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     result = diagnose(Model(drawn.rig.machine), problem)
     said = result.to_dict()
@@ -71,7 +71,9 @@ def _one(case: object) -> tuple[str, float | None]:
     tool = remeasure(ladder.model, drawn).to_dict()
     before, after = tool["before"]["total"], (tool["after"] or {"total": np.nan})["total"]
     reduction = 100.0 * (1.0 - after / before) if np.isfinite(after) else -100.0
-    where = f"{first['residual']} on {first['on']} ({first['shape']}; {'right' if right and right['right'] else 'wrong'})"
+    where = (
+        f"{first['residual']} on {first['on']} ({first['shape']}; {'right' if right and right['right'] else 'wrong'})"
+    )
     return f"{where} beside [{names}]: tool {before:.1f} -> {after:.1f} um, {reduction:.0f} %", reduction
 
 

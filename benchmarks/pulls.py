@@ -24,7 +24,8 @@ from ptt.challenge.truth import table_of
 from ptt.effects import library
 from ptt.effects.base import linear_size
 from ptt.fitting.linear import usual_sizes
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.rig.draw import PROTOCOLS, DrawnRig, draw_rig, fault_names
 from ptt.rig.draw_foreign import draw_foreign

@@ -31,7 +31,8 @@ from real_data import ARCSEC, STAR_MM, here, humanoid, open_set, other_arm, tele
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.errors import PttError
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb
 from ptt.model.model import Model, Term, parameter_names, start_term
 from ptt.run.holdout import blocks

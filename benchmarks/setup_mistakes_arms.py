@@ -2,8 +2,9 @@
 
     python -m benchmarks.setup_mistakes_arms --machines 20 --sound 100
 
-Arms are random: five to seven joints, each turned by 0, 90 or -90 degrees against the one before, links and offsets of 50 to
-700 mm, ordinary faults in them. The virtual machine measures; a mistake is then made in the columns, as a person makes it.
+Arms are random: five to seven joints, each turned by 0, 90 or -90 degrees against the one before, links and offsets of
+50 to 700 mm, ordinary faults in them. The virtual machine measures; a mistake is then made in the columns, as a person
+makes it. Zeros of the first and the last joint are the station's and the reflector's: no reading can tell them.
 """
 
 import argparse
@@ -76,8 +77,8 @@ def _swap(q: np.ndarray, random: Random) -> np.ndarray:
 
 
 def _one(q: np.ndarray, random: Random) -> np.ndarray:
-    """One joint but the first, whose zero and sense are the tracker's station's."""
-    return np.eye(q.shape[1])[int(random.integers(1, q.shape[1]))]
+    """One joint between the first and the last."""
+    return np.eye(q.shape[1])[int(random.integers(1, q.shape[1] - 1))]
 
 
 CASES: dict[str, tuple[Change, set[str]]] = {
@@ -117,7 +118,9 @@ def main() -> None:
                 print(f"    seed {seed}: {str(found)[:300]!r}")
         count = options.machines
         print(f"{title:<36}{named:>4} / {count:<3}{cured:>4} / {count:<3}{np.median(took):>7.0f}", flush=True)
-    accused = [(seed, found) for seed in range(options.sound) if (found := check_setup(*draw_run(1000 + seed))).findings]
+    accused = [
+        (seed, found) for seed in range(options.sound) if (found := check_setup(*draw_run(1000 + seed))).findings
+    ]
     print(f"sound arms accused: {len(accused)} of {options.sound}")
     for seed, found in accused:
         print(f"  seed {1000 + seed}: {found}")

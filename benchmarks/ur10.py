@@ -25,7 +25,8 @@ from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
 from nets import RbfSettings, train_rbf
 from ptt.effects.registry import library, make_effect
-from ptt.fitting.solve import FitResult, fit, residual_of
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit, residual_of
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.run.holdout import blocks

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from ptt.commands.effects import effects as verb
 from ptt.effects import Effect, Parameter, library
 from ptt.effects.bench import sample_view
-from ptt.effects.card import RESIDUALS, TELLING, Card, card_of
+from ptt.effects.card import RESIDUALS, TELLING, Card
+from ptt.effects.cards import card_of
 from ptt.effects.case import make_case
 from ptt.effects.contract import CHECKS, check_effect
 from ptt.effects.phrases import Phrase

@@ -19,8 +19,9 @@ from ptt.fitting.gauss_newton import bounded_step, descend
 from ptt.fitting.observability import correlations, unobservable
 from ptt.fitting.outliers import inside
 from ptt.fitting.report import format_fit, report_fit
+from ptt.fitting.result import FitResult
 from ptt.fitting.search import best_shape
-from ptt.fitting.solve import FitResult, fit, residual_of, rms, unseen_directions
+from ptt.fitting.solve import fit, residual_of, rms, unseen_directions
 from ptt.machine import BasePoint, MachineFile, format_machine, parse_machine
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term, read_model, write_model

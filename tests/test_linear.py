@@ -10,7 +10,8 @@ from ptt.effects import Effect, library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
 from ptt.fitting.linear import Linear, assemble, linear_columns, usual_sizes
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.machine import BasePoint
 from ptt.model.chain import predict
 from ptt.model.model import Model

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ptt.effects import STAGES, Effect, library
-from ptt.effects.card import card_of
+from ptt.effects.cards import card_of
 from ptt.effects.parameter import Parameter
 
 BOOK = Path(__file__).parents[1] / "effects.md"

@@ -13,7 +13,8 @@ from ptt.challenge.hide import FAULTS, clear_faults
 from ptt.effects import Library
 from ptt.effects.metrology import rigid_basis
 from ptt.effects.registry import make_effect, parse_key
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.rig import Rig, simulate
 from ptt.rig.draw import DrawnRig

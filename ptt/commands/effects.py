@@ -57,7 +57,7 @@ def _needed(value: Any, what: str, fix: str) -> Any:
 
 def _list(own: list[Path], json: bool) -> None:
     from ptt.effects import library
-    from ptt.effects.card import card_of
+    from ptt.effects.cards import card_of
 
     known = library(*own)
     wide = max(len(name) for name in known)
@@ -158,7 +158,7 @@ def _describe(effect: "Effect") -> dict[str, Any]:
     """Everything about an effect, for JSON."""
     from dataclasses import asdict
 
-    from ptt.effects.card import card_of
+    from ptt.effects.cards import card_of
 
     card = asdict(card_of(effect))
     card["confused_with"] = [{"what": what, "separates": by} for what, by in card["confused_with"]]
@@ -181,7 +181,7 @@ def _parameter(parameter: Any, kind: str) -> dict[str, Any]:
 def _card_text(effect: "Effect") -> str:
     from textwrap import fill
 
-    from ptt.effects.card import card_of
+    from ptt.effects.cards import card_of
 
     card = card_of(effect)
     lines = [f"{effect.key} ({effect.stage}; {', '.join(effect.mechanisms)})", ""]

@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.diagnosis.blocks import Block
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
 
 EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise

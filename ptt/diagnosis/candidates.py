@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 

@@ -17,7 +17,8 @@ from ptt.effects import Library
 from ptt.fitting.chunks import numbers
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Shape
-from ptt.fitting.solve import FitResult, fitted_terms
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fitted_terms
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 

@@ -22,7 +22,8 @@ from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape, few_shapes, linear_columns
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem

@@ -13,7 +13,7 @@ from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import map_chunks, numbers
 from ptt.fitting.linear import Linear, Place, Shape
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.model.chain import predict
 from ptt.run.problem import Problem, apply_frames
 

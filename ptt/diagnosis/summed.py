@@ -16,7 +16,7 @@ from ptt.effects import Effect
 from ptt.fitting.chunks import map_chunks, numbers
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fitting.outliers import inside
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import Noise

@@ -15,7 +15,7 @@ from ptt.diagnosis.span import Span
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import whiten
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups

@@ -21,7 +21,8 @@ from ptt.diagnosis.words import explain_step, explain_verdict
 from ptt.effects import Effect, Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
-from ptt.fitting.solve import FitResult, rms
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import rms
 from ptt.model.model import Model, Term, parameter_names
 from ptt.plan.separation import Separation, plan_separation
 from ptt.run.noise import Noise

@@ -1,11 +1,6 @@
 """Card of an effect: cause, equation, source, fingerprint, what it is confused with, how it is mended."""
 
-import inspect
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from ptt.effects.base import Effect
 
 TELLING: dict[str, str] = {
     "b": "joint command [mm or rad]",
@@ -25,7 +20,6 @@ TELLING: dict[str, str] = {
     "z": "z [mm]",
 }
 RESIDUALS = ("joint", "x", "y", "z")
-UNSAID = "not stated"
 
 
 @dataclass(frozen=True)
@@ -57,33 +51,3 @@ class Card:
     residual: str = "joint"
     telling: str = "b"
     shade: str = ""
-
-
-def card_of(effect: "Effect | type[Effect]") -> Card:
-    """The card of an effect: the class's own, else one made of its docstring.
-
-    Args:
-        effect: an effect or its class.
-
-    Returns:
-        The card.
-    """
-    cls = effect if isinstance(effect, type) else type(effect)
-    return cls.card if isinstance(cls.card, Card) else _from_docstring(cls)
-
-
-def _from_docstring(cls: "type[Effect]") -> Card:
-    first, _, rest = (inspect.cleandoc(cls.__doc__) if cls.__doc__ else cls.name).partition("\n")
-    residual = "joint" if cls.stage in ("drive", "geometry") else "x"
-    return Card(
-        cause=first.strip(),
-        equation=" ".join(rest.split()) or UNSAID,
-        source=UNSAID,
-        size=", ".join(f"{p.stem} {p.usual:g} {p.unit}".removesuffix(" 1") for p in cls.parameters),
-        fingerprint=UNSAID,
-        confused_with=(),
-        remedy=UNSAID,
-        needs=", ".join(cls.requires) or "-",
-        residual=residual,
-        telling="b" if residual == "joint" else "x",
-    )

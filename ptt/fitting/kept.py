@@ -11,7 +11,7 @@ import torch
 
 from ptt.effects.base import Effect
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.machine import CovarianceSpec
 from ptt.model.chain import Shifts, linearise
 from ptt.model.model import Model, parameter_names, write_model

@@ -25,7 +25,7 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 if TYPE_CHECKING:
-    from ptt.fitting.solve import FitResult
+    from ptt.fitting.result import FitResult
 
 Shape = Mapping[str, Tensor]
 Shapes = Sequence[Shape] | Mapping[str, Sequence[Shape]]

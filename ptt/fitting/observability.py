@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.fitting.layout import FRAME, FRAME_NAMES, MOUNT, MOUNT_NAMES, Layout
 from ptt.fitting.patterns import Pattern, patterns
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 
 UNSEEN = 1.0  # information, in usual sizes, below which a combination counts as not told apart
 ALIKE = 0.95  # how far a pattern must lie in the confounded space to lend it its words

@@ -9,7 +9,8 @@ from torch import Tensor
 from ptt.errors import TableError
 from ptt.fitting.gauss_newton import descend
 from ptt.fitting.layout import Layout
-from ptt.fitting.solve import FitResult, fit
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
 from ptt.fitting.whitened import build_system
 from ptt.mechanisms.rotations import from_quaternion, rotation_vector
 from ptt.mechanisms.serial import Serial

@@ -8,7 +8,8 @@ import numpy as np
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.fitting.observability import Combination, Correlation, correlations, unobservable
 from ptt.fitting.orientation import orientation_of
-from ptt.fitting.solve import FitResult, residual_of, rms
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import residual_of, rms
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.model.model import Model, parameter_names
 from ptt.run.problem import Problem

@@ -1,7 +1,7 @@
 """Weighted least squares of all effects and the tracker frame together, and what the fit does not know."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -11,84 +11,18 @@ from ptt.fitting.gauss_newton import DONE, Equations, descend
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.outliers import inside, linear_residual
 from ptt.fitting.prior import Prior, learn_prior, usual_prior
+from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
 from ptt.fitting.whitened import Evaluator, System
-from ptt.model.chain import Prediction
 from ptt.model.model import Model, Term
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.problem import Problem
 
 NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
 SEEN = 1.0  # a direction counts as seen where the data know it better than its usual size
-PRIOR_SHARE = 0.02  # a parameter with more than this share in unseen directions is not measured
-PRIOR_HALF = 0.5  # share of its prior's variance from which a parameter that is held near zero counts as unmeasured
 ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
 ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
 ALIKE = 0.1  # change of a log variance below which sizes count as settled
-
-
-@dataclass(frozen=True)
-class FitResult:
-    """A fit and its limits.
-
-    Attributes:
-        model: the model with fitted parameters.
-        layout: order of the unknowns.
-        unknowns: (u,) fitted values in usual sizes.
-        covariance: (u, u) of the unknowns in their own units; what the prior holds has the prior's. Wider than the
-            noise says where the fit leaves more than noise.
-        information: what is known of the unknowns in usual sizes, (u, u): by the rows, and by what an effect is
-            defined without; no prior on unseen directions.
-        prediction: of all rows, masked ones included.
-        residual: measured less predicted in the base frame, (n, 3) mm; NaN where not observed.
-        outliers: rows left out as gross errors, (n,) bool.
-        noise: the noise floor that weighted the fit.
-        chi2: weighted sum of squares over the rows used.
-        freedom: degrees of freedom.
-        rank: number of directions that the data see.
-        unseen: (u, m) directions, in units of `sizes`, that only the prior holds.
-        prior: how large the unknowns may be, and how much wider than stated the rows scatter.
-        iterations: evaluations of the derivative.
-        status: 'converged' or what kept it from converging.
-    """
-
-    model: Model
-    layout: Layout
-    unknowns: np.ndarray
-    covariance: np.ndarray
-    information: np.ndarray
-    prediction: Prediction
-    residual: np.ndarray
-    outliers: np.ndarray
-    noise: Noise
-    chi2: float
-    freedom: int
-    rank: int
-    unseen: np.ndarray
-    prior: Prior
-    iterations: int
-    status: str
-
-    @property
-    def values(self) -> np.ndarray:
-        """Fitted unknowns in their own units, (u,)."""
-        return self.unknowns * self.layout.scale
-
-    @property
-    def sizes(self) -> np.ndarray:
-        """How large each unknown may be, (u,) in usual sizes: those, or more where the rows ask for it."""
-        return self.prior.sizes(self.layout)
-
-    @property
-    def std(self) -> np.ndarray:
-        """Standard errors of the unknowns in their own units, (u,)."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def measured(self) -> np.ndarray:
-        """Unknowns that the data, not the prior, decide, (u,) bool."""
-        own = np.diag(self.covariance) / self.layout.scale**2
-        return ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
 
 
 def fit(

@@ -3,20 +3,45 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from ptt.mechanisms.rotations import rotation_vector
 
-if TYPE_CHECKING:
-    from ptt.mechanisms.serial import Serial
-
 TOLERANCE_MM = 1e-9
 ITERATIONS = 60
 LONGEST_STEP_RAD = 0.7
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6  # in units of the squared characteristic length
+
+
+class Arm(Protocol):
+    """What the inverse asks of an arm of k joints; `ptt.mechanisms.serial.Serial` says what each is."""
+
+    @property
+    def joints(self) -> int:
+        """Number of joints k."""
+
+    @property
+    def length_mm(self) -> float:
+        """A rotation by one radian counts as much as a shift by this."""
+
+    @property
+    def reach_mm(self) -> float:
+        """A length that the tool cannot get farther than from the base."""
+
+    def limits(self) -> Tensor:
+        """Ends of travel, (2, k) rad."""
+
+    def forward(self, q: Tensor, geometry: Tensor | None = None) -> Tensor:
+        """Tool position, (..., 3) mm."""
+
+    def pose(self, q: Tensor, geometry: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Tool position (..., 3) mm and orientation (..., 3, 3)."""
+
+    def pose_jacobian(self, q: Tensor, geometry: Tensor | None = None) -> Tensor:
+        """dp/dq and rotation per joint, (..., 6, k)."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +55,7 @@ class Task:
         geometry: (n, G) or (1, G) errors of the geometry slots; None for the drawing.
     """
 
-    arm: Serial
+    arm: Arm
     p: Tensor
     rotation: Tensor | None = None
     geometry: Tensor | None = None

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.serial_descent import TOLERANCE_MM, Task, descend, length
+from ptt.mechanisms.serial_descent import TOLERANCE_MM, Arm, Task, descend, length
 from ptt.mechanisms.serial_redundancy import Redundancy, settle
-
-if TYPE_CHECKING:
-    from ptt.mechanisms.serial import Serial
 
 STARTS = 12  # further tries for rows that the first start does not bring home
 CANDIDATES = 1024  # joint values spread over the limits, from which the further starts are chosen
@@ -38,7 +34,7 @@ class InverseResult:
 
 @torch.no_grad()
 def solve_inverse(
-    arm: Serial,
+    arm: Arm,
     p: Tensor,
     *,
     rotation: Tensor | None = None,
@@ -76,7 +72,7 @@ def solve_inverse(
     return InverseResult(torch.where(converged[:, None], q, math.nan), converged, error)
 
 
-def middle(arm: Serial) -> Tensor:
+def middle(arm: Arm) -> Tensor:
     """Joint values to start from when nothing better is known: the limits' middle, every joint a little bent.
 
     Args:
@@ -89,7 +85,7 @@ def middle(arm: Serial) -> Tensor:
     return torch.minimum((low + high) / 2 + BENT_RAD, high)
 
 
-def spread(arm: Serial, count: int) -> Tensor:
+def spread(arm: Arm, count: int) -> Tensor:
     """Spread joint values evenly over the limits (a Sobol sequence; one turn where a joint has no limit).
 
     Args:
@@ -144,7 +140,7 @@ def _closest(task: Task, candidates: Tensor, count: int) -> Tensor:
     return torch.cdist(there, here).topk(count, largest=False).indices
 
 
-def _finite_limits(arm: Serial) -> tuple[Tensor, Tensor]:
+def _finite_limits(arm: Arm) -> tuple[Tensor, Tensor]:
     low, high = arm.limits()
     open_ = torch.isinf(low) | torch.isinf(high)
     return torch.where(open_, -math.pi, low), torch.where(open_, math.pi, high)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame, rigid_basis
-from ptt.fitting.solve import PRIOR_SHARE
+from ptt.fitting.result import PRIOR_SHARE
 from ptt.fitting.sums import SEEN
 from ptt.machine import MachineFile
 from ptt.model.chain import linearise, trace

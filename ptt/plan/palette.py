@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.effects import Effect
 from ptt.effects.metrology import rigid_basis
 from ptt.fitting.linear import held_values, usual_sizes
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import by_own
 from ptt.model.chain import linearise, signature, trace
 from ptt.plan.contest import triangle

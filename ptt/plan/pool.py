@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ptt.effects import Library
-from ptt.effects.card import card_of
+from ptt.effects.cards import card_of
 from ptt.machine import MachineFile
 from ptt.plan.palette import Palette
 from ptt.plan.space import Space, narrow_space

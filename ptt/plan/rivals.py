@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.effects import Effect, Library
-from ptt.effects.card import card_of
+from ptt.effects.cards import card_of
 from ptt.effects.metrology import TrackerFrame
 from ptt.effects.registry import make_effect, parse_key
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.plan.contest import Contest, open_contest, triangle
 from ptt.plan.palette import Palette, Rival, known_rows, mix_palette
 from ptt.run.problem import Problem

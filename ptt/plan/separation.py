@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from ptt.effects import Library, library
-from ptt.fitting.solve import FitResult
+from ptt.fitting.result import FitResult
 from ptt.plan.ahead import paint_ahead
 from ptt.plan.contest import Contest
 from ptt.plan.palette import Palette

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ptt.fitting.outliers import inside
-from ptt.fitting.solve import FitResult, fit, residual_of
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit, residual_of
 from ptt.model.chain import predict
 from ptt.model.model import Model
 from ptt.run.noise import DEFAULT_SIGMA, Noise

@@ -10,7 +10,8 @@ import numpy as np
 from ptt.effects import Effect
 from ptt.errors import ModelError
 from ptt.fitting.report import FitReport, report_fit
-from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit, hold, residual_of, rms
 from ptt.model.model import Model, Term
 from ptt.run.holdout import folds, pose_groups
 from ptt.run.noise import Noise

@@ -11,7 +11,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
-from ptt.effects.card import card_of
+from ptt.effects.cards import card_of
 from ptt.files import write_bytes
 from ptt.show.plots.atlas import LOAD, SPEED, UM, WARM, Field, Sign, effect_field, effect_sign, picture_theta
 

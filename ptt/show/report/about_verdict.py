@@ -2,7 +2,7 @@
 
 from ptt.diagnosis.verdict import Candidate, Diagnosis
 from ptt.effects import Library
-from ptt.effects.card import card_of
+from ptt.effects.cards import card_of
 from ptt.effects.registry import parse_key
 from ptt.show.report.about_error import depends_grid
 from ptt.show.report.blocks import Block, Lines, Section, Words, grid, side_by_side

@@ -164,7 +164,7 @@ def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapp
     from dataclasses import asdict
 
     from ptt.effects.bench import sample_view
-    from ptt.effects.card import card_of
+    from ptt.effects.cards import card_of
     from ptt.effects.registry import library, make_effect, parse_key
     from ptt.show.plots.atlas import effect_sign, picture_theta
 

@@ -1,0 +1,78 @@
+"""A fit and its limits: values, what is known of them, what only a prior holds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.fitting.layout import Layout
+from ptt.fitting.prior import Prior
+from ptt.model.chain import Prediction
+from ptt.model.model import Model
+from ptt.run.noise import Noise
+
+PRIOR_SHARE = 0.02  # a parameter with more than this share in unseen directions is not measured
+PRIOR_HALF = 0.5  # share of its prior's variance from which a parameter that is held near zero counts as unmeasured
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fit and its limits.
+
+    Attributes:
+        model: the model with fitted parameters.
+        layout: order of the unknowns.
+        unknowns: (u,) fitted values in usual sizes.
+        covariance: (u, u) of the unknowns in their own units; what the prior holds has the prior's. Wider than the
+            noise says where the fit leaves more than noise.
+        information: what is known of the unknowns in usual sizes, (u, u): by the rows, and by what an effect is
+            defined without; no prior on unseen directions.
+        prediction: of all rows, masked ones included.
+        residual: measured less predicted in the base frame, (n, 3) mm; NaN where not observed.
+        outliers: rows left out as gross errors, (n,) bool.
+        noise: the noise floor that weighted the fit.
+        chi2: weighted sum of squares over the rows used.
+        freedom: degrees of freedom.
+        rank: number of directions that the data see.
+        unseen: (u, m) directions, in units of `sizes`, that only the prior holds.
+        prior: how large the unknowns may be, and how much wider than stated the rows scatter.
+        iterations: evaluations of the derivative.
+        status: 'converged' or what kept it from converging.
+    """
+
+    model: Model
+    layout: Layout
+    unknowns: np.ndarray
+    covariance: np.ndarray
+    information: np.ndarray
+    prediction: Prediction
+    residual: np.ndarray
+    outliers: np.ndarray
+    noise: Noise
+    chi2: float
+    freedom: int
+    rank: int
+    unseen: np.ndarray
+    prior: Prior
+    iterations: int
+    status: str
+
+    @property
+    def values(self) -> np.ndarray:
+        """Fitted unknowns in their own units, (u,)."""
+        return self.unknowns * self.layout.scale
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """How large each unknown may be, (u,) in usual sizes: those, or more where the rows ask for it."""
+        return self.prior.sizes(self.layout)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard errors of the unknowns in their own units, (u,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Unknowns that the data, not the prior, decide, (u,) bool."""
+        own = np.diag(self.covariance) / self.layout.scale**2
+        return ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
