@@ -1,0 +1,91 @@
+"""How much of each effect a format takes: what is left of its error when the format's parameters do their best."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ptt.correct.exports.left import Ground
+from ptt.correct.terms import split_terms
+from ptt.effects import Effect
+from ptt.model.chain import predict
+from ptt.run.view import build_view
+
+HELD = 0.05  # share of an effect's error that may be left of what counts as held: a tenth of a tracker's noise or less
+APART = "its tables' entries lie too far apart for it, or it is no matter of one axis' place"
+CONTEXTS = {
+    "payload": "the format knows no payload",
+    "temperature": "the format knows no temperature",
+    "speed": "the format knows no speed",
+    "time": "the format knows no time",
+    "direction": "the format does not remember from which side a slider came",
+}
+
+
+def cannot_hold(
+    ground: Ground,
+    tangent: np.ndarray,
+    shape: str,
+    *,
+    known: Sequence[str] = (),
+    hints: dict[str, str] | None = None,
+    tabled: Callable[[Effect], np.ndarray] | None = None,
+) -> dict[str, str]:
+    """Find the effects that a format cannot hold, and say why.
+
+    The tool's shift by each effect alone is projected on what the format's parameters can do, to first order.
+
+    Args:
+        ground: places and model.
+        tangent: (n, 3, P), how the tool moves with each parameter of the format.
+        shape: what the format has no place for, as a reason.
+        known: contexts that the format knows, of `CONTEXTS`.
+        hints: name of an effect -> what else a user can do about it.
+        tabled: by how much an effect moves each joint as far as tables along the joints say it, (n, k).
+
+    Returns:
+        Key -> why.
+    """
+    model = ground.compensator.model
+    steady, turning, _ = split_terms(model)
+    terms = [*steady, *turning]
+    view = build_view(model.file, ground.table.replace(command=ground.commands.q))
+    whole = predict(terms, view).p
+    basis = np.linalg.qr(_scaled(tangent.reshape(whole.numel(), -1)))[0]
+    by_joint = view.jacobian.numpy()
+    why = {}
+    for effect, _ in terms:
+        without = predict([item for item in terms if item[0] is not effect], view).p
+        moved = (whole - without).numpy().ravel()
+        rest = moved if tabled is None else moved - np.einsum("nck,nk->nc", by_joint, tabled(effect)).ravel()
+        left = rest - basis @ (basis.T @ rest)
+        lacking = APART if tabled is not None and effect.stage == "drive" else shape
+        reason = _reason(effect, moved, left, lacking, known)
+        if reason:
+            hint = (hints or {}).get(effect.name)
+            why[effect.key] = f"{reason}; {hint}" if hint else reason
+    return why
+
+
+def network_note(ground: Ground) -> tuple[str, ...]:
+    """What a format that holds physics alone says of a network."""
+    if ground.compensator.network is None:
+        return ()
+    return ("what the network adds is taken in only as far as the format's parameters can imitate it",)
+
+
+def _reason(effect: Effect, moved: np.ndarray, left: np.ndarray, shape: str, known: Sequence[str]) -> str:
+    unknown = [CONTEXTS[context] for context in effect.requires if context in CONTEXTS and context not in known]
+    figures = f"of its {_um(moved):.1f} um {_um(left):.1f} um are left"
+    if unknown:
+        return f"{' and '.join(unknown)} ({figures})"
+    return "" if _um(left) <= HELD * _um(moved) else f"{shape} ({figures})"
+
+
+def _um(shift: np.ndarray) -> float:
+    """Root mean square length of shifts (3 n,) mm, um."""
+    return 1e3 * float(np.sqrt(np.mean((shift.reshape(-1, 3) ** 2).sum(axis=1))))
+
+
+def _scaled(columns: np.ndarray) -> np.ndarray:
+    size = np.linalg.norm(columns, axis=0)
+    return columns[:, size > 0.0] / size[size > 0.0]

@@ -1,0 +1,52 @@
+"""Klipper: radius, arms, angles and end stops of a delta, refitted.
+
+Source: Klipper, klippy/kinematics/delta.py and klippy/chelper/kin_delta.c: a carriage is at
+z + sqrt(arm_i^2 - |(x, y) - tower_i|^2), and at its end stop where that is
+position_endstop_i + sqrt(arm_i^2 - radius^2).
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ptt.correct.exports.delta import Delta, rounded, upper_ends
+from ptt.correct.exports.firmware import Firmware, reach_of, write_delta
+from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.left import Ground
+from ptt.machine import ThreePttSpec
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+DIGITS = 6
+
+
+def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+    """Write a piece of printer.cfg; a, b, c are sliders 1, 2, 3, end stops at the upper ends of their travel.
+
+    Args:
+        compensator: the model.
+        out: the file.
+        options: what the user said.
+
+    Returns:
+        What was written, and what it leaves.
+    """
+    return write_delta(compensator, out, options, Firmware("Klipper", "#", _lines, anticlockwise=True))
+
+
+def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
+    spec = ground.compensator.model.file.machine
+    assert isinstance(spec, ThreePttSpec)
+    ends = upper_ends(spec)
+    plain = rounded(delta, DIGITS)
+    stop = np.round(ends - delta.shift - plain.stops, DIGITS)
+    printed = Delta(plain.radius, plain.azimuth, plain.rod, ends - stop - plain.stops, plain.tilt)
+    wide, low = reach_of(ground)
+    lines = ["[printer]", "kinematics: delta", f"delta_radius: {plain.radius:.{DIGITS}f}"]
+    lines += [f"print_radius: {wide:g}", f"minimum_z_position: {low:g}"]
+    for tower in range(3):
+        lines += ["", f"[stepper_{'abc'[tower]}]", f"arm_length: {plain.rod[tower]:.{DIGITS}f}"]
+        lines += [f"angle: {plain.azimuth[tower]:.{DIGITS}f}", f"position_endstop: {stop[tower]:.{DIGITS}f}"]
+    return lines, printed

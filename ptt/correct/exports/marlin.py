@@ -1,0 +1,61 @@
+"""Marlin 2: M665 and M666 of a linear delta, refitted.
+
+Source: Marlin, Marlin/src/module/delta.cpp and gcode/calibrate/M665.cpp, M666.cpp: towers at 210 + X, 330 + Y and
+90 + Z degrees, rods of L + A, L + B and L + C, carriages at sqrt(rod_i^2 - |(x, y) - tower_i|^2) + z. Homing backs each
+carriage off its end stop by its M666, which must not be above zero, and calls that the height H over the middle.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ptt.correct.exports.delta import Delta, rounded, upper_ends
+from ptt.correct.exports.firmware import Firmware, write_delta
+from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.left import Ground
+from ptt.correct.exports.reprapfirmware import TOWERS, corrections
+from ptt.machine import ThreePttSpec
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
+
+
+def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+    """Write M665 and M666; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel.
+
+    Args:
+        compensator: the model.
+        out: the file.
+        options: what the user said.
+
+    Returns:
+        What was written, and what it leaves.
+    """
+    return write_delta(compensator, out, options, Firmware("Marlin", ";", _lines, anticlockwise=True))
+
+
+def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
+    spec = ground.compensator.model.file.machine
+    assert isinstance(spec, ThreePttSpec)
+    ends = upper_ends(spec)
+    plain = rounded(delta, DIGITS)
+    rod = round(float(plain.rod.mean()), DIGITS)
+    trim, angle = np.round(plain.rod - rod, DIGITS), np.round(corrections(plain.azimuth), DIGITS)
+    printed = Delta(plain.radius, TOWERS + angle, rod + trim, delta.shift, plain.tilt)
+    stop = ends - delta.shift - printed.stops
+    height = np.floor(stop.min() * 10.0**DIGITS) / 10.0**DIGITS  # the lowest: no adjustment may be above zero
+    adjust = np.round(height - stop, DIGITS)
+    shift = ends - (height - adjust) - printed.stops
+    lines = [
+        f"M665 L{rod:.{DIGITS}f} R{plain.radius:.{DIGITS}f} H{height:.{DIGITS}f} {_named('XYZ', angle)}"
+        f" {_named('ABC', trim)}",
+        f"M666 {_named('XYZ', adjust)}",
+    ]
+    return lines, Delta(plain.radius, printed.azimuth, printed.rod, shift, plain.tilt)
+
+
+def _named(letters: str, values: np.ndarray) -> str:
+    return " ".join(f"{letter}{value + 0.0:.{DIGITS}f}" for letter, value in zip(letters, values, strict=True))

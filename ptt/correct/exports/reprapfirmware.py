@@ -1,0 +1,66 @@
+"""RepRapFirmware 3: M665 and M666 of a linear delta, refitted.
+
+Source: RepRapFirmware, src/Movement/Kinematics/LinearDeltaKinematics.cpp: towers at 210 + X, 330 + Y and 90 + Z
+degrees, a rod length for each tower in L, carriages at sqrt(L_i^2 - |(x, y) - tower_i|^2) + z + (A x + B y) / 100,
+and at their end stops at H + sqrt(L_i^2 - R^2) + end stop correction (M666 X Y Z).
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ptt.correct.exports.delta import Delta, rounded, upper_ends
+from ptt.correct.exports.firmware import Firmware, reach_of, write_delta
+from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.left import Ground
+from ptt.machine import ThreePttSpec
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
+TOWERS = np.array([210.0, 330.0, 90.0])  # deg, of X, Y, Z; so for Marlin too
+
+
+def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+    """Write M665 and M666 for config.g; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel.
+
+    Args:
+        compensator: the model.
+        out: the file.
+        options: what the user said.
+
+    Returns:
+        What was written, and what it leaves.
+    """
+    return write_delta(compensator, out, options, Firmware("RepRapFirmware", ";", _lines, tilted=True))
+
+
+def corrections(azimuth: np.ndarray) -> np.ndarray:
+    """Tower angles less those of the firmware, (3,) deg between -180 and 180."""
+    return np.asarray((azimuth - TOWERS + 180.0) % 360.0 - 180.0)
+
+
+def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
+    spec = ground.compensator.model.file.machine
+    assert isinstance(spec, ThreePttSpec)
+    ends = upper_ends(spec)
+    plain = rounded(delta, DIGITS)
+    stop = ends - delta.shift - plain.stops
+    height = round(float(stop.mean()), DIGITS)
+    adjust = np.round(stop - height, DIGITS)
+    angle = np.round(corrections(plain.azimuth), DIGITS)
+    tilt = np.round(100.0 * delta.tilt, DIGITS)
+    shift = ends - height - adjust - plain.stops
+    wide, _ = reach_of(ground)
+    rods = ":".join(f"{rod:.{DIGITS}f}" for rod in plain.rod)
+    lines = [
+        f"M665 L{rods} R{plain.radius:.{DIGITS}f} H{height:.{DIGITS}f} B{wide:g} {_named('XYZ', angle)}",
+        f"M666 {_named('XYZ', adjust)} {_named('AB', tilt)}",
+    ]
+    return lines, Delta(plain.radius, TOWERS + angle, plain.rod, shift, 0.01 * tilt)
+
+
+def _named(letters: str, values: np.ndarray) -> str:
+    return " ".join(f"{letter}{value:.{DIGITS}f}" for letter, value in zip(letters, values, strict=True))

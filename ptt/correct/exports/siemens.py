@@ -1,0 +1,126 @@
+"""SINUMERIK: encoder compensation of each axis, $AA_ENC_COMP, behind the kinematics that the controller has already.
+
+Source: SINUMERIK 840D sl, Function Manual Extended Functions, K3 Compensations, 'Leadscrew error and measuring system
+error compensation': a table of values at even steps from MIN to MAX, straight between them, those of the ends beyond; a
+value is added to the actual position, so a positive one moves the axis in the negative direction. One table for both
+ways.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from ptt.correct.exports.axis_tables import (
+    FINEST,
+    AxisTables,
+    Drives,
+    by_direction,
+    cut_tables,
+    read_drives,
+    smooth_basis,
+    table_entries,
+    tabled,
+)
+from ptt.correct.exports.delta import tool_by_slider
+from ptt.correct.exports.firmware import judged
+from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.held import cannot_hold, network_note
+from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.newton import least_move
+from ptt.correct.terms import split_terms
+from ptt.files import write_text
+from ptt.model.chain import predict
+from ptt.run.view import build_view
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+Array = np.ndarray
+
+DIGITS = 6
+SHAPE = "each axis is corrected by its own position alone"
+
+
+def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+    """Write a compensation table for each axis: AX1, AX2, ... are sliders or joints 1, 2, ..., in mm or degrees.
+
+    Args:
+        compensator: the model.
+        out: the file.
+        options: what the user said.
+
+    Returns:
+        What was written, and what it leaves.
+    """
+    ground = survey(compensator, options)
+    unit = np.degrees(1.0) if compensator.model.file.machine.kind == "serial" else 1.0
+    step = None if options.step is None else options.step / unit
+    drives = read_drives(ground)
+    smooth, tangent = _curves(ground, drives)
+    at = table_entries(drives, step, FINEST + 1)
+    tables = _rounded(cut_tables(drives, at, smooth, np.zeros(at.shape[1])), unit)
+    ahead = np.ones_like(ground.nominal)
+    left = error_left(ground, ground.nominal + tables.added(ground.nominal, ahead))
+    hints = {"backlash": _backlash(ground, unit)}
+    why = cannot_hold(ground, tangent, SHAPE, hints=hints, tabled=tabled(ground, drives, at))
+    holds, cannot = holdings(ground, why)
+    told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
+    write_text(out, "\n".join(_lines(tables, unit, told)) + "\n")
+    note = f"MD38000 $MA_MM_ENC_COMP_MAX_POINTS must be {len(at)} or more; load with MD32700 ENC_COMP_ENABLE[0] = 0"
+    return Exported((out,), holds, cannot, left, (note, *network_note(ground)))
+
+
+def _curves(ground: Ground, drives: Drives) -> tuple[Array, Array]:
+    """How far beyond its own position each axis is to come, as smooth curves, and how the tool moves with them.
+
+    On sliders the curves are those that let the tool miss least; the joints of an arm, which can make up for one
+    another, each follow what is asked of them.
+    """
+    jacobian = tool_by_slider(ground)
+    count = jacobian.shape[2]
+    basis, along = smooth_basis(ground.nominal, drives)
+    arm = ground.compensator.model.file.machine.kind == "serial"
+    rest = _asked_of_joints(ground, drives) if arm else ground.static + drives.at_rows(ground.static) - ground.nominal
+    weight = np.broadcast_to(np.eye(count), (len(rest), count, count)) if arm else jacobian
+    columns = np.einsum("ncl,nlp->ncp", weight, basis).reshape(-1, basis.shape[2])
+    wanted = np.einsum("ncl,nl->nc", weight, rest).ravel()
+    found = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    return along(found), np.einsum("ncl,nlp->ncp", jacobian, basis)
+
+
+def _asked_of_joints(ground: Ground, drives: Drives) -> Array:
+    """Least moves of an arm's joints that put right what is left once every drive is, (n, k) rad."""
+    model = ground.compensator.model
+    undone = ground.nominal - drives.at_rows(ground.nominal)
+    view = build_view(model.file, ground.table.replace(command=undone))
+    missed = torch.as_tensor(ground.targets) - predict(split_terms(model)[0], view).p
+    return np.asarray(least_move(view.jacobian, missed).numpy())
+
+
+def _rounded(tables: AxisTables, unit: float) -> AxisTables:
+    """As printed, in the units of the program again."""
+    at, add = (np.round(each * unit, DIGITS) / unit for each in (tables.at, tables.forward))
+    return AxisTables(at, add, add)
+
+
+def _backlash(ground: Ground, unit: float) -> str:
+    gaps = ", ".join(f"{2.0 * unit * half:.{DIGITS}f}" for half in by_direction(ground))
+    return f"MD32450 $MA_BACKLASH of the axes takes {gaps}"
+
+
+def _lines(tables: AxisTables, unit: float, told: list[str]) -> list[str]:
+    lines = ["%_N_AX_EEC_INI", *(f"; {line}" for line in told), "CHANDATA(1)"]
+    for axis in range(tables.at.shape[1]):
+        at, add = unit * tables.at[:, axis], unit * tables.forward[:, axis]
+        name = f"AX{axis + 1}"
+        lines += [f"$AA_ENC_COMP[0,{n},{name}]={0.0 - value:.{DIGITS}f}" for n, value in enumerate(add)]
+        lines += [
+            f"$AA_ENC_COMP_STEP[0,{name}]={(at[-1] - at[0]) / (len(at) - 1):.{DIGITS}f}",
+            f"$AA_ENC_COMP_MIN[0,{name}]={at[0]:.{DIGITS}f}",
+            f"$AA_ENC_COMP_MAX[0,{name}]={at[-1]:.{DIGITS}f}",
+            f"$AA_ENC_COMP_IS_MODULO[0,{name}]=0",
+        ]
+    return [*lines, "M17"]
