@@ -18,14 +18,15 @@ import pytest
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.commands.report import report as report_verb
 from ptt.diagnosis.long import choose_diagnosis, diagnose_long
 from ptt.diagnosis.verdict import diagnose
+from ptt.door.opened import Opened
 from ptt.errors import InputError, ModelError, PttError
 from ptt.fitting.chunks import CHUNK, LONG
 from ptt.machine import EffectEntry, ParameterEntry, parse_machine
 from ptt.run.readers import Mapping
 from ptt.show.report.contents import gather
+from ptt.show.report.of_run import report_run
 from ptt.show.studio import field, figures, jobs
 from ptt.show.studio.answers import agreed
 from ptt.show.studio.controller import LIMIT, RESERVED, Studio, safe_name
@@ -288,15 +289,15 @@ def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, a
     assert mine.data["rows"] == 296 and mine.data["network"]
 
 
-def test_the_report_is_the_verb(here: Path, added: Changed, monkeypatch: pytest.MonkeyPatch):
-    def write(run: Path, model: Path, out: Path, *words: object, **more: object) -> None:
-        assert run.exists() and parse_machine(model.read_text()).effect == parse_machine(added.model).effect
+def test_the_report_is_that_of_the_verb(here: Path, added: Changed, monkeypatch: pytest.MonkeyPatch):
+    def write(opened: Opened, out: Path, *, model: Path, **more: object) -> None:
+        assert opened.table.rows and parse_machine(model.read_text()).effect == parse_machine(added.model).effect
         out.write_text("<!doctype html>")
 
-    verb_itself = create_autospec(report_verb, side_effect=write)  # a changed signature fails here
-    monkeypatch.setattr("ptt.commands.report.report", verb_itself)
+    as_written = create_autospec(report_run, side_effect=write)  # a changed signature fails here
+    monkeypatch.setattr("ptt.show.report.of_run.report_run", as_written)
     assert jobs.report(replace(RUN, set_=("payload_kg=2",)), added.model, None, silent) == b"<!doctype html>"
-    assert verb_itself.call_args.kwargs["set_"] == ["payload_kg=2"]
+    assert list(as_written.call_args.kwargs["reading"].set_) == ["payload_kg=2"]
 
 
 def test_what_a_file_leaves_open_becomes_a_question(here: Path):

@@ -1,15 +1,15 @@
 """`ptt check`: mistakes in the set-up of a run and its machine, before any physics; or what a machine file says."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Also, Json, Map, Reading, Set, Targets, note, open_model, read_rows, show, states_units
+from ptt.commands.common import Also, Json, Map, Reading, Set, Targets, asker, note, show
 
 if TYPE_CHECKING:
+    from ptt.door.checking import Checked
     from ptt.machine import MachineFile
-    from ptt.setup import Check
 
 First = Annotated[Path, typer.Argument(metavar="RUN.csv|MACHINE.toml", help="A run, or a machine file alone.")]
 Machine = Annotated[Path | None, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")]
@@ -33,38 +33,25 @@ def check(
     json: Json = False,
 ) -> None:
     """Look for mistakes in the set-up: axes, units, sliders, lengths, rows, frames. A machine file alone is drawn."""
+    from ptt.door.checking import check_path
+    from ptt.door.model import load
     from ptt.errors import InputError
-    from ptt.setup import check_setup
 
     if model is None and (run.suffix == ".toml" or run.is_dir()):
         _show_machine(run, drawing, json)
         return
     if model is None:
         raise InputError("no machine to hold it against", where=str(run), fix="add --model MACHINE.toml")
-    file = open_model(model).model.file
     reading = Reading(also, targets, set_, map_, json=json)
-    table = read_rows(run, file, reading, _purpose(run, reading), checked=True, ordered=False)
-    ordered = any(text.startswith("order=") for text in set_ or ())
-    found = check_setup(file, table, ordered=ordered, units_said=states_units(map_))
-    _write(found, file, out_run, out_model, several=bool(also))
+    loaded = load(model)
+    found = check_path(loaded, run, reading, ask=asker(reading), note=note)
+    _write(found, out_run, out_model, several=bool(also))
     if drawing is not None:
-        _draw(file, drawing)
+        _draw(found.drawn, drawing)
     show(found.to_dict(), str(found), json)
 
 
-def _purpose(run: Path, reading: Reading) -> str:
-    """'run' where the file holds readings, else 'targets'."""
-    from ptt.run.readers import Mapping, load_mapping
-    from ptt.run.readers.export import Request, read_any
-
-    if reading.targets is not None:
-        return "run"
-    known = load_mapping(reading.map_) if reading.map_ is not None and reading.map_.exists() else Mapping()
-    export = read_any(run, Request("targets", known))
-    return "run" if {"x_meas", "y_meas", "z_meas"} & set(export.columns) else "targets"
-
-
-def _write(found: "Check", file: "MachineFile", out_run: Path | None, out_model: Path | None, several: bool) -> None:
+def _write(found: "Checked", out_run: Path | None, out_model: Path | None, several: bool) -> None:
     from ptt.commands.common import refuse_readings
     from ptt.errors import InputError
     from ptt.machine import save_machine
@@ -79,18 +66,20 @@ def _write(found: "Check", file: "MachineFile", out_run: Path | None, out_model:
         note(f"{out_run}: the run, with what was sure undone")
     if out_model is not None:
         save_machine(found.file, out_model)
-        changed = "with what was sure undone" if found.file.machine != file.machine else "as it was: nothing to undo"
+        changed = (
+            "with what was sure undone" if found.file.machine != found.drawn.machine else "as it was: nothing to undo"
+        )
         note(f"{out_model}: the machine file, {changed}")
 
 
 def _show_machine(path: Path, drawing: Path | None, json: bool) -> None:
-    from ptt.setup.machine import describe_machine
+    from ptt.door.checking import describe
+    from ptt.door.model import load
 
-    file = open_model(path).model.file
-    described = describe_machine(file)
+    described = describe(load(path))
     drawing = drawing or Path(f"{(path / 'machine' if path.is_dir() else path).with_suffix('')}_drawing.png")
-    _draw(file, drawing)
-    data: dict[str, Any] = described.to_dict() | {"drawing": str(drawing)}
+    _draw(described.file, drawing)
+    data = described.to_dict() | {"drawing": str(drawing)}
     show(data, f"{described}\n{drawing}: what was understood, drawn", json)
 
 

@@ -16,14 +16,14 @@ from ptt.commands.common import (
     Run,
     Set,
     Targets,
+    load_both,
     note,
-    open_run,
     progress,
     show,
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from ptt.diagnosis.verdict import Diagnosis
+    from ptt.door.diagnosing import Diagnosed
 
 Next = Annotated[
     Path | None, typer.Option("--measure-next", metavar="OUT.csv", help="Write poses that part what is confused.")
@@ -49,82 +49,22 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
-    from ptt.diagnosis.long import choose_diagnosis
-    from ptt.diagnosis.verdict import diagnose as learn_whole
-    from ptt.errors import SetupError
-    from ptt.fitting.chunks import CHUNK
-    from ptt.setup import setup_verdict
+    from ptt.door.diagnosing import diagnose as learn
 
-    try:
-        opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
-    except SetupError as error:
-        show(setup_verdict(error.check), f"verdict: setup\n\n{error.check}", json)
-        return
-    if opened.compensator.network is not None:
-        note("the compensator's network is left aside: the physics alone is diagnosed")
-    learn = choose_diagnosis(opened.table.rows, chunk_rows)
-    if learn is not learn_whole:
-        note(f"{opened.table.rows} rows are summed up in chunks of {chunk_rows or CHUNK}")
+    reading = Reading(also, targets, set_, map_, effects, json, anyway)
+    loaded, rows = load_both(run, model, reading)
     with progress() as tell:
-        result = learn(
-            opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: tell(what, 0, 0)
-        )
+        result = learn(loaded, rows, steps=steps, chunk_rows=chunk_rows, anyway=anyway, progress=tell, note=note)
     if measure_next is not None:
         _write_poses(result, measure_next)
-    show(result.to_dict() | opened.set_up, format_diagnosis(result), json)
+    show(result.to_dict(), str(result), json)
 
 
-def _write_poses(result: "Diagnosis", out: Path) -> None:
-    from ptt.run.table import write_table
-
-    poses = result.separation.targets if result.separation else None
-    if poses is None:
-        note("no poses to write: nothing is confused that poses could part")
+def _write_poses(result: "Diagnosed", out: Path) -> None:
+    if result.verdict == "setup":
         return
-    write_table(poses, out)
-    note(f"{out}: {poses.rows} poses to measure; then diagnose both runs together with --also")
-
-
-def format_diagnosis(result: "Diagnosis") -> str:
-    """The diagnosis as text.
-
-    Args:
-        result: the diagnosis.
-
-    Returns:
-        Lines.
-    """
-    lines = [f"verdict: {result.verdict}", "", result.words, ""]
-    if result.candidates:
-        lines.append(f"{'effect':<22} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from")
-        for candidate in result.candidates:
-            mark = "+" if any(candidate.effect == step[0] for step in result.suggested) else " "
-            fall = f"{candidate.heldout_before:.1f} -> {candidate.heldout_after:.1f}"
-            ties = ", ".join(candidate.indistinguishable_from)
-            figures = f"{candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}"
-            lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
-        lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given", ""]
-    if result.depends_on:
-        lines.append("what is left depends on:")
-        for item in result.depends_on:
-            period = f", period {item.period_mm:.3g} mm" if item.period_mm else ""
-            place = f", {item.shape} between {item.place[0]:.4g} and {item.place[1]:.4g}" if item.place else ""
-            place = f", varying with {item.with_}" if item.with_ else place
-            lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period}{place})")
-        lines.append("")
-    if result.verdict == "unknown" and result.depends_on:
-        lines += [
-            "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json",
-            "",
-        ]
-    if result.measure_next:
-        lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
-    if result.not_testable:
-        lines.append("not testable on this run:")
-        lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
-    noise = result.noise.to_dict()
-    lines.append(
-        f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
-        f"{int(result.outliers.sum())} left out as gross errors"
-    )
-    return "\n".join(lines)
+    poses = result.write_poses(out)
+    if poses:
+        note(f"{out}: {poses} poses to measure; then diagnose both runs together with --also")
+    else:
+        note("no poses to write: nothing is confused that poses could part")

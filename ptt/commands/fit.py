@@ -25,11 +25,11 @@ def fit(
     json: Json = False,
 ) -> None:
     """Refit the effects of a model to a run, and say what the run can and cannot tell of them."""
-    from ptt.commands.add import finish, noisy
-    from ptt.commands.common import open_run, progress
-    from ptt.judge.ladder.climb import climb
+    from ptt.commands.add import finish
+    from ptt.commands.common import load_both, note, progress
+    from ptt.door.changing import fit as refit
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
+    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        ladder = climb(opened.model, noisy(opened, tell), [], progress=tell)
-    finish(ladder, opened, "fit", out, plots, json)
+        result = refit(loaded, rows, anyway=anyway, progress=tell, note=note)
+    finish(result, out, plots, json)

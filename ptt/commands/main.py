@@ -18,7 +18,7 @@ from ptt.errors import InputError, PttError
 
 VERBS = (
     "check", "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso",
-    "export", "plan", "challenge", "dexterity", "effects", "report", "studio", "fleet",
+    "export", "plan", "challenge", "dexterity", "effects", "report", "studio",
 )  # fmt: skip
 UNLISTED = ("train",)  # train.py has a program of its own; `run` and `ptt train` do the same
 PROGRAM = "ptt"

@@ -1,13 +1,13 @@
 """What a verb says: its result on standard output, notes and progress on standard error."""
 
-import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import typer
+
+from ptt.door.result import plain
 
 Progress = Callable[[str, int, int], None]
 _waiting: list[str] = []
@@ -27,19 +27,6 @@ def show(data: Mapping[str, Any], text: str, json: bool) -> None:
         text = dumps(plain(data), allow_nan=False)
     tell_notes()
     typer.echo(text)
-
-
-def plain(value: Any) -> Any:
-    """Turn numpy values, tuples and paths into what JSON knows; NaN and infinities into None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return str(value) if isinstance(value, Path) else value
 
 
 def note(text: str) -> None:

@@ -19,11 +19,11 @@ def remove(
     json: Json = False,
 ) -> None:
     """Take effects out of a model, refit the others jointly, and show what that does to the error."""
-    from ptt.commands.add import finish, noisy
-    from ptt.commands.common import open_run, progress
-    from ptt.judge.ladder.climb import descend
+    from ptt.commands.add import finish
+    from ptt.commands.common import load_both, note, progress
+    from ptt.door.changing import remove as descend
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
+    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        ladder = descend(opened.model, noisy(opened, tell), effect, progress=tell)
-    finish(ladder, opened, "remove", out, plots, json)
+        result = descend(loaded, rows, *effect, anyway=anyway, progress=tell, note=note)
+    finish(result, out, plots, json)

@@ -56,6 +56,11 @@ _CLASSES: tuple[type[Effect], ...] = (
 )
 
 
+def classes() -> dict[str, type[Effect]]:
+    """The effects of the library by the names of their classes."""
+    return {cls.__name__: cls for cls in _CLASSES}
+
+
 def library(*files: str | Path) -> Library:
     """All known effects.
 

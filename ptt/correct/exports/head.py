@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ptt import __version__
 from ptt.correct.exports.format import Options
 from ptt.files import sha256
+from ptt.version import __version__
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator

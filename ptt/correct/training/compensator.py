@@ -1,12 +1,12 @@
 """The folder that train.py writes: model.toml, rbf.safetensors, compensator.json. Never pickle."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from nets import GaussianRbf, NetsError, load_rbf, save_rbf
-from ptt import __version__
 from ptt.correct.doubt import NetworkError
 from ptt.correct.training.rest import Space
 from ptt.correct.training.train import Training
@@ -15,8 +15,9 @@ from ptt.errors import InputError
 from ptt.files import sha256, write_text
 from ptt.fitting.kept import keep_covariance
 from ptt.folders import recover_folder, require_own, write_folder
-from ptt.machine import load_machine, save_machine
+from ptt.machine import format_machine, load_machine, parse_machine, save_machine
 from ptt.model.model import Model, read_model, write_model
+from ptt.version import __version__
 
 MODEL, NETWORK, NOTES = "model.toml", "rbf.safetensors", "compensator.json"
 OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})
@@ -65,9 +66,26 @@ def save_compensator(folder: str | Path, training: Training, inputs: list[str]) 
     Raises:
         InputError: the folder holds other files too, or cannot be written.
     """
-    with write_folder(folder, OWN) as place:
-        _write(place, training, inputs)
+    write_compensator(folder, compensator_of(training, inputs))
     return Path(folder)
+
+
+def write_compensator(folder: str | Path, compensator: Compensator) -> None:
+    """Write a compensator that was read or trained before, whole or not at all.
+
+    Args:
+        folder: made where it does not exist; a compensator that is there is replaced.
+        compensator: with a network.
+
+    Raises:
+        InputError: there is no network, the folder holds other files too, or it cannot be written.
+    """
+    if compensator.network is None:
+        raise InputError("no network to write", where=str(folder), fix="train one, or write the physics as a file")
+    with write_folder(folder, OWN) as place:
+        save_machine(write_model(compensator.model), place / MODEL)
+        digests = {MODEL: sha256(place / MODEL), NETWORK: save_rbf(compensator.network, place / NETWORK)}
+        write_text(place / NOTES, json.dumps(compensator.notes | {"sha256": digests}, indent=2) + "\n")
 
 
 def require_folder(folder: str | Path) -> None:
@@ -82,19 +100,30 @@ def require_folder(folder: str | Path) -> None:
     require_own(folder, OWN)
 
 
-def _write(place: Path, training: Training, inputs: list[str]) -> None:
+def compensator_of(training: Training, inputs: Sequence[str]) -> Compensator:
+    """What was trained, as it would be read from the folder it is written to.
+
+    Args:
+        training: what was trained.
+        inputs: run files it was trained on.
+    """
     fitted = training.physics.fitted
     covariance = None if fitted is None else keep_covariance(fitted, 1e-3 * training.heldout_um["physics"]["total"])
     written = write_model(training.physics.model, [sha256(name) for name in inputs])
-    save_machine(replace(written, covariance=covariance), place / MODEL)
-    digest = save_rbf(training.rbf.network, place / NETWORK)
+    known = {
+        term.effect.name: type(term.effect) for term in (*training.physics.model.terms, *training.physics.model.aside)
+    }
+    model = read_model(parse_machine(format_machine(replace(written, covariance=covariance)), written.source), known)
+    return Compensator(model, training.rbf.network, _notes(training, inputs))
+
+
+def _notes(training: Training, inputs: Sequence[str]) -> dict[str, Any]:
     domain = training.rbf.network.domain
     network = training.rbf.network
     offset, scale = network.input_mean.numpy(), network.input_scale.numpy()
-    notes = {
+    return {
         "format": 1,
         "ptt": __version__,
-        "sha256": {MODEL: sha256(place / MODEL), NETWORK: digest},
         "trained_on": [{"file": Path(name).name, "sha256": sha256(name)} for name in inputs],
         "domain_mm" if training.space == "tool" else "domain_rad": {
             "low": (domain.low * scale + offset).tolist(),
@@ -114,7 +143,6 @@ def _write(place: Path, training: Training, inputs: list[str]) -> None:
         },
         "noise_um": training.physics.noise.to_dict(),
     }
-    write_text(place / NOTES, json.dumps(notes, indent=2) + "\n")
 
 
 def load_compensator(path: str | Path, known: Library | None = None) -> Compensator:

@@ -22,11 +22,25 @@ WORST = 30.0  # condition number from which all is one colour
 
 
 def plot_arm_dexterity(arm: Serial, path: str | Path) -> None:
-    """Draw condition number and manipulability over the workspace, and manipulability over the joints that decide.
+    """Draw an arm's dexterity and write it as PNG.
 
     Args:
         arm: the arm.
         path: PNG to write.
+    """
+    picture = io.BytesIO()
+    FigureCanvasAgg(draw_arm_dexterity(arm)).print_png(picture, metadata={"Software": None})
+    write_bytes(path, picture.getvalue())
+
+
+def draw_arm_dexterity(arm: Serial) -> Figure:
+    """Draw condition number and manipulability over the workspace, and manipulability over the joints that decide.
+
+    Args:
+        arm: the arm.
+
+    Returns:
+        The figure.
     """
     figure = Figure(figsize=(11.0, 9.5), layout="constrained")
     axes = figure.subplots(2, 2)
@@ -45,9 +59,7 @@ def plot_arm_dexterity(arm: Serial, path: str | Path) -> None:
     figure.suptitle(
         f"{arm.name}: dexterity of the whole pose, one radian of turn counted as {arm.length_mm:.0f} mm of shift"
     )
-    picture = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(picture, metadata={"Software": None})
-    write_bytes(path, picture.getvalue())
+    return figure
 
 
 def deciding_pairs(arm: Serial) -> tuple[tuple[int, int], tuple[int, int]]:

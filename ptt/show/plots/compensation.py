@@ -27,14 +27,23 @@ def plot_error_curves(
     title: str = "",
     noise_um: Mapping[str, float] | None = None,
 ) -> None:
+    """Draw the error of each axis along the path and write it as PNG; arguments as `draw_error_curves`."""
+    _save(draw_error_curves(before, after, title=title, noise_um=noise_um), path)
+
+
+def draw_error_curves(
+    before: np.ndarray, after: np.ndarray, *, title: str = "", noise_um: Mapping[str, float] | None = None
+) -> Figure:
     """Draw the error of each axis along the path, before above and after below, because their scales differ.
 
     Args:
         before: (m, 3) mm, errors in travel order; repeats of a pose averaged or not.
         after: (m, 3) mm, of the same poses.
-        path: PNG to write.
         title: of the picture.
         noise_um: standard deviation of one reading per axis, um, drawn as a band.
+
+    Returns:
+        The figure.
     """
     figure = Figure(figsize=(11.0, 5.6), dpi=DPI, layout="constrained")
     panels = figure.subplots(2, 3, sharex=True)
@@ -55,7 +64,7 @@ def plot_error_curves(
     if noise_um is not None:
         figure.legend(*panels[1, 0].get_legend_handles_labels(), loc="outside lower center", frameon=False, fontsize=9)
     figure.suptitle(title)
-    _save(figure, path)
+    return figure
 
 
 def plot_reductions(

@@ -1,18 +1,16 @@
 """The ladder as a picture: error per axis after each step, training and held-out, and the noise floor to reach."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ptt.files import write_bytes
 from ptt.judge.history import AXES, Entry
 from ptt.judge.ladder.climb import Ladder
+from ptt.show.plots.common import save
 
 DPI = 150
 TRAINING, HELD_OUT, NOISE = "#33658a", "#f26419", "#6b705c"
@@ -21,15 +19,27 @@ Rung = tuple[str, dict[str, float], dict[str, float]]  # words, training error, 
 
 
 def plot_ladder(ladder: Ladder, path: str | Path) -> None:
-    """Draw a ladder.
+    """Draw a ladder and write it as PNG.
 
     Args:
         ladder: the ladder.
         path: PNG to write.
     """
+    save(draw_ladder(ladder), Path(path))
+
+
+def draw_ladder(ladder: Ladder) -> Figure:
+    """Draw a ladder.
+
+    Args:
+        ladder: the ladder.
+
+    Returns:
+        The figure.
+    """
     signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
     rungs = [(signs.get(s.kind, "") + s.effect, s.rms_um, s.heldout_rms_um) for s in ladder.steps]
-    draw_rungs(rungs, ladder.noise_um, path)
+    return draw_rungs(rungs, ladder.noise_um)
 
 
 def plot_history(entries: Sequence[Entry], path: str | Path) -> None:
@@ -42,18 +52,20 @@ def plot_history(entries: Sequence[Entry], path: str | Path) -> None:
     signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
     rungs: list[Rung] = [("as given", entries[0].before_um, entries[0].heldout_before_um)]
     rungs += [(signs.get(e.kind, "") + e.effect, e.after_um, e.heldout_after_um) for e in entries]
-    draw_rungs(rungs, entries[-1].noise_um, path)
+    save(draw_rungs(rungs, entries[-1].noise_um), Path(path))
 
 
-def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float], path: str | Path) -> None:
+def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float]) -> Figure:
     """Draw errors after each step, one panel per axis and one for the total.
 
     Args:
         rungs: words, training and held-out errors in um, in order.
         noise_um: noise floor by axis.
-        path: PNG to write.
+
+    Returns:
+        The figure.
     """
-    figure = Figure(figsize=(2.2 + 2.6 * len(AXES), 1.9 + 0.34 * len(rungs)))
+    figure = Figure(dpi=DPI, figsize=(2.2 + 2.6 * len(AXES), 1.9 + 0.34 * len(rungs)))
     figure.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.06))
     panels = figure.subplots(1, len(AXES), sharey=True)
     for axis, panel in zip(AXES, panels, strict=True):
@@ -63,9 +75,7 @@ def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float], path: str | Pa
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     figure.suptitle("Error after each step, RMS in \N{MICRO SIGN}m")
-    picture = io.BytesIO()
-    FigureCanvasAgg(figure).print_figure(picture, format="png", dpi=DPI)
-    write_bytes(path, picture.getvalue())
+    return figure
 
 
 def _draw_panel(panel: Axes, axis: str, rungs: Sequence[Rung], noise: float) -> None:

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
-from ptt import __version__
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.heldout import evaluate_heldout
 from ptt.correct.training.protocols import PROTOCOLS
@@ -34,6 +33,7 @@ from ptt.show.report.commands import Command, commands_of
 from ptt.show.report.facts import RunFacts, facts_of
 from ptt.show.report.network import NetworkFacts, network_facts
 from ptt.show.report.source import Source, shown_table
+from ptt.version import __version__
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
 NOTHING_TO_JUDGE = "the model has no effects and no network: there is no after to hold against the before"

@@ -1,8 +1,6 @@
 """What the page asks of the library: each job opens its files as the command line does and returns plain results."""
 
-import contextlib
 import io
-import json
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,8 +12,7 @@ from ptt.show.studio.steps import START
 from ptt.show.studio.worker import Progress, QuestionError
 
 if TYPE_CHECKING:
-    from ptt.commands.common import Opened
-    from ptt.run.noise import Noise
+    from ptt.door.opened import Opened
 
 MODEL = "model.toml"  # the page's model, as the command line would be given it
 COMPENSATOR = "compensator"
@@ -37,13 +34,13 @@ def look(source: Source, model: str, tell: Progress) -> Look:
 
 def compare(source: Source, model: str, tell: Progress) -> Compared:
     """As `ptt compare`."""
-    from ptt.commands.common import plain
+    from ptt.door.result import plain
     from ptt.judge.compare.comparison import compare_run
     from ptt.judge.compare.text import format_comparison
     from ptt.show.studio.looks import look_at
 
     opened = _open(source, model)
-    result = compare_run(opened.model, opened.problem, noise=_noise(opened), progress=tell)
+    result = compare_run(opened.model, opened.problem, noise=opened.noise_or_none(), progress=tell)
     setup = opened.check.to_dict()["findings"] if opened.check else []
     data = plain(result.to_dict() | opened.set_up | {"setup": setup})
     return Compared(look_at(opened.model, opened.problem, result), data, format_comparison(result))
@@ -51,9 +48,9 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:
     """As `ptt diagnose`, of runs whose rows fit into memory at once."""
-    from ptt.commands.common import plain
-    from ptt.commands.diagnose import format_diagnosis
     from ptt.diagnosis.verdict import diagnose
+    from ptt.door.diagnosing import format_diagnosis
+    from ptt.door.result import plain
     from ptt.run.table import table_to_frame
 
     opened = _open(source, model)
@@ -66,8 +63,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
 
 def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell: Progress) -> Changed:
     """As `ptt add`, `ptt remove` or `ptt fit`."""
-    from ptt.commands.add import noisy
-    from ptt.commands.common import plain
+    from ptt.door.result import plain
     from ptt.effects.registry import library, make_effect, parse_key
     from ptt.fitting.report import format_fit
     from ptt.judge.history import record
@@ -76,7 +72,7 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
 
     opened = _open(source, model)
     known = opened.library or library()
-    problem = noisy(opened, tell)
+    problem = opened.noisy(tell)
     if verb == "remove":
         ladder = descend(opened.model, problem, effects, progress=tell)
     else:
@@ -88,9 +84,9 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
 
 def train(source: Source, model: str, tell: Progress) -> Trained:
     """As train.py."""
-    from ptt.commands.common import plain
     from ptt.correct.training.compensator import save_compensator
     from ptt.correct.training.train import train as train_model
+    from ptt.door.result import plain
 
     opened = _open(source, model)
     training = train_model(opened.model, opened.problem, progress=tell)
@@ -108,31 +104,28 @@ def train(source: Source, model: str, tell: Progress) -> Trained:
 
 
 def predict(source: Source, model: str | bytes, targets: str, tell: Progress) -> Predicted:
-    """As `ptt predict`: the verb itself, on a model or on a zipped compensator."""
-    from ptt.commands.predict import predict as run
+    """As `ptt predict`, on a model or on a zipped compensator."""
+    from ptt.door.model import load
+    from ptt.door.options import Reading
+    from ptt.door.predicting import predict as invert
+    from ptt.door.run import targets_path
 
     tell("corrected commands", 0, 0)
-    place, out = _place(model), Path("sliders.csv")
-    said, noted = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(noted):
-        run(Path(targets), place, out, effects=[Path(name) for name in source.effect_files], json=True)
-    warnings = tuple(line for line in noted.getvalue().splitlines() if line.startswith("warning"))
-    return Predicted(json.loads(said.getvalue()), warnings, out.read_bytes())
+    loaded, out = load(_place(model), effects=source.effect_files), Path("sliders.csv")
+    result = invert(loaded, targets_path(Path(targets), loaded, Reading(json=True)))
+    result.to_csv(out)
+    return Predicted(result.to_dict(), tuple(f"warning: {line}" for line in result.warnings), out.read_bytes())
 
 
 def report(source: Source, model: str, archive: bytes | None, tell: Progress) -> bytes:
-    """As `ptt report`: the verb itself, with the compensator where one is trained."""
-    from ptt.commands.report import report as run
+    """As `ptt report`, with the compensator where one is trained."""
+    from ptt.show.report.of_run import report_run
 
     tell("", 0, 0)
-    _refuse_long(_open(source, model), f"ptt report {source.words} --model {START} --out report.html")
-    reading, out = source.reading(), Path("report.html")
-    with contextlib.redirect_stdout(io.StringIO()):
-        run(
-            Path(source.run), _place(model), out, None if archive is None else _place(archive),
-            also=None if reading.also is None else list(reading.also), targets=reading.targets,
-            set_=list(source.set_), map_=reading.map_, effects=list(reading.effects or ()), json=True,
-        )  # fmt: skip
+    opened, out = _open(source, model), Path("report.html")
+    _refuse_long(opened, f"ptt report {source.words} --model {START} --out report.html")
+    trained = None if archive is None else _place(archive)
+    report_run(opened, out, run=Path(source.run), model=Path(MODEL), compensator=trained, reading=source.reading())
     return out.read_bytes()
 
 
@@ -150,13 +143,11 @@ def challenge(level: str, seed: int | None, tell: Progress) -> tuple[str, str]:
 
 def reveal(model: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt challenge reveal`, on the seal in the session's folder."""
-    from ptt.commands.challenge import reveal as run
+    from ptt.door.model import load
+    from ptt.door.revealing import reveal as open_seal
 
     tell("opening the seal", 0, 0)
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said):
-        run(Path(), _place(model))
-    return {"text": said.getvalue().strip()}
+    return {"text": str(open_seal(load(_place(model)), Path()))}
 
 
 def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapping[str, Any]:
@@ -189,11 +180,10 @@ def names(kind: str, files: tuple[str, ...], tell: Progress) -> tuple[str, ...]:
 
 def _open(source: Source, model: str) -> "Opened":
     """Open run and model as a verb does; what the file leaves open becomes a question to the person."""
-    from ptt.commands.common import open_run, tell_notes
+    from ptt.door.opened import open_run
     from ptt.errors import TableError
 
     place = _place(model)
-    tell_notes(keep=False)
     if source.answers:
         _read_asking(source, place)
     try:
@@ -206,7 +196,7 @@ def _open(source: Source, model: str) -> "Opened":
 
 def _read_asking(source: Source, place: Path) -> None:
     """Read with the answers given so far and keep them as a file for --map; ask for the first that is missing."""
-    from ptt.commands.common import parse_settings
+    from ptt.door.options import parse_settings
     from ptt.machine import load_machine
     from ptt.run.readers import save_mapping
     from ptt.run.table import read_table
@@ -259,18 +249,6 @@ def _place(model: str | bytes) -> Path:
         return place
     write_text(MODEL, model)
     return Path(MODEL)
-
-
-def _noise(opened: "Opened") -> "Noise | None":
-    """The noise floor as `ptt compare` takes it."""
-    from ptt.diagnosis.noise import noise_floor
-    from ptt.effects.registry import library
-    from ptt.errors import TableError
-
-    try:
-        return noise_floor(opened.model, opened.problem, opened.library or library())
-    except TableError:
-        return None
 
 
 def _zipped(folder: Path) -> bytes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ptt.show.studio.looks import Look
 
 if TYPE_CHECKING:
-    from ptt.commands.common import Reading
+    from ptt.door.options import Reading
 
 ANSWERS = "answers.toml"
 SEAL = "sealed.json"
@@ -63,7 +63,7 @@ class Source:
 
     def reading(self) -> "Reading":
         """The same as the command line has it; nobody is asked on a terminal."""
-        from ptt.commands.common import Reading
+        from ptt.door.options import Reading
 
         return Reading(
             also=[Path(name) for name in self.also],

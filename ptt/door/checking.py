@@ -1,0 +1,159 @@
+"""`ptt.check`: mistakes in the set-up before any physics, or what a machine file alone says."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ptt.door.model import Model
+from ptt.door.opened import find_mistakes
+from ptt.door.options import Reading
+from ptt.door.reading import purpose_of, read_rows
+from ptt.door.result import Note, Result, unheard
+from ptt.door.run import RowsLike, Run, Targets
+from ptt.door.words import as_model, as_run
+from ptt.machine import MachineFile
+from ptt.run.readers import Ask
+from ptt.run.table import Table
+from ptt.setup import Check, Finding
+from ptt.setup.machine import MachineSaid, describe_machine
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+USAGE = "check(model, run)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Checked(Result):
+    """What was found in the set-up of a run and its machine.
+
+    Attributes:
+        found: the findings, and both files with the sure ones undone.
+        drawn: the machine file as it was given.
+    """
+
+    found: Check
+    drawn: MachineFile
+
+    @property
+    def ok(self) -> bool:
+        """Whether no finding is sure."""
+        return self.found.ok
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The findings, the sure ones first."""
+        return self.found.findings
+
+    @property
+    def file(self) -> MachineFile:
+        """The machine file, with what is sure undone."""
+        return self.found.file
+
+    @property
+    def table(self) -> Table | None:
+        """The run, with what is sure undone."""
+        return self.found.table
+
+    def _figures(self) -> Mapping[str, Any]:
+        return self.found.to_dict()
+
+    def __str__(self) -> str:
+        """The findings as text."""
+        return str(self.found)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row for each finding."""
+        import pandas as pd
+
+        return pd.DataFrame([{**each.pop("rms_um"), **each} for each in self._figures()["findings"]])
+
+    def plot(self) -> "Figure":
+        """Draw the machine as understood."""
+        return draw(self.drawn)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Described(Result):
+    """What a machine file alone says.
+
+    Attributes:
+        said: in figures.
+        file: the machine.
+    """
+
+    said: MachineSaid
+    file: MachineFile
+
+    def _figures(self) -> Mapping[str, Any]:
+        return self.said.to_dict()
+
+    def __str__(self) -> str:
+        """A few lines and the remarks."""
+        return str(self.said)
+
+    def plot(self) -> "Figure":
+        """Draw the machine as understood."""
+        return draw(self.file)
+
+
+def check(model: Any, run: RowsLike = None) -> Checked | Described:
+    """Look for mistakes in the set-up: axes, units, sliders, lengths, rows, frames.
+
+    Args:
+        model: the machine.
+        run: a run, or targets; None tells what the machine file alone says.
+
+    Returns:
+        The findings.
+
+    Raises:
+        InputError: a file that cannot be read.
+    """
+    machine = as_model(model, USAGE)
+    if run is None:
+        return describe(machine)
+    if isinstance(run, Run | Targets):
+        return Checked(find_mistakes(machine.file, run), machine.file)
+    if hasattr(run, "columns"):
+        return Checked(find_mistakes(machine.file, as_run(run, machine, USAGE)), machine.file)
+    return check_path(machine, run, Reading(json=True))
+
+
+def check_path(
+    model: Model, run: RowsLike, reading: Reading, *, ask: Ask | None = None, note: Note = unheard
+) -> Checked:
+    """Check a file as the command line does: rows out of order are a finding, not a refusal.
+
+    Args:
+        model: the machine.
+        run: a run or targets.
+        reading: how.
+        ask: who answers what the file leaves open.
+        note: told what was understood.
+    """
+    purpose = purpose_of(run, reading)
+    table = read_rows(run, model.file, reading, purpose, checked=True, ordered=False, ask=ask, note=note)
+    kind = Run if purpose == "run" else Targets
+    return Checked(find_mistakes(model.file, kind(table, (run,), reading)), model.file)
+
+
+def describe(model: Model) -> Described:
+    """Say what a machine file alone says."""
+    return Described(describe_machine(model.file), model.file)
+
+
+def draw(file: MachineFile) -> "Figure":
+    """Draw a machine as understood: a 3-PTT with its sliders, an arm with its workspace."""
+    from ptt.mechanisms import build_mechanism
+    from ptt.mechanisms.serial import Serial
+
+    mechanism = build_mechanism(file.machine)
+    if isinstance(mechanism, Serial):
+        from ptt.show.plots.arm_dexterity import draw_arm_dexterity
+
+        return draw_arm_dexterity(mechanism)
+    from ptt.show.plots.machine import draw_machine
+
+    return draw_machine(file)

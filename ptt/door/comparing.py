@@ -1,0 +1,113 @@
+"""`ptt.compare`: how large the error is, how much of it is noise, where it is and what it depends on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ptt.door.opened import Opened, meet
+from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
+from ptt.door.run import RowsLike
+from ptt.door.words import as_model, as_run
+from ptt.fitting.chunks import LONG, sample_stretches, take
+from ptt.judge.compare.comparison import Comparison, compare_run
+from ptt.judge.compare.text import format_comparison
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+USAGE = "compare(model, run)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Compared(Result):
+    """A run held against a model.
+
+    Attributes:
+        result: all figures and residuals.
+        opened: run and model.
+        notes: what was left aside, a line each.
+    """
+
+    result: Comparison
+    opened: Opened
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rms_um(self) -> dict[str, float]:
+        """Error that is left after the frame, x, y, z, total."""
+        figures: dict[str, float] = self.to_dict()["rms_um"]
+        return figures
+
+    def _figures(self) -> Mapping[str, Any]:
+        aside = {"network_left_aside": self.opened.compensator.network is not None}
+        return self.result.to_dict() | self.opened.set_up | aside | {"setup": self._findings()}
+
+    def _findings(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = self.opened.check.to_dict()["findings"] if self.opened.check else []
+        return found
+
+    def __str__(self) -> str:
+        """What the command prints; findings about the set-up come first."""
+        first = f"{self.opened.check}\n\n" if self._findings() else ""
+        return first + format_comparison(self.result)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row for each axis and the total: rms, mean, 95th percentile, maximum and noise in um."""
+        import pandas as pd
+
+        data = self.to_dict()
+        titles = [key for key in ("rms_um", "mean_um", "p95_um", "max_um", "noise_um") if key in data]
+        axes = ("x", "y", "z", "total")
+        return pd.DataFrame({key: [data[key].get(axis) for axis in axes] for key in titles}, index=list(axes))
+
+    def plot(self) -> "Figure":
+        """Draw the error over the workspace."""
+        from ptt.show.plots.field import draw_field
+
+        return draw_field(self.result, self.opened.problem)
+
+    def pictures(self, folder: str | Path, *, progress: Progress = unwatched) -> tuple[Path, ...]:
+        """Draw everything there is into a folder: field, course, histogram, dependences, periods.
+
+        Args:
+            folder: where to; made if missing.
+            progress: told what is being drawn.
+
+        Returns:
+            The PNG files.
+        """
+        from ptt.show.plots.compare import plot_comparison
+
+        return plot_comparison(self.result, self.opened.problem, folder, progress=progress)
+
+
+def compare(model: Any, run: RowsLike, *, progress: Progress = unwatched, note: Note = unheard) -> Compared:
+    """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on.
+
+    Args:
+        model: the model; a network is left aside.
+        run: the run.
+        progress: told what is done, how much of how much.
+        note: told what is left aside.
+
+    Returns:
+        The comparison. Mistakes in the set-up are no refusal here: they are shown first.
+
+    Raises:
+        InputError: the run cannot be seen through this machine.
+    """
+    machine = as_model(model, USAGE)
+    tell = Heard(note)
+    opened = meet(machine, as_run(run, machine, USAGE), anyway=True, note=tell)
+    if opened.compensator.network is not None:
+        tell("the compensator's network is left aside: the physics alone is compared")
+    if opened.table.rows > LONG:
+        opened = replace(opened, problem=take(opened.problem, sample_stretches(opened.problem)))
+        rows = opened.problem.table.rows
+        tell(f"compared are {rows} rows of {opened.table.rows}, in stretches of travel that are spread over the run")
+    result = compare_run(opened.model, opened.problem, noise=opened.noise_or_none(tell), progress=progress)
+    if result.without_values:
+        tell(f"not fitted yet, so left out: {', '.join(result.without_values)}; `ptt fit` fits them")
+    return Compared(result, opened, tuple(tell.lines))

@@ -1,0 +1,200 @@
+"""`ptt.diagnose`: which physical effect is missing."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ptt.diagnosis.find import STEPS
+from ptt.diagnosis.long import choose_diagnosis
+from ptt.diagnosis.verdict import Diagnosis
+from ptt.diagnosis.verdict import diagnose as learn_whole
+from ptt.door.opened import Opened, meet
+from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
+from ptt.door.run import RowsLike
+from ptt.door.words import as_model, as_run
+from ptt.errors import SetupError
+from ptt.fitting.chunks import CHUNK
+from ptt.machine import MachineFile
+from ptt.run.table import write_table
+from ptt.setup import Check, setup_verdict
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+USAGE = "diagnose(model, run)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosed(Result):
+    """What the run says about the model.
+
+    Attributes:
+        result: everything; None where the set-up has to be mended first.
+        opened: run and model; None in the same case.
+        check: what was found in the set-up.
+        file: the machine as it was given.
+        notes: what was left aside, a line each.
+    """
+
+    result: Diagnosis | None
+    opened: Opened | None
+    check: Check
+    file: MachineFile
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """'missing', 'nothing-missing', 'unknown' or 'setup'."""
+        return "setup" if self.result is None else self.result.verdict
+
+    @property
+    def suggested(self) -> tuple[tuple[str, ...], ...]:
+        """For each step the effects that fit equally well, the pick first."""
+        return () if self.result is None else self.result.suggested
+
+    @property
+    def words(self) -> str:
+        """The verdict for a machinist."""
+        return str(self.check) if self.result is None else self.result.words
+
+    @property
+    def measure_next(self) -> tuple[str, ...]:
+        """What to measure next, in words."""
+        return () if self.result is None else self.result.measure_next
+
+    def _figures(self) -> Mapping[str, Any]:
+        if self.result is None or self.opened is None:
+            return setup_verdict(self.check)
+        return self.result.to_dict() | self.opened.set_up
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        if self.result is None:
+            return f"verdict: setup\n\n{self.check}"
+        return format_diagnosis(self.result)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row for each candidate: share, p-value, held-out error before and after in um, ties."""
+        import pandas as pd
+
+        rows = self.to_dict()["candidates"]
+        held = [{f"heldout_{key}_um": value for key, value in row.pop("heldout_rms_um").items()} for row in rows]
+        return pd.DataFrame([{**row, **more} for row, more in zip(rows, held, strict=True)])
+
+    def plot(self) -> "Figure":
+        """Draw the held-out error that each candidate takes away; the machine where the set-up comes first."""
+        if self.result is None:
+            from ptt.door.checking import draw
+
+            return draw(self.file)
+        from ptt.show.plots.diagnosis import draw_candidates
+
+        return draw_candidates(self.result)
+
+    def write_poses(self, out: str | Path) -> int:
+        """Write poses that part what is confused.
+
+        Args:
+            out: CSV to write.
+
+        Returns:
+            How many; 0, and nothing written, where nothing is confused that poses could part.
+        """
+        separation = None if self.result is None else self.result.separation
+        if separation is None or separation.targets is None:
+            return 0
+        write_table(separation.targets, out)
+        return int(separation.targets.rows)
+
+
+def diagnose(
+    model: Any,
+    run: RowsLike,
+    *,
+    steps: int = STEPS,
+    chunk_rows: int | None = None,
+    anyway: bool = False,
+    progress: Progress = unwatched,
+    note: Note = unheard,
+) -> Diagnosed:
+    """Say what is missing from the model, or that nothing is, or that none of the effects fits.
+
+    Args:
+        model: the model; a network is left aside.
+        run: the run.
+        steps: how many effects the path may add.
+        chunk_rows: rows summed up at a time; None: by itself beyond 50,000 rows.
+        anyway: whether to go on although the set-up looks mistaken.
+        progress: told what is done, how much of how much.
+        note: told what is left aside.
+
+    Returns:
+        The diagnosis; verdict 'setup' where the set-up has to be mended first.
+
+    Raises:
+        InputError: the run cannot be seen through this machine.
+    """
+    machine = as_model(model, USAGE)
+    rows = as_run(run, machine, USAGE)
+    tell = Heard(note)
+    try:
+        opened = meet(machine, rows, anyway=anyway, note=tell)
+    except SetupError as error:
+        return Diagnosed(None, None, error.check, machine.file, tuple(tell.lines))
+    if opened.compensator.network is not None:
+        tell("the compensator's network is left aside: the physics alone is diagnosed")
+    learn = choose_diagnosis(opened.table.rows, chunk_rows)
+    if learn is not learn_whole:
+        tell(f"{opened.table.rows} rows are summed up in chunks of {chunk_rows or CHUNK}")
+    result = learn(
+        opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: progress(what, 0, 0)
+    )
+    assert opened.check is not None
+    return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
+
+
+def format_diagnosis(result: "Diagnosis") -> str:
+    """The diagnosis as text.
+
+    Args:
+        result: the diagnosis.
+
+    Returns:
+        Lines.
+    """
+    lines = [f"verdict: {result.verdict}", "", result.words, ""]
+    if result.candidates:
+        lines.append(f"{'effect':<22} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from")
+        for candidate in result.candidates:
+            mark = "+" if any(candidate.effect == step[0] for step in result.suggested) else " "
+            fall = f"{candidate.heldout_before:.1f} -> {candidate.heldout_after:.1f}"
+            ties = ", ".join(candidate.indistinguishable_from)
+            figures = f"{candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}"
+            lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
+        lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given", ""]
+    if result.depends_on:
+        lines.append("what is left depends on:")
+        for item in result.depends_on:
+            period = f", period {item.period_mm:.3g} mm" if item.period_mm else ""
+            place = f", {item.shape} between {item.place[0]:.4g} and {item.place[1]:.4g}" if item.place else ""
+            place = f", varying with {item.with_}" if item.with_ else place
+            lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period}{place})")
+        lines.append("")
+    if result.verdict == "unknown" and result.depends_on:
+        lines += [
+            "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json",
+            "",
+        ]
+    if result.measure_next:
+        lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
+    if result.not_testable:
+        lines.append("not testable on this run:")
+        lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
+    noise = result.noise.to_dict()
+    lines.append(
+        f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
+        f"{int(result.outliers.sum())} left out as gross errors"
+    )
+    return "\n".join(lines)

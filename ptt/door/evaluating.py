@@ -1,0 +1,248 @@
+"""`ptt.evaluate`: error before and after, measured on two runs or computed on rows that were held out of one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from ptt.correct.training.heldout import evaluate_heldout
+from ptt.correct.training.train import PROTOCOLS
+from ptt.door.model import Model
+from ptt.door.opened import meet
+from ptt.door.options import Reading
+from ptt.door.reading import read_rows, require_mm
+from ptt.door.result import Heard, Note, Progress, Result, plain, unheard, unwatched
+from ptt.door.run import Rows, RowsLike, Run
+from ptt.door.words import as_model, as_run
+from ptt.errors import InputError
+from ptt.judge.evaluate import GOALS, Datum, Evaluation, evaluate_pair
+from ptt.run.readers import Ask
+from ptt.run.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Frame = Literal["fitted", "fitted-per-run", "trusted", "measured"]
+USAGE = "evaluate(before, after) or evaluate(model, run)"
+SHOWN = 5
+HELD_OUT = ("blocks", "random")
+UNALIGNED = (
+    "without frame alignment (readings as they come: where the tracker was set up anew, its place counts as error):"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluated(Result):
+    """What a compensation did.
+
+    Attributes:
+        result: errors of the rows that count, before and after; of several protocols the first.
+        protocols: the same by protocol, where the errors are computed on held-out rows; empty where measured.
+        judged: whether goals were set.
+        notes: what was found on the way, a line each.
+    """
+
+    result: Evaluation
+    protocols: Mapping[str, Evaluation]
+    judged: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def warning(self) -> str:
+        """What to say where less than half of a run has a counterpart in the other; '' where that is not so."""
+        return _few_matched(self.to_dict())
+
+    def _figures(self) -> Mapping[str, Any]:
+        short = {name: _short(one) for name, one in self.protocols.items()}
+        return self.result.to_dict() | ({"protocols": short} if short else {})
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        text, warning = _text(self.to_dict(), self.judged), self.warning
+        return f"WARNING: {warning}\n{text}" if warning else text
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row for each axis, the total and the length: before and after in um, reduction in percent."""
+        import pandas as pd
+
+        data = self.to_dict()
+        return pd.DataFrame({**data["axes"], "total": data["total"], "length": data["length"]}).T
+
+    def plot(self) -> "Figure":
+        """Draw the error of each axis along the path, before above and after below."""
+        from ptt.show.plots.compensation import draw_error_curves
+
+        noise = None if self.result.noise is None else plain(self.result.noise.to_dict())
+        return draw_error_curves(self.result.before, self.result.after, noise_um=noise)
+
+
+def evaluate(
+    first: Any,
+    second: RowsLike,
+    *,
+    model: Any = None,
+    frame: Frame | None = None,
+    z_datum: Datum = "absolute",
+    goal: float | tuple[float, float, float] | None = None,
+    anyway: bool = False,
+    progress: Progress = unwatched,
+    note: Note = unheard,
+) -> Evaluated:
+    """Say how much error is gone: two runs as measured, or one run and a model on held-out rows.
+
+    Args:
+        first: a run before, or a model.
+        second: a run after of the same poses, or the run.
+        model: of two runs, the machine, where its tracker policy counts.
+        frame: of two runs, how readings are brought into the base frame, instead of the machine's policy.
+        z_datum: 'absolute', or 'first': z errors are counted from the first pose.
+        goal: percent by which the error should fall; one for each axis, or one for all.
+        anyway: whether to go on although the set-up looks mistaken.
+        progress: told what is done, how much of how much.
+        note: told what was found on the way.
+
+    Returns:
+        Errors before and after.
+
+    Raises:
+        InputError: a file that cannot be read, or no rows in common.
+    """
+    goals = _goals(goal)
+    if _is_model(first):
+        if frame is not None:
+            raise InputError("frame is for two runs", where="frame", fix="the machine file's policy counts here")
+        machine = as_model(first, USAGE)
+        return computed(
+            machine, as_run(second, machine, USAGE), z_datum=z_datum, goals=goals, anyway=anyway,
+            progress=progress, note=note,
+        )  # fmt: skip
+    if _is_model(second):
+        raise InputError(f"{USAGE}: got a run first and the model after it", fix="exchange them")
+    machine_file = None if model is None else as_model(model, USAGE)
+    before, after = (_rows_of(each, machine_file) for each in (first, second))
+    return measured(before, after, machine_file, frame=frame, z_datum=z_datum, goals=goals)
+
+
+def measured(
+    before: Table,
+    after: Table,
+    model: Model | None,
+    *,
+    frame: Frame | None = None,
+    z_datum: Datum = "absolute",
+    goals: Mapping[str, float] | None = None,
+) -> Evaluated:
+    """Compare two runs as they were measured; arguments as `evaluate`."""
+    file = None if model is None else model.file
+    result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
+    return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None)
+
+
+def computed(
+    model: Model,
+    run: Run,
+    *,
+    z_datum: Datum = "absolute",
+    goals: Mapping[str, float] | None = None,
+    anyway: bool = False,
+    progress: Progress = unwatched,
+    note: Note = unheard,
+) -> Evaluated:
+    """Hold whole blocks out, and beside them the source paper's random split; arguments as `evaluate`."""
+    tell = Heard(note)
+    opened = meet(model, run, anyway=anyway, note=tell)
+    results = {}
+    for name in HELD_OUT:
+        protocol = PROTOCOLS[name](opened.problem)
+        result = evaluate_heldout(opened.compensator, opened.problem, protocol, z_datum, progress=progress)
+        results[name] = replace(result, goals=goals or GOALS)
+    return Evaluated(results[HELD_OUT[0]], results, goals is not None, tuple(tell.lines))
+
+
+def run_rows(
+    path: RowsLike, model: Model | None, reading: Reading, ask: Ask | None = None, note: Note = unheard
+) -> Table:
+    """Read one of two runs as the command line does: no set-up is checked, so another unit is refused."""
+    return read_rows(path, None if model is None else model.file, reading, ask=ask, note=note)
+
+
+def _is_model(given: Any) -> bool:
+    if isinstance(given, Rows):
+        return False
+    if isinstance(given, Model) or isinstance(getattr(given, "model", None), Model):
+        return True
+    return isinstance(given, str) and given.endswith(".toml")
+
+
+def _rows_of(given: RowsLike, model: Model | None) -> Table:
+    if isinstance(given, Run):
+        require_mm(given.table, None if model is None else model.file, given.reading)
+        return given.table
+    if isinstance(given, Rows):
+        raise InputError(f"{USAGE}: got {type(given).__name__}, which hold no readings", fix="give two measured runs")
+    return run_rows(given, model, Reading(json=True))
+
+
+def _goals(goal: float | tuple[float, float, float] | None) -> dict[str, float] | None:
+    if goal is None:
+        return None
+    values = (goal,) * 3 if isinstance(goal, int | float) else tuple(goal)
+    if len(values) != 3:
+        raise InputError(f"{len(values)} goals", where="goal", fix="give one for each axis, or one for all")
+    return dict(zip("xyz", map(float, values), strict=True))
+
+
+def _short(result: Evaluation) -> dict[str, Any]:
+    data = result.to_dict()
+    return {key: data[key] for key in ("axes", "total", "length", "rest_is_noise", "protocol")}
+
+
+def _few_matched(data: dict[str, Any]) -> str:
+    """What to say where less than half of a run has a counterpart in the other; '' where there is no such thing."""
+    matched = data["protocol"]["rows"]
+    rows = {side: matched + len(left) for side, left in data["unmatched"].items()}
+    few = [f"{count} rows of {side.upper()}" for side, count in rows.items() if 2 * matched < count]
+    return f"only {matched} of {' and of '.join(few)} count, the others have no counterpart" if few else ""
+
+
+def _text(data: dict[str, Any], judged: bool) -> str:
+    protocol = data["protocol"]
+    kind = "measured" if protocol["measured"] else "computed, not measured"
+    lines = [f"{kind}; {protocol['rows']} rows, {protocol['poses']} poses; frame {protocol['frame']}"]
+    lines[0] += f"; z from {'the first pose' if protocol['z_datum'] == 'first' else 'the base'}"
+    if "protocols" in data:
+        for name, one in data["protocols"].items():
+            lines += ["", f"{name}: {one['protocol']['held_out']}", *_table(one, judged)]
+    else:
+        lines += _table(data, judged)
+        lines += ["", UNALIGNED, *_table(data["unaligned"], judged=False)]
+    if data["noise_um"]:
+        noise = data["noise_um"]
+        figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z", "total"))
+        lines += ["", f"noise floor, one standard deviation in um: {figures} (from {noise['source']})"]
+    for side, rows in data["unmatched"].items():
+        if rows:
+            more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+            lines.append(f"without counterpart in {side}: {', '.join(rows[:SHOWN])}{more}")
+    return "\n".join(lines)
+
+
+def _table(data: dict[str, Any], judged: bool) -> list[str]:
+    lines = [f"  {'mean |error|':<12} {'before um':>10} {'after um':>10} {'less %':>8}"]
+    for name, row in (*data["axes"].items(), ("length", data["length"])):
+        gained = row["reduction_percent"]
+        line = f"  {name:<12} {row['before_um']:>10.1f} {row['after_um']:>10.1f}"
+        line += f" {'-' if gained is None else f'{gained:.1f}':>8}"
+        noise = bool(data.get("rest_is_noise", {}).get(name))
+        lines.append("  ".join([line, *_remarks(row, noise, judged and "goal_met" in row)]))
+    return lines
+
+
+def _remarks(row: dict[str, Any], is_noise: bool, judged: bool) -> list[str]:
+    """What is to be said of an axis: the goal where one was set, and where nothing but noise is left."""
+    noise = ["what is left is noise"] if is_noise else []
+    if not judged:
+        return noise
+    if row["goal_met"]:
+        return [f"goal {row['goal_percent']:.0f} met"]
+    return [f"goal {row['goal_percent']:.0f} {'not measurable:' if noise else 'missed'}", *noise]

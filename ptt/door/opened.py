@@ -1,0 +1,181 @@
+"""A run held against a model: the guards that stand before every verb, and where its noise floor comes from."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ptt.correct.training.compensator import Compensator
+from ptt.diagnosis.noise import noise_floor
+from ptt.door.model import Model, load
+from ptt.door.options import Reading
+from ptt.door.reading import require_commands
+from ptt.door.result import Heard, Note, Progress, unheard, unwatched
+from ptt.door.run import Run, Targets, read_path
+from ptt.effects.registry import Library
+from ptt.errors import SetupError, TableError
+from ptt.machine import MachineFile
+from ptt.model.model import Model as Physics
+from ptt.model.of_run import for_runs
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, build_problem
+from ptt.run.readers import Ask
+from ptt.run.table import Table
+from ptt.run.taken import set_up, set_up_lines
+from ptt.run.target_frame import kept_frame
+from ptt.setup import Check, check_setup
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A run and the model it is held against.
+
+    Attributes:
+        compensator: model, and the network where a compensator folder was named.
+        table: the rows.
+        problem: the same, seen through the machine.
+        files: the run files, in the order given.
+        library: effects by name, the user's own included.
+        check: what was found in the set-up.
+        notes: what was found and followed on the way.
+    """
+
+    compensator: Compensator
+    table: Table
+    problem: Problem
+    files: tuple[str, ...] = field(default=())
+    library: Library | None = None
+    check: Check | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> Physics:
+        """The physics."""
+        return self.compensator.model
+
+    @property
+    def set_up(self) -> dict[str, Any]:
+        """What the frames of targets and tracker took, and effects of other runs that are left out, for JSON."""
+        return set_up(self.problem) | {"other_runs": [term.effect.key for term in self.model.aside]}
+
+    def noise(self) -> Noise:
+        """The noise floor: from repeats, standard deviations or the machine file, else from the saturated model.
+
+        Raises:
+            TableError: nothing tells it.
+        """
+        return noise_floor(self.model, self.problem, self.library or {})
+
+    def noisy(self, progress: Progress = unwatched) -> Problem:
+        """The problem with its noise floor."""
+        progress("noise", 0, 1)
+        return self.problem.with_noise(self.noise())
+
+    def noise_or_none(self, note: Note = unheard) -> Noise | None:
+        """The noise floor; None where nothing tells it."""
+        try:
+            return self.noise()
+        except TableError as error:
+            note(f"noise floor unknown: {error}")
+            return None
+
+
+def open_run(
+    run: str | Path, model: str | Path, reading: Reading, *, ask: Ask | None = None, note: Note = unheard
+) -> Opened:
+    """Read a run and a model and bring them together.
+
+    Args:
+        run: tracker CSV.
+        model: machine.toml or compensator folder.
+        reading: how.
+        ask: who answers what the file leaves open; None makes that an error.
+        note: told what was understood and found.
+
+    Returns:
+        Both.
+
+    Raises:
+        InputError: whatever cannot be read or used.
+        SetupError: a mistake in the set-up that makes the rest worthless, unless `reading.anyway`.
+    """
+    loaded = load(model, effects=reading.effects or ())
+    return meet(loaded, read_path(run, loaded, reading, ask=ask, note=note), anyway=reading.anyway, note=note)
+
+
+def meet(model: Model, run: Run, *, anyway: bool = False, note: Note = unheard) -> Opened:
+    """Hold a run against a model, after everything that would make that worthless was looked for.
+
+    Args:
+        model: machine, effects, network.
+        run: as read.
+        anyway: whether to go on although the set-up looks mistaken.
+        note: told what was found and followed.
+
+    Returns:
+        Both, the model as it holds for this run.
+
+    Raises:
+        InputError: the run cannot be seen through this machine.
+        SetupError: a mistake in the set-up that is sure, unless `anyway`.
+    """
+    tell = Heard(note)
+    physics, table = model.physics, run.table
+    setup = check_rows(physics.file, run, anyway=anyway, note=tell)
+    try:
+        require_commands(physics.file, table)
+        problem = build_problem(physics.file, table)
+    except Exception as error:
+        if not setup.sure:
+            raise
+        raise SetupError(f"{_told(table, setup)}; nothing more can be said before that ({error})", setup) from error
+    fitting, lines = for_runs(physics, problem)
+    for line in (*set_up_lines(problem), *lines):
+        tell(line)
+    targets = kept_frame(fitting.file.targets, problem.stated_in)  # for targets to come
+    fitting = replace(fitting, file=replace(fitting.file, targets=targets))
+    compensator = replace(model.compensator, model=fitting)
+    files = tuple(str(path) for path in run.files)
+    return Opened(compensator, table, problem, files, model.library, setup, tuple(tell.lines))
+
+
+def find_mistakes(file: MachineFile, rows: Run | Targets) -> Check:
+    """Look for set-up mistakes before any physics.
+
+    Args:
+        file: the machine.
+        rows: a run or targets.
+
+    Returns:
+        What was found.
+    """
+    return check_setup(file, rows.table, ordered=rows.reading.ordered, units_said=rows.reading.states_units)
+
+
+def check_rows(file: MachineFile, rows: Run | Targets, *, anyway: bool = False, note: Note = unheard) -> Check:
+    """Look for set-up mistakes before any physics; what is not sure is a note.
+
+    Args:
+        file: the machine.
+        rows: a run or targets.
+        anyway: whether a mistake that is sure is a note as well.
+        note: told what is not sure.
+
+    Returns:
+        What was found.
+
+    Raises:
+        SetupError: a mistake that is sure.
+    """
+    setup = find_mistakes(file, rows)
+    if setup.sure and not anyway:
+        raise SetupError(f"{_told(rows.table, setup)}. `ptt check` writes cured files, --anyway goes on", setup)
+    for finding in setup.findings:
+        if finding.mistake == "target-frame":
+            continue  # found, said and followed by whoever sees the run through its machine
+        note(f"set-up: {'' if finding.sure else 'perhaps '}{finding.mistake}: {finding.words}; {finding.fix}")
+    return setup
+
+
+def _told(table: Table, setup: Check) -> str:
+    told = "; ".join(f"{item.mistake}: {item.words}. Cure: {item.fix}" for item in setup.sure)
+    return f"{table.source}: {told}"

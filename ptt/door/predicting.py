@@ -1,0 +1,268 @@
+"""`ptt.predict`: the commands that put the real tool on its targets."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate, missing_context
+from ptt.correct.training.train import correction_of
+from ptt.door.model import Model
+from ptt.door.opened import check_rows
+from ptt.door.outputs import refuse_readings
+from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
+from ptt.door.run import RowsLike
+from ptt.door.words import as_model, as_targets
+from ptt.errors import InputError, TableError
+from ptt.files import write_text
+from ptt.run.table import Table, table_to_frame
+from ptt.run.target_frame import RunFrame, target_frames
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+USAGE = "predict(model, targets)"
+SENT = ("ok", "uncertain")
+LINES_SHOWN = 5
+REVERSALS = ("software", "none")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Predicted(Result):
+    """Corrected commands, n rows in the order of the targets.
+
+    Attributes:
+        commands: what to send, and what not and why.
+        table: the targets.
+        network: whether a network took part.
+        frames: the frames that the targets were stated in.
+        limit_mm: largest correction that is sent.
+        notes: what was found on the way, a line each.
+        warnings: what a person should know before these are sent.
+    """
+
+    commands: Commands
+    table: Table
+    network: bool
+    frames: tuple[RunFrame, ...]
+    limit_mm: float
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    _written: list[str] = field(default_factory=list)
+
+    @property
+    def b(self) -> np.ndarray:
+        """Slider heights to send, everything included, (n, 3) mm; NaN where nothing is to be sent."""
+        if self.table.joint_prefix != "b":
+            raise InputError("an arm has no sliders", where="predict(...).b", fix="its joint values are in .q, rad")
+        return self.commands.q
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint values to send, everything included, (n, k) mm or rad; NaN where nothing is to be sent."""
+        return self.commands.q
+
+    @property
+    def status(self) -> np.ndarray:
+        """What becomes of each row, (n,): 'ok' and 'uncertain' are sent."""
+        return self.commands.status
+
+    @property
+    def sent(self) -> np.ndarray:
+        """Rows with a command to send, (n,) bool."""
+        return self.commands.sent
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Columns of the input, then what to send, as `ptt predict` writes them."""
+        return _frame(self.table, self.commands)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the commands, whole or not at all.
+
+        Args:
+            path: CSV; a file with readings is never replaced.
+
+        Raises:
+            InputError: it holds readings, or cannot be written.
+        """
+        refuse_readings(Path(path))
+        write_text(path, self.to_frame().to_csv(index=False, lineterminator="\n"))
+        self._written[:] = [str(path)]
+
+    def _figures(self) -> Mapping[str, Any]:
+        out = self._written[0] if self._written else None
+        data = _summary(self.commands, out, self.network, self.limit_mm)
+        return data | {"target_frame": [frame.to_dict() for frame in self.frames if frame.source != "base"]}
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        return _text(self.to_dict())
+
+    def plot(self) -> "Figure":
+        """Draw how far each command goes beside the drawing's, over the targets and in their order."""
+        from ptt.show.plots.corrections import draw_corrections
+
+        return draw_corrections(self.table.target, self.commands)
+
+
+def predict(
+    model: Any,
+    targets: RowsLike,
+    *,
+    reversal: Reversal | None = None,
+    limit_mm: float = LIMIT_MM,
+    anyway: bool = False,
+    progress: Progress = unwatched,
+    note: Note = unheard,
+) -> Predicted:
+    """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker.
+
+    Args:
+        model: the model, or what `train` handed back.
+        targets: from `read_targets`; a path, a data frame, or an array (n, 3) in mm.
+        reversal: 'software' puts reversal compensation into the commands, 'none' leaves it out; None: software.
+        limit_mm: largest correction that is sent, mm of tool.
+        anyway: whether to go on although the set-up looks mistaken.
+        progress: told what is done, how much of how much.
+        note: told what was found on the way.
+
+    Returns:
+        The commands; rows that cannot be sent have a status, no command, and the nearest command that works.
+
+    Raises:
+        SetupError: a mistake in the set-up, unless `anyway`.
+        TableError: a row without target.
+    """
+    if reversal not in (None, *REVERSALS):
+        raise InputError(f"'{reversal}' is not known", where="reversal", fix=f"use {' or '.join(REVERSALS)}")
+    machine, tell = as_model(model, USAGE), Heard(note)
+    rows = as_targets(targets, machine, USAGE)
+    check_rows(machine.file, rows, anyway=anyway, note=tell)
+    table, frames = rows.table, target_frames(machine.file, rows.table)
+    for frame in frames:
+        if frame.source not in ("base", "unknown"):
+            tell(f"targets are taken to be in {frame.words}")
+    commands = _invert(machine, table, reversal, limit_mm, progress)
+    warnings = (*missing_context(machine.physics, table), *_warnings(table, commands))
+    network = machine.compensator.network is not None
+    return Predicted(commands, table, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
+
+
+def _invert(machine: Model, table: Table, reversal: Reversal | None, limit_mm: float, progress: Progress) -> Commands:
+    compensator, network = machine.compensator, machine.compensator.network
+    posture = _posture(table) if network is not None and compensator.space == "joints" else None
+    return compensate(
+        compensator.model,
+        table,
+        correction=None if network is None else correction_of(network, posture),
+        inside=None if network is None else lambda wanted: network.inside(wanted if posture is None else posture),
+        reversal=reversal,
+        limit=limit_mm,
+        network=compensator.error,
+        progress=progress,
+    )
+
+
+def _posture(table: Table) -> np.ndarray:
+    """Nominal joint commands that a network over joints is asked at, (n, k) rad."""
+    if table.command is None or not np.isfinite(table.command).all():
+        raise TableError(
+            "the compensator's network was trained on joint commands and these targets have none",
+            where=table.source,
+            fix="add q1_cmd_rad, q2_cmd_rad, ... of the nominal posture",
+        )
+    return table.command
+
+
+def _frame(table: Table, commands: Commands) -> "pd.DataFrame":
+    """Columns of the input, then what to send; nominal joint commands of the input would be mistaken for it."""
+    prefix = table.joint_prefix
+    frame = table_to_frame(table.replace(command=None))
+    if "role" not in frame and "role" in table.understood.mapping.columns.values():
+        frame["role"] = table.role
+    first = [title for title in ("name", "role") if title in frame]
+    frame = frame[first + [title for title in frame if title not in first]].copy()
+    for joint in range(commands.q.shape[1]):
+        frame[f"{prefix}{joint + 1}"] = commands.q[:, joint]
+    for joint in range(commands.q.shape[1]):
+        frame[f"reversal{joint + 1}"] = commands.reversal[:, joint]
+    frame["in_domain"] = commands.in_domain
+    frame["status"] = commands.status
+    frame["shift_um"] = 1e3 * commands.shift
+    frame["sigma_um"] = 1e3 * commands.sigma
+    if not commands.sent.all():
+        for joint in range(commands.q.shape[1]):
+            frame[f"nearest{joint + 1}"] = commands.nearest[:, joint]
+        frame["nearest_mm"] = commands.nearest_gap
+    return frame
+
+
+def _summary(commands: Commands, out: str | None, network: bool, limit_mm: float) -> dict[str, Any]:
+    known = commands.sent & (commands.sigma >= 0.0)
+    return {
+        "rows": len(commands.q),
+        "out": out,
+        "status": commands.counts,
+        "sent": int(commands.sent.sum()),
+        "limit_mm": limit_mm,
+        "network": network,
+        "in_domain": int(commands.in_domain.sum()),
+        "form": "exact inversion",
+        "first_order_difference_um": _largest_um(commands.first_order_gap, commands.sent),
+        "largest_shift_um": _largest_um(commands.shift, commands.sent),
+        "largest_sigma_um": _largest_um(commands.sigma, commands.sent) if known.any() else None,
+        "reversal": commands.reversal_note,
+        "largest_reversal_um": _largest_um(abs(commands.reversal).max(axis=1), commands.sent),
+    }
+
+
+def _largest_um(values: np.ndarray, sent: np.ndarray) -> float:
+    """Largest value of the rows that are sent, of values (n,) mm."""
+    return 1e3 * float(values[sent].max(initial=0.0))
+
+
+def _warnings(table: Table, commands: Commands) -> list[str]:
+    lines = []
+    if not commands.sent.all():
+        kinds = [_rows_with(table, commands, status) for status in commands.counts if status not in SENT]
+        count = f"{int((~commands.sent).sum())} of {len(commands.q)} rows are not sent"
+        lines.append(f"{table.source}: {count}: {'; '.join(kind for kind in kinds if kind)}")
+    unsure = _rows_with(table, commands, "uncertain")
+    if unsure:
+        lines.append(
+            f"{table.source}: {unsure}: sent, but the fit leaves more open there than its held-out error says;"
+            " measure near them"
+        )
+    outside = int((~commands.in_domain).sum())
+    if outside:
+        lines.append(f"{outside} of {len(commands.q)} targets lie outside the network's training domain: physics only")
+    return lines
+
+
+def _rows_with(table: Table, commands: Commands, status: str) -> str:
+    rows = (commands.status == status).nonzero()[0]
+    if not len(rows):
+        return ""
+    named = ", ".join(str(table.line[row]) for row in rows[:LINES_SHOWN])
+    return (
+        f"{len(rows)} {status} (row{'s' if len(rows) > 1 else ''} {named}{', ...' if len(rows) > LINES_SHOWN else ''})"
+    )
+
+
+def _text(data: dict[str, Any]) -> str:
+    counts = ", ".join(f"{count} {status}" for status, count in data["status"].items() if count)
+    return "\n".join(
+        [
+            (f"{data['out']}: " if data["out"] else "")
+            + f"{data['rows']} rows ({counts})"
+            + (f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"),
+            f"  largest static correction {data['largest_shift_um']:.1f} um"
+            + ("" if data["largest_sigma_um"] is None else f", uncertain by {data['largest_sigma_um']:.1f} um at most"),
+            f"  sent: {data['form']}; the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2) would put the tool "
+            f"at most {data['first_order_difference_um']:.3f} um elsewhere",
+            f"  reversal: {data['reversal']} (largest part {data['largest_reversal_um']:.1f} um)",
+        ]
+    )

@@ -1,0 +1,126 @@
+"""Rows of a file for a machine: which are refused, and what is understood of them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ptt.door.options import Reading
+from ptt.door.result import Note, unheard
+from ptt.errors import TableError
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism, require_assembled
+from ptt.run.readers import Ask, load_mapping
+from ptt.run.readers.scale import scale_fix, scale_hint
+from ptt.run.table import Table, read_table, unit_hint
+
+
+def read_rows(
+    path: str | Path,
+    file: MachineFile | None,
+    reading: Reading,
+    purpose: str = "run",
+    *,
+    checked: bool = False,
+    ordered: bool = True,
+    ask: Ask | None = None,
+    note: Note = unheard,
+) -> Table:
+    """Read a table for a machine, and tell what was understood of it.
+
+    Args:
+        path: the file.
+        file: the machine; None where none is known.
+        reading: how.
+        purpose: 'run', 'targets' or 'sliders'.
+        checked: whether the set-up is checked after, which finds other units by itself.
+        ordered: whether time that goes back is refused until the order of the rows was said.
+        ask: who answers what the file leaves open; None makes that an error.
+        note: told what was understood.
+
+    Returns:
+        The table.
+
+    Raises:
+        TableError: it cannot be read, or looks as if it were in another unit.
+    """
+    three = file is None or file.machine.kind == "three-ptt"
+    table = read_table(
+        path,
+        3 if file is None or file.machine.kind == "three-ptt" else len(file.machine.joint),
+        joint_prefix="b" if three else "q",
+        also=tuple(reading.also or ()),
+        targets=reading.targets,
+        set_values=reading.values,
+        mapping=reading.map_,
+        purpose=purpose,
+        ask=ask,
+        judge_scale=not checked,
+        judge_order=ordered,
+    )
+    for line in table.understood.lines:
+        note(line)
+    if not checked:
+        _require_size(table, file, reading)
+    return table
+
+
+def require_mm(table: Table, file: MachineFile | None, reading: Reading) -> None:
+    """Refuse metres in a mm column; a person who answered on units knows better.
+
+    Args:
+        table: the rows.
+        file: the machine, whose size tells more; None where none is known.
+        reading: how the rows were read.
+
+    Raises:
+        TableError: they look as if they were in another unit.
+    """
+    hint = scale_hint(table.target, table.measured)
+    if hint:
+        raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)} or convert them")
+    _require_size(table, file, reading)
+
+
+def _require_size(table: Table, file: MachineFile | None, reading: Reading) -> None:
+    hint = None if file is None else unit_hint(table, _size_of(file))
+    if hint and not reading.states_units:
+        raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)}, or give their unit in a file for --map")
+
+
+def require_commands(file: MachineFile, table: Table) -> None:
+    """Refuse joint commands at which the drawing does not close, by line.
+
+    Args:
+        file: the machine.
+        table: the rows.
+
+    Raises:
+        WorkspaceError: there are such rows.
+    """
+    if table.command is None:
+        return
+    rows = np.isfinite(table.command).all(axis=1)
+    lines = [int(line) for line in table.line[rows]]
+    require_assembled(build_mechanism(file.machine), torch.tensor(table.command[rows]), table.source, lines=lines)
+
+
+def purpose_of(path: str | Path, reading: Reading) -> str:
+    """'run' where a file holds readings or is paired with targets, else 'targets'."""
+    from ptt.run.readers import Mapping as Answers
+    from ptt.run.readers.export import Request, read_any
+
+    if reading.targets is not None:
+        return "run"
+    known: Answers = load_mapping(reading.map_) if reading.map_ and Path(reading.map_).exists() else Answers()
+    export = read_any(path, Request("targets", known))
+    return "run" if {"x_meas", "y_meas", "z_meas"} & set(export.columns) else "targets"
+
+
+def _size_of(file: MachineFile) -> float:
+    """Length of a link, or of an arm stretched out, mm."""
+    spec = file.machine
+    if spec.kind == "three-ptt":
+        return spec.link_length_mm
+    return sum(math.hypot(joint.a_mm, joint.d_mm) for joint in spec.joint)

@@ -1,0 +1,81 @@
+"""What every verb hands back: plain figures, text, a page for a notebook, a picture."""
+
+import html
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Note = Callable[[str], None]
+Progress = Callable[[str, int, int], None]
+
+
+class Result:
+    """Base of all results.
+
+    A result of a verb says what the verb says: `to_dict()` is what `--json` prints, `str()` what a person is shown.
+    """
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures that the command prints with `--json`; what is not finite is None."""
+        figures: dict[str, Any] = plain(self._figures())
+        return figures
+
+    def plot(self) -> "Figure":
+        """Draw it.
+
+        Returns:
+            A matplotlib figure, which belongs to no window.
+        """
+        raise NotImplementedError
+
+    def _figures(self) -> Mapping[str, Any]:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        """The text, for a notebook."""
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def plain(value: Any) -> Any:
+    """Turn numpy values, tuples and paths into what JSON knows; NaN and infinities into None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+def unheard(text: str) -> None:
+    """Take a note where nobody listens."""
+
+
+def unwatched(what: str, done: int, of: int) -> None:
+    """Take progress where nobody watches."""
+
+
+class Heard:
+    """A listener that keeps what it is told, and passes it on.
+
+    Attributes:
+        lines: what it was told.
+    """
+
+    def __init__(self, note: Note) -> None:
+        self.lines: list[str] = []
+        self._note = note
+
+    def __call__(self, text: str) -> None:
+        """Take a note."""
+        self.lines.append(text)
+        self._note(text)

@@ -1,1 +1,0 @@
-"""Many machines, many months: a store of runs, what became of each, and who is going bad."""

@@ -1,0 +1,60 @@
+"""Corrected commands over their targets, and how far a run's readings are from what was wanted."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ptt.correct.commands import STATUSES, Commands
+from ptt.show.plots.common import BLUE, COLOUR_MAP, DARK, DPI, ORANGE, thinned
+
+LINES = {"x": BLUE, "y": ORANGE, "z": DARK}
+
+
+def draw_corrections(target: np.ndarray, commands: Commands) -> Figure:
+    """Draw how far commands ask the drawing to go from their targets, from above and in their order.
+
+    Args:
+        target: (n, 3) mm; NaN where only joint commands were given.
+        commands: the commands.
+
+    Returns:
+        The figure; rows that are not sent are crosses.
+    """
+    figure = Figure(figsize=(11.0, 4.6), dpi=DPI, layout="constrained")
+    above, course = figure.subplots(1, 2)
+    sent, shift = commands.sent, 1e3 * commands.shift
+    rows = thinned(sent & np.isfinite(target).all(axis=1))
+    dots = above.scatter(target[rows, 0], target[rows, 1], c=shift[rows], cmap=COLOUR_MAP, s=14)
+    figure.colorbar(dots, ax=above, label="correction [um]")
+    lost = thinned(~sent & np.isfinite(target).all(axis=1))
+    above.plot(target[lost, 0], target[lost, 1], "x", color="#c1121f", markersize=5)
+    above.set(xlabel="x [mm]", ylabel="y [mm]", title="targets from above", aspect="equal")
+    course.plot(thinned(sent) + 1, shift[thinned(sent)], color=BLUE, linewidth=1.0, label="correction")
+    told = thinned(sent & np.isfinite(commands.sigma))
+    course.plot(told + 1, 1e3 * commands.sigma[told], color=ORANGE, linewidth=1.0, label="uncertain by")
+    counts = ", ".join(f"{commands.counts[status]} {status}" for status in STATUSES if commands.counts[status])
+    course.set(xlabel="row", ylabel="um", title=counts)
+    course.legend(frameon=False)
+    return figure
+
+
+def draw_misses(run: pd.DataFrame) -> Figure:
+    """Draw readings less targets along a run.
+
+    Args:
+        run: columns x_cmd.. and x_meas.., n rows.
+
+    Returns:
+        The figure, a panel for each axis.
+    """
+    figure = Figure(figsize=(11.0, 5.0), dpi=DPI, layout="constrained")
+    panels = figure.subplots(3, 1, sharex=True)
+    for panel, (axis, colour) in zip(panels, LINES.items(), strict=True):
+        miss = 1e3 * (run[f"{axis}_meas"] - run[f"{axis}_cmd"]).to_numpy(dtype=float)
+        rows = thinned(np.isfinite(miss))
+        panel.axhline(0.0, color="#bbbbbb", linewidth=0.8)
+        panel.plot(rows + 1, miss[rows], color=colour, linewidth=1.0)
+        panel.set_ylabel(f"{axis} [um]")
+    panels[-1].set_xlabel("row")
+    figure.suptitle("readings less targets, frames as they come")
+    return figure

@@ -1,0 +1,72 @@
+"""The report of a run and a model that were opened as every verb opens them."""
+
+from pathlib import Path
+
+from ptt.correct.training.compensator import Compensator, load_compensator
+from ptt.door.opened import Opened
+from ptt.door.options import Reading
+from ptt.door.result import Progress, unwatched
+from ptt.show.report.contents import Contents, with_network
+from ptt.show.report.html import write_report
+from ptt.show.report.source import Source, source_of
+
+
+def report_run(
+    opened: Opened,
+    out: Path,
+    *,
+    run: Path,
+    model: Path,
+    compensator: Path | None = None,
+    reading: Reading,
+    interactive: bool = False,
+    progress: Progress = unwatched,
+) -> Contents:
+    """Write the report.
+
+    Args:
+        opened: run and model.
+        out: HTML to write.
+        run: the file of the run, as it was named.
+        model: the machine file or compensator folder, as it was named.
+        compensator: folder of a network that was trained for this model.
+        reading: how the run was read.
+        interactive: whether pictures can be turned and pointed at.
+        progress: told what is done, how much of how much.
+
+    Returns:
+        What is in the report.
+
+    Raises:
+        InputError: a network that is of another model, or a file that cannot be written.
+    """
+    return write_report(
+        out,
+        opened.table,
+        _with_network(opened, compensator),
+        _source(run, model, compensator, reading),
+        known=opened.library,
+        problem=opened.problem,
+        interactive=interactive,
+        progress=progress,
+    )
+
+
+def _with_network(opened: Opened, folder: Path | None) -> Compensator:
+    if folder is None:
+        return opened.compensator
+    return with_network(opened.compensator, load_compensator(folder, opened.library), str(folder))
+
+
+def _source(run: Path, model: Path, compensator: Path | None, reading: Reading) -> Source:
+    trained = compensator or (model if model.is_dir() else None)
+    given = {
+        "model": [model],
+        "compensator": [] if trained is None else [trained],
+        "run": [run],
+        "also": reading.also or (),
+        "targets": [] if reading.targets is None else [reading.targets],
+        "map": [] if reading.map_ is None else [reading.map_],
+        "effects": reading.effects or (),
+    }
+    return source_of(given, reading.set_ or ())
