@@ -46,6 +46,11 @@ class Domain:
     def _tree(self) -> cKDTree:
         return cKDTree(self.points)
 
+    @property
+    def room(self) -> float:
+        """By how much a point inside may leave the box, scaled."""
+        return self.reach * BOX_SPACINGS / REACH_SPACINGS
+
     def contains(self, queries: FloatArray) -> npt.NDArray[np.bool_]:
         """Whether each point lies in the training domain.
 
@@ -55,8 +60,7 @@ class Domain:
         Returns:
             (k,) True inside.
         """
-        room = self.reach * BOX_SPACINGS / REACH_SPACINGS
-        inside = np.all((queries >= self.low - room) & (queries <= self.high + room), axis=1)
+        inside = np.all((queries >= self.low - self.room) & (queries <= self.high + self.room), axis=1)
         # query() calls a distance equal to the bound a miss, so the bound is set just above the reach.
         distance, _ = self._tree.query(queries[inside], distance_upper_bound=np.nextafter(self.reach, np.inf))
         inside[inside] = np.isfinite(distance)

@@ -1,0 +1,280 @@
+"""C of a model: built with every warning and both sanitisers, its commands are those of `ptt predict`."""
+
+import ctypes
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from nets import GaussianRbf, measure_domain
+from ptt.correct.compensate import compensate
+from ptt.correct.exports.c.source import source_of
+from ptt.correct.exports.c.tree import tree_order
+from ptt.correct.exports.c.write import write
+from ptt.correct.exports.format import Options
+from ptt.correct.exports.left import network_parts
+from ptt.correct.training.compensator import Compensator
+from ptt.effects import library
+from ptt.effects.registry import make_effect
+from ptt.machine import ControllerSpec, MachineFile, TargetsSpec, load_machine
+from ptt.mechanisms import build_mechanism
+from ptt.model.chain import predict
+from ptt.model.model import Model, Term
+from ptt.rig.draw_machine import draw_machine_file
+from ptt.run.table import Table, make_table
+from ptt.run.view import build_view
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+
+MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
+FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror")
+SANITISED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+ARM_ONLY_ONE = ("homing-offset",)  # one thing with dh-offsets
+
+
+class Context(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_double) for name in ("payload_kg", "temp_c", "feed_mm_s", "time_s")]
+
+
+class Built:
+    """The C of a model in this process."""
+
+    def __init__(self, compensator: Compensator, folder: Path) -> None:
+        source = source_of(compensator, ["a model"])
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "ptt_model.h").write_text(source.header)
+        (folder / "ptt_model.c").write_text(source.body)
+        subprocess.run(["gcc", *FLAGS, "-shared", "-fPIC", "-o", "m.so", "ptt_model.c", "-lm"], cwd=folder, check=True)
+        self.code = ctypes.CDLL(str(folder / "m.so"))
+        self.joints = compensator.model.joints
+        self.cannot = source.parts.cannot
+
+    def start(self) -> ctypes.Array[ctypes.c_char]:
+        state = ctypes.create_string_buffer(4096)
+        self.code.ptt_start(state)
+        return state
+
+    def commands(self, p: np.ndarray, context: Context) -> tuple[int, np.ndarray]:
+        p, q = np.ascontiguousarray(p), np.empty((len(p), self.joints))
+        call = self.code.ptt_commands
+        code = call(ctypes.c_long(len(p)), pointer(p), ctypes.byref(context), self.start(), pointer(q))
+        return code, q
+
+    def one_by_one(self, rows: np.ndarray, context: Context, name: str = "ptt_command") -> tuple[list[int], np.ndarray]:
+        q, state, codes = np.empty((len(rows), self.joints)), self.start(), []
+        for row, here in zip(np.ascontiguousarray(rows), q, strict=True):
+            codes.append(getattr(self.code, name)(pointer(row), ctypes.byref(context), state, pointer(here)))
+        return codes, q
+
+    def forward(self, q: np.ndarray, context: Context) -> np.ndarray:
+        p = np.empty((len(q), 3))
+        for row, here in zip(np.ascontiguousarray(q), p, strict=True):
+            self.code.ptt_forward(pointer(row), ctypes.byref(context), pointer(here))
+        return p
+
+
+def pointer(values: np.ndarray):
+    return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def random_model(file: MachineFile, seed: int, names: tuple[str, ...] | None = None) -> Model:
+    """A model with random parameters of usual size for all effects that C holds, or those named."""
+    random, model, kind = np.random.default_rng(seed), Model(file), file.machine.kind
+    for name in names or tuple(library()):
+        effect = make_effect(library(), name)
+        alone = kind == "serial" and name in ARM_ONLY_ONE
+        if kind not in effect.mechanisms or effect.stage == "metrology" or name == "following-error" or alone:
+            continue
+        model = model + Term(effect, torch.tensor(np.concatenate(_values(effect, file, model.joints, random))))
+    return model
+
+
+def _values(effect, file: MachineFile, joints: int, random: np.random.Generator) -> list[np.ndarray]:
+    values = []
+    for parameter in effect.parameters:
+        size, usual = parameter.size(joints), parameter.on(file.machine.kind).usual
+        drawn = random.normal(size=size) * usual
+        if parameter.stem in ("from", "to"):
+            drawn = np.array(file.machine.travel_ends)[:, int(parameter.stem == "to")]
+        elif parameter.role != "linear":
+            drawn = np.full(size, 5.0 if parameter.stem == "period" else usual)
+        values.append(np.abs(drawn) if parameter.lower == 0.0 or effect.name == "backlash" else drawn)
+    return values
+
+
+def path_of(file: MachineFile, seed: int, rows: int = 120) -> np.ndarray:
+    """Rows of a smooth path with many reversals, well inside the travel, as joint values."""
+    random = np.random.default_rng(seed)
+    if file.machine.kind == "serial":
+        low, high = build_mechanism(file.machine).limits().clamp(-2.0, 2.0).numpy()
+    else:
+        low, high = np.array(file.machine.travel_ends).T
+    time = np.linspace(0.0, 1.0, rows)[:, None]
+    waves = sum(np.sin(2 * np.pi * (random.uniform(1, 4, len(low)) * time + random.random(len(low)))) for _ in range(2))
+    return np.asarray((low + high) / 2 + 0.1 * waves * (high - low))
+
+
+def expected(compensator: Compensator, targets: Table, posture: np.ndarray):
+    correction, inside = network_parts(compensator, posture)
+    return compensate(compensator.model, targets, correction=correction, inside=inside)
+
+
+def check(compensator: Compensator, targets: np.ndarray, folder: Path, payload: float = 1.3, temp: float = 26.0):
+    """Commands of C against those of Python, on rows both send; and that they send the same rows."""
+    table = make_table(targets, payload_kg=payload, temp_c=temp)
+    found = expected(compensator, table, targets)
+    built = Built(compensator, folder)
+    code, q = built.commands(targets, Context(payload, temp, 0.0, 0.0))
+    np.testing.assert_array_equal(np.isfinite(q).all(axis=1), found.sent)
+    np.testing.assert_allclose(q[found.sent], found.q[found.sent], rtol=0.0, atol=1e-9)
+    return built, found, code
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_all_effects_on_drawn_machines(seed: int, tmp_path: Path) -> None:
+    file = draw_machine_file(seed).file
+    # A joint that turns within a straight move and then moves by less than its play cannot be put right at all.
+    file = replace(file, machine=file.machine.model_copy(update={"moves": "sliders"}))
+    compensator = Compensator(random_model(file, seed), None, {})
+    targets = build_mechanism(file.machine).forward(torch.tensor(path_of(file, seed))).numpy()
+    built, found, _ = check(compensator, targets, tmp_path)
+    assert found.sent.mean() > 0.8 and found.shift[found.sent].max() > 0.05 and not built.cannot
+    # Forward, against the chain that fits are made with.
+    q, context = found.q[found.sent][::9], Context(1.3, 26.0, 0.0, 0.0)
+    steady = [
+        (t.effect, t.theta) for t in compensator.model.terms if not t.effect.reverses and t.effect.name != "homing-slip"
+    ]
+    slip = next(t.theta for t in compensator.model.terms if t.effect.name == "homing-slip")
+    steady = [(e, theta + slip[:3] if e.name == "homing-offset" else theta) for e, theta in steady]
+    there = predict(steady, build_view(file, make_table(None, q, payload_kg=1.3, temp_c=26.0))).p.numpy()
+    np.testing.assert_allclose(built.forward(q, context), there, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("change", [{"moves": "straight"}, {"slider_lean_deg": (0.4, -0.3, 0.2)}])
+def test_straight_moves_and_leaning_rails(bench: MachineFile, change, tmp_path: Path) -> None:
+    file = replace(bench, machine=bench.machine.model_copy(update=change))
+    compensator = Compensator(
+        random_model(file, 5, ("backlash", "windup", "homing-offset", "axis-compliance")), None, {}
+    )
+    targets = build_mechanism(file.machine).forward(torch.tensor(path_of(file, 3, 40))).numpy()
+    _, found, _ = check(compensator, targets, tmp_path)
+    assert found.missed[found.sent].max() < 1e-9
+
+
+def test_rows_that_cannot_be_sent_leave_the_machine_where_it_stands(bench: MachineFile, tmp_path: Path) -> None:
+    compensator = Compensator(random_model(bench, 7, ("backlash", "link-length")), None, {})
+    targets = build_mechanism(bench.machine).forward(torch.tensor(path_of(bench, 4, 40))).numpy()
+    targets[[0, 9, 10, 31]] = [[900, 0, 0], [0, 0, 190], [0, 195, 0], [280, 0, 0]]
+    built, found, code = check(compensator, targets, tmp_path)
+    assert (~found.sent).sum() >= 3 and code >= 2
+    codes, _ = built.one_by_one(targets, Context(1.3, 26.0, 0.0, 0.0))
+    assert [each >= 2 for each in codes] == (~found.sent).tolist()
+    for each, status in zip(codes, found.status, strict=True):
+        assert (each == 3) == (status == "near singular")
+
+
+def network_over(inputs: np.ndarray, seed: int, centres: int = 60) -> GaussianRbf:
+    random = np.random.default_rng(seed)
+    mean, scale = inputs.mean(axis=0), inputs.std(axis=0)
+    scaled = (inputs - mean) / scale
+    size = inputs.shape[1]
+    return GaussianRbf(
+        scaling=(mean, scale), centres=scaled[random.choice(len(scaled), centres)],
+        widths=random.uniform(0.4, 1.2, centres), weights=random.normal(scale=0.05, size=(centres, 3)),
+        threshold=random.normal(scale=0.02, size=3), slope=random.normal(scale=0.02, size=(size, 3)),
+        domain=measure_domain(scaled),
+    )  # fmt: skip
+
+
+def test_the_network_and_its_domain(bench: MachineFile, tmp_path: Path) -> None:
+    mechanism = build_mechanism(bench.machine)
+    targets = mechanism.forward(torch.tensor(path_of(bench, 8, 150))).numpy()
+    network = network_over(targets[:100], 3)
+    compensator = Compensator(random_model(bench, 9, ("backlash", "homing-offset", "lead-scale")), network, {})
+    built, found, code = check(compensator, targets, tmp_path)
+    assert code == 1 and 0.2 < found.in_domain.mean() < 0.95
+    codes, _ = built.one_by_one(targets, Context(1.3, 26.0, 0.0, 0.0))
+    assert [each == 1 for each in codes] == (~found.in_domain).tolist()
+    # The tool that forward sees for a command without play is the target that it was made for.
+    still = replace(compensator, model=compensator.model.without("backlash"))
+    other = Built(still, tmp_path / "still")
+    _, q = other.commands(targets[:100], Context(1.3, 26.0, 0.0, 0.0))
+    np.testing.assert_allclose(other.forward(q, Context(1.3, 26.0, 0.0, 0.0)), targets[:100], rtol=0.0, atol=1e-9)
+
+
+def test_targets_in_a_frame_of_their_own(bench: MachineFile, tmp_path: Path) -> None:
+    stated = replace(bench, targets=TargetsSpec(origin_mm=(3.0, -2.0, 5.0), turn_deg=(0.0, 0.0, 20.0)))
+    compensator = Compensator(random_model(stated, 2, ("homing-offset",)), None, {})
+    targets = build_mechanism(bench.machine).forward(torch.tensor(path_of(bench, 8, 30))).numpy()
+    built, found, _ = check(compensator, targets, tmp_path)
+    np.testing.assert_allclose(built.forward(found.q, Context(0.0, 20.0, 0.0, 0.0)), targets, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["assembly_robot", "ur10"])
+def test_arms_keep_the_posture_of_nominal_joint_values(name: str, tmp_path: Path) -> None:
+    file = load_machine(MACHINES / f"{name}.toml")
+    compensator = Compensator(random_model(file, 4), None, {})
+    posture = path_of(file, 6, 60)
+    targets = build_mechanism(file.machine).forward(torch.tensor(posture)).numpy()
+    table = make_table(targets, posture, payload_kg=1.3, temp_c=26.0, joint_prefix="q")
+    found = expected(compensator, table, posture)
+    built = Built(compensator, tmp_path)
+    context = Context(1.3, 26.0, 0.0, 0.0)
+    state = built.start()
+    # The first row arrives as the second moves: dir follows last in the state.
+    from ptt.run.backlash.reversal import travel_direction
+
+    ctypes.memmove(
+        ctypes.byref(state, 8 * built.joints), travel_direction(found.q)[0].astype(float).tobytes(), 8 * built.joints
+    )
+    q = np.empty_like(posture)
+    for row, here in zip(posture, q, strict=True):
+        built.code.ptt_correct(pointer(np.ascontiguousarray(row)), ctypes.byref(context), state, pointer(here))
+    np.testing.assert_array_equal(np.isfinite(q).all(axis=1), found.sent)
+    assert found.sent.mean() > 0.7
+    sent = found.sent
+    np.testing.assert_allclose(q[sent], found.q[sent], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        built.forward(q[sent], context), built.forward(found.q[sent], context), rtol=0.0, atol=1e-9
+    )
+
+
+def test_the_self_test_runs_clean_under_sanitisers_and_fails_on_other_numbers(
+    bench: MachineFile, tmp_path: Path
+) -> None:
+    file = replace(bench, controller=ControllerSpec(compensates=("windup",)))
+    names = ("homing-offset", "backlash", "windup", "screw-error-map", "following-error")
+    model = random_model(file, 3, names)
+    model = model + Term(make_effect(library(), "following-error"), torch.full((3,), 0.02, dtype=torch.float64))
+    result = write(Compensator(model, None, {}), tmp_path, Options())
+    assert [item.effect for item in result.cannot_hold] == ["following-error", "windup"]
+    assert set(result.holds) == {"homing-offset", "backlash", "screw-error-map"}
+    build = ["gcc", *FLAGS, "-o", "t", "ptt_model.c", "ptt_selftest.c", "-lm"]
+    subprocess.run([*build, *SANITISED], cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "t"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "ok" in done.stdout, done.stdout + done.stderr
+    text = (tmp_path / "ptt_model.c").read_text()
+    gap = text.split("ptt_gap[3]")[1].split("{")[1].split("}")[0]
+    (tmp_path / "ptt_model.c").write_text(text.replace(gap, "0.1, 0.1, 0.1"))
+    subprocess.run(build, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "t"], capture_output=True, check=False).returncode == 1
+
+
+def test_points_lie_on_either_side_of_the_middle_of_their_stretch() -> None:
+    points = np.random.default_rng(1).normal(size=(37, 3))
+    tree = points[tree_order(points)]
+
+    def sound(first: int, end: int, depth: int) -> bool:
+        if end - first < 2:
+            return True
+        middle, axis = (first + end) // 2, depth % 3
+        low, high = tree[first:middle, axis], tree[middle + 1 : end, axis]
+        here = tree[middle, axis]
+        parted = (low <= here).all() and (high >= here).all()
+        return bool(parted) and sound(first, middle, depth + 1) and sound(middle + 1, end, depth + 1)
+
+    assert sound(0, 37, 0) and sorted(map(tuple, tree)) == sorted(map(tuple, points))
