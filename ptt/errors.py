@@ -1,7 +1,32 @@
 """One family of errors; every message says what is wrong, where, and what to do about it."""
 
+import re
 from collections.abc import Sequence
 from typing import Any
+
+QUOTED = 60  # characters of a value that a message quotes
+WHOLE = 500  # characters of a part of a message
+
+
+def shown(value: object, most: int = QUOTED) -> str:
+    """A value as a message quotes it: on one line, no control characters, cut where it is long.
+
+    Args:
+        value: whatever was found.
+        most: characters that are kept.
+
+    Returns:
+        Its text.
+    """
+    text = value if isinstance(value, str) else repr(value) if not hasattr(value, "__fspath__") else str(value)
+    text = text if len(text) <= most else f"{text[: most - 3]}..."
+    return "".join(sign if sign.isprintable() else "?" if "\ud800" <= sign <= "\udfff" else " " for sign in text)
+
+
+def _brief(text: str) -> str:
+    """A part of a message with whatever it quotes, and itself, cut to a length that can be read."""
+    text = re.sub(rf"'([^']{{{QUOTED + 1},}})'", lambda found: f"'{shown(found[1])}'", text[: 100 * WHOLE])
+    return shown(" ".join(text.split()), WHOLE)
 
 
 class PttError(Exception):
@@ -27,9 +52,13 @@ class InputError(PttError):
             where: file, row and column, or the key, as far as known.
             fix: the way out, as an imperative.
         """
-        self.what, self.where, self.fix = what, where, fix
-        message = f"{where}: {what}" if where else what
-        super().__init__(f"{message}; {fix}" if fix else message)
+        self.what, self.where, self.fix = _brief(what), shown(where, WHOLE), _brief(fix)
+        message = f"{self.where}: {self.what}" if where else self.what
+        super().__init__(f"{message}; {self.fix}" if fix else message)
+
+
+class HostError(PttError):
+    """The computer, not the input: a full disk, a closed output."""
 
 
 class MachineError(InputError):

@@ -1,11 +1,60 @@
 """Files read with a clear word when they cannot be, and written whole or not at all."""
 
+import errno
 import hashlib
+import json
+import math
 import os
+import platform
+import stat
+import sys
 import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
-from ptt.errors import InputError
+from ptt.errors import HostError, InputError, shown
+
+LARGEST = 2 * 1024**3  # bytes; ten million rows of a tracker run are 1.5 GB
+LARGEST_TOML = 64 * 1024**2  # bytes; a model of every effect with a thousand steps of history is 2 MB
+DEEPEST = 60  # levels of a TOML or JSON file; ours have 5
+GREATEST = 1e12  # of any number in a TOML file: in mm a million km, in s thirty thousand years
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
+
+
+def read_bytes(path: str | Path, error: type[InputError] = InputError, largest: int = LARGEST) -> bytes:
+    """Read a plain file.
+
+    Args:
+        path: the file.
+        error: which error to raise.
+        largest: bytes that it may have.
+
+    Returns:
+        Its content.
+
+    Raises:
+        InputError: it is missing, a folder, no plain file (a pipe may never end), too large, or unreadable (as the
+            given `error` type).
+    """
+    where = str(path)
+    try:
+        about = os.stat(path)
+        if stat.S_ISDIR(about.st_mode):
+            raise error("is a folder, not a file", where=where, fix="name a file in it")
+        if not stat.S_ISREG(about.st_mode):
+            raise error("is no plain file", where=where, fix="save it to a file first")
+        if about.st_size > largest:
+            what = f"{about.st_size / 1e6:.0f} MB, more than the {largest / 1e6:.0f} MB that are read at once"
+            raise error(what, where=where, fix="cut it into several files")
+        return Path(path).read_bytes()
+    except FileNotFoundError:
+        raise error("no such file", where=where, fix="check the path") from None
+    except OSError as failed:
+        raise error(f"cannot be read ({failed.strerror})", where=where, fix="check the path") from None
+    except ValueError as failed:  # a zero byte or half a character in the name
+        raise error(f"is no name of a file ({failed})", where=shown(where), fix="check the path") from None
 
 
 def read_text(path: str | Path, error: type[InputError] = InputError) -> str:
@@ -22,40 +71,152 @@ def read_text(path: str | Path, error: type[InputError] = InputError) -> str:
         InputError: it is missing, a folder, or not UTF-8 (as the given `error` type).
     """
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise error("no such file", where=str(path), fix="check the path") from None
-    except IsADirectoryError:
-        raise error("is a folder, not a file", where=str(path)) from None
+        return read_bytes(path, error, LARGEST_TOML).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
         raise error("is not UTF-8 text", where=str(path), fix="save it as UTF-8") from None
 
 
+def parse_toml(text: str, where: str, error: type[InputError] = InputError, fix: str = "mend it") -> dict[str, Any]:
+    """Parse TOML that a person may have written.
+
+    Args:
+        text: TOML.
+        where: name of the file for messages.
+        error: which error to raise.
+        fix: the way out where it is no TOML.
+
+    Returns:
+        The document: every number finite and below `GREATEST`, whole numbers of 64 bits, at most `DEEPEST` levels.
+
+    Raises:
+        InputError: it is not (as the given `error` type).
+    """
+    try:
+        document = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, ValueError) as failed:  # more than 4,300 digits are a plain ValueError
+        raise error(f"not valid TOML: {failed}", where=where, fix=fix) from failed
+    except RecursionError:
+        raise error(f"more than {DEEPEST} levels of brackets", where=where, fix=fix) from None
+    for key, value in walk(document, where, error):
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        if whole and not -(2**63) <= value < 2**63:
+            raise error(f"a whole number of {len(str(abs(value)))} digits", where=f"{where} key {key}", fix="mend it")
+        if isinstance(value, float) and abs(value) > GREATEST:
+            raise error(f"{value:g} is beyond any machine", where=f"{where} key {key}", fix="mend it")
+    return document
+
+
+def parse_json(text: str | bytes, where: str, error: type[InputError] = InputError, fix: str = "mend it") -> Any:
+    """Parse JSON that may have been damaged or edited.
+
+    Args:
+        text: JSON.
+        where: name of the file for messages.
+        error: which error to raise.
+        fix: the way out where it is no JSON.
+
+    Returns:
+        The value, at most `DEEPEST` levels, every number finite and no whole number beyond 64 bits.
+
+    Raises:
+        InputError: it is not (as the given `error` type).
+    """
+
+    def refuse(sign: str) -> None:
+        raise ValueError(f"{sign} is no number")
+
+    try:
+        value = json.loads(text, parse_constant=refuse)
+    except (ValueError, RecursionError) as failed:
+        why = "too many levels of brackets" if isinstance(failed, RecursionError) else str(failed)
+        raise error(f"not valid JSON ({why})", where=where, fix=fix) from None
+    for key, item in walk(value, where, error):
+        if isinstance(item, int | float) and not abs(item) < 2**1023:
+            raise error("a number beyond all bounds", where=f"{where} key {key}", fix=fix)
+    return value
+
+
+def format_json(value: Any) -> str:
+    """JSON as `parse_json` reads it; what is not finite becomes null.
+
+    Args:
+        value: of dictionaries, lists, texts, numbers.
+
+    Returns:
+        The text, indented.
+    """
+
+    def plain(item: Any) -> Any:
+        if isinstance(item, Mapping):
+            return {str(key): plain(each) for key, each in item.items()}
+        if isinstance(item, list | tuple):
+            return [plain(each) for each in item]
+        return None if isinstance(item, float) and not math.isfinite(item) else item
+
+    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
+
+
+def walk(value: Any, where: str, error: type[InputError] = InputError) -> Iterator[tuple[str, Any]]:
+    """Every single value of a document of tables and lists.
+
+    Args:
+        value: the document.
+        where: name of the file for messages.
+        error: which error to raise.
+
+    Yields:
+        Key, as in `machine.joint.0.a_mm`, and value.
+
+    Raises:
+        InputError: more than `DEEPEST` levels (as the given `error` type).
+    """
+    left: list[tuple[tuple[str, ...], Any]] = [((), value)]
+    while left:
+        path, item = left.pop()
+        if len(path) > DEEPEST:
+            raise error(f"more than {DEEPEST} levels", where=f"{where} key {shown('.'.join(path))}", fix="mend it")
+        if isinstance(item, Mapping):
+            left += [((*path, str(key)), each) for key, each in reversed(list(item.items()))]
+        elif isinstance(item, list | tuple):
+            left += [((*path, str(place)), each) for place, each in reversed(list(enumerate(item)))]
+        else:
+            yield ".".join(path), item
+
+
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file whole or not at all: a temporary neighbour, then a rename.
+    """Write a file whole or not at all: a temporary neighbour, flushed to disk, then a rename.
+
+    A link is followed. What processes that died left beside the file is removed.
 
     Args:
         path: where to; missing folders are made.
         data: the content.
 
     Raises:
-        InputError: the folder cannot be made or written.
+        InputError: the folder cannot be made or written, or the file is a folder.
+        HostError: the disk is full, or the file larger than this process may write.
     """
-    target = Path(path)
+    target = Path(os.path.realpath(path))
     try:
+        require_plain(target, path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", where=str(path), fix="check the folder") from None
+        sweep(target)
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=temporary(target))
+    except (OSError, ValueError) as failed:
+        raise cannot_write(path, failed) from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
         mask = os.umask(0)
         os.umask(mask)
         os.chmod(name, 0o666 & ~mask)  # mkstemp makes files private; a result is as readable as any other file
         os.replace(name, target)
-    except BaseException:
+    except BaseException as failed:
         Path(name).unlink(missing_ok=True)
+        if isinstance(failed, OSError):
+            raise cannot_write(path, failed) from None
         raise
 
 
@@ -68,8 +229,76 @@ def write_text(path: str | Path, text: str) -> None:
 
     Raises:
         InputError: the folder cannot be made or written.
+        HostError: the disk is full, or the file larger than this process may write.
     """
     write_bytes(path, text.encode("utf-8"))
+
+
+def require_plain(target: Path, path: str | Path) -> None:
+    """Refuse to write where there is something else than a file: a rename would put an end to a folder or a device.
+
+    Args:
+        target: where to, links followed.
+        path: the same as it was given, for the message.
+
+    Raises:
+        InputError: a folder, a device, a pipe.
+    """
+    if target.is_dir():
+        raise InputError("is a folder, not a file", where=str(path), fix="name a file in it")
+    if target.exists() and not target.is_file():
+        raise InputError("is a device, not a file", where=str(path), fix="name a file")
+
+
+def cannot_write(path: str | Path, failed: OSError | ValueError) -> InputError | HostError:
+    """The error that says why a file cannot be written: of the system where it is full, else of the path.
+
+    Args:
+        path: where to.
+        failed: what the system said.
+
+    Returns:
+        The error, not raised.
+    """
+    why = getattr(failed, "strerror", None) or str(failed)
+    if getattr(failed, "errno", None) in FULL:
+        return HostError(f"{path}: cannot be written ({why}); nothing was written; make room and try again")
+    return InputError(f"cannot be written ({why})", where=shown(str(path), 200), fix="check the folder")
+
+
+def temporary(target: Path) -> str:
+    """How names of temporary neighbours of a file or folder begin: its own name, this machine, this process."""
+    return f".{target.name}.{platform.node().replace('.', '-')}.{os.getpid()}."
+
+
+def left_behind(target: Path) -> list[Path]:
+    """Temporary neighbours of a file or folder, by processes of this machine that are gone."""
+    start = f".{target.name}."
+    with os.scandir(target.parent) as entries:
+        names = [entry.name for entry in entries if entry.name.startswith(start)]
+    return sorted(target.parent / name for name in names if _dead(name.removeprefix(start).split(".")))
+
+
+def sweep(target: Path) -> None:
+    """Remove temporary files that processes which are gone left beside a file."""
+    for left in left_behind(target):
+        if left.is_file() and not left.is_symlink():
+            left.unlink(missing_ok=True)
+
+
+def _dead(words: list[str]) -> bool:
+    """Whether machine and process at the head of a leftover's name are this machine and a process that is gone."""
+    if len(words) < 3 or words[0] != platform.node().replace(".", "-") or not words[1].isdecimal():
+        return False
+    if sys.platform == "win32":
+        return False  # there, asking after a process by a signal would end it
+    try:
+        os.kill(int(words[1]), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False
+    return False
 
 
 def sha256(path: str | Path) -> str:
@@ -81,4 +310,5 @@ def sha256(path: str | Path) -> str:
     Returns:
         SHA-256 as hexadecimal.
     """
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ptt.errors import InputError
+from ptt.files import cannot_write, left_behind, temporary
 
 OLD = ".old"
 SWAP = {"Linux": ("renameat2", -100, 2), "Darwin": ("renameatx_np", -2, 2)}  # function, AT_FDCWD, flag of an exchange
@@ -37,9 +38,9 @@ def write_folder(path: str | Path, own: frozenset[str]) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _sweep(target, own)
-        new = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.{_process()}."))
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", where=str(path), fix="check the folder") from None
+        new = Path(tempfile.mkdtemp(dir=target.parent, prefix=temporary(target)))
+    except (OSError, ValueError) as error:
+        raise cannot_write(path, error) from None
     try:
         yield new
         for each in [*new.iterdir(), new]:
@@ -50,6 +51,8 @@ def write_folder(path: str | Path, own: frozenset[str]) -> Iterator[Path]:
         require_own(target, own)
         _put_in_place(new, target)
         _flush(target.parent)
+    except OSError as error:
+        raise cannot_write(path, error) from None
     finally:
         _remove(new, own)
 
@@ -100,7 +103,7 @@ def recover_folder(path: str | Path) -> None:
     target = Path(os.path.realpath(path))
     if target.exists() or not target.parent.is_dir():
         return
-    for left in _left_behind(target):
+    for left in _left_folders(target):
         if left.name.endswith(OLD):
             os.rename(left, target)
             return
@@ -116,37 +119,16 @@ def _exchange(first: Path, second: Path) -> bool:
     return bool(code == 0)
 
 
-def _process() -> str:
-    """Machine and process, so that only what is surely dead is ever swept away."""
-    return f"{platform.node().replace('.', '-')}.{os.getpid()}"
-
-
 def _sweep(target: Path, own: frozenset[str]) -> None:
     """Remove what dead processes left beside a folder."""
     recover_folder(target)
-    for left in _left_behind(target):
+    for left in _left_folders(target):
         _remove(left, own)
 
 
-def _left_behind(target: Path) -> list[Path]:
+def _left_folders(target: Path) -> list[Path]:
     """Folders beside a target that processes of this machine left which are gone."""
-    beside = [each for each in target.parent.iterdir() if each.name.startswith(f".{target.name}.") and each.is_dir()]
-    return sorted(each for each in beside if _dead(each.name.removeprefix(f".{target.name}.").split(".")))
-
-
-def _dead(words: list[str]) -> bool:
-    """Whether machine and process at the head of a leftover's name are this machine and a process that is gone."""
-    if len(words) < 3 or words[0] != platform.node().replace(".", "-") or not words[1].isdigit():
-        return False
-    if sys.platform == "win32":
-        return False  # there, asking after a process by a signal would end it
-    try:
-        os.kill(int(words[1]), 0)
-    except ProcessLookupError:
-        return True
-    except OSError:
-        return False
-    return False
+    return [each for each in left_behind(target) if each.is_dir()]
 
 
 def _remove(folder: Path, own: frozenset[str]) -> None:

@@ -10,8 +10,8 @@ import pydantic
 import tomlkit
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, NonNegativeFloat, PositiveFloat
 
-from ptt.errors import MachineError
-from ptt.files import read_text, write_text
+from ptt.errors import MachineError, shown
+from ptt.files import parse_toml, read_text, write_text
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
@@ -248,10 +248,7 @@ def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
     Raises:
         MachineError: not TOML, a key that is unknown or missing, a value out of bounds.
     """
-    try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise MachineError(f"not valid TOML: {error}", where=where, fix="is this a machine file?") from error
+    raw = parse_toml(text, where, MachineError, "is this a machine file?")
     try:
         document = _Document.model_validate(raw)
     except pydantic.ValidationError as error:
@@ -358,18 +355,21 @@ def _explain(error: pydantic.ValidationError, where: str) -> MachineError:
     if first["type"] == "extra_forbidden":
         guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
         fix = f"did you mean '{guess[0]}'?" if guess else "remove it"
-        return MachineError(f"unknown key '{path[-1]}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})")
+        return MachineError(
+            f"unknown key '{shown(path[-1])}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})"
+        )
     if first["type"] == "missing":
         return MachineError("missing", where=place, fix="add it; README lists the keys of a machine file")
     if first["type"].startswith("union_tag"):
+        given = first["input"].get("kind") if isinstance(first["input"], dict) else first["input"]
         return MachineError(
-            f"kind {first['input'].get('kind') if isinstance(first['input'], dict) else first['input']!r} is not known",
+            f"kind {shown(given)} is not known",
             where=place,
             fix='use kind = "three-ptt" or kind = "serial"',
         )
     message = first["msg"].removeprefix("Value error, ")
-    shown = "" if isinstance(first["input"], dict) else f" (found {first['input']!r})"
-    return MachineError(f"{message[0].lower()}{message[1:]}{shown}", where=place)
+    found = "" if isinstance(first["input"], dict) else f" (found {shown(repr(first['input']))})"
+    return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place)
 
 
 def _known_keys() -> list[str]:

@@ -239,7 +239,7 @@ HEAD = "slider,command_turns,scale_mm\n"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "not a readable CSV"),
+        ("", "no rows"),
         (HEAD, "no rows"),
         ("command_turns,scale_mm\n0,0\n", "no column slider"),
         ("slider,scale_mm\n1,0\n1,1\n", "no column command_turns or motor_mm"),

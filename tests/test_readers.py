@@ -366,7 +366,7 @@ def test_mapping_can_ignore_and_names_what_is_absent(tmp_path: Path) -> None:
         ("columns = 'x'", "key 'columns' is not a table of texts"),
         ("[units]\nx = 3", "key 'units' is not a table of texts"),
         ("encoding = 8", "key 'encoding' is not a text"),
-        ("= =", "not a TOML file"),
+        ("= =", "not valid TOML"),
         ("[targets]\ncolour = 'red'", "unknown key 'colour'"),
     ],
 )

@@ -197,7 +197,7 @@ def test_bad_input(tmp_path: Path, text: str, message: str) -> None:
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(TableError, match=r"no\.csv: cannot be read"):
+    with pytest.raises(TableError, match=r"no\.csv: no such file"):
         read_table(tmp_path / "no.csv")
 
 
@@ -302,7 +302,7 @@ def test_write_is_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.Monkey
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", fail)
-        with pytest.raises(OSError, match="disk full"):
+        with pytest.raises(InputError, match="disk full"):
             write_table(make_table(np.eye(3)), path)
     assert path.read_text(encoding="utf-8") == "before\n"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
@@ -314,7 +314,7 @@ def test_write_is_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.Monkey
         write_table(make_table(np.eye(3), name=np.array(["a", "b\nc", "d"])), path)
 
 
-FLOATS = st.floats(-1e300, 1e300)
+FLOATS = st.floats(-1e6, 1e6)  # what no machine can mean is refused
 NAMES = st.text(st.characters(exclude_categories=("C", "Z")), max_size=6)
 
 

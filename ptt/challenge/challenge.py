@@ -16,7 +16,7 @@ import pandas as pd
 
 from ptt.challenge.cases import draw, plan
 from ptt.errors import InputError
-from ptt.files import read_text, write_text
+from ptt.files import parse_json, read_text, write_text
 from ptt.machine import ControllerSpec, MachineFile, format_machine, parse_machine
 from ptt.rig import format_rig, parse_rig, simulate, write_run
 from ptt.rig.draw import DrawnRig, Level, draw_rig
@@ -199,10 +199,10 @@ def unseal(text: str, where: str = SEAL) -> Sealed:
         InputError: not a seal, or changed since it was made.
     """
     try:
-        whole = json.loads(text)
+        whole = parse_json(text, where)
         packed = base64.b64decode(whole["sealed"], validate=True)
         digest = whole["sha256"]
-    except (json.JSONDecodeError, KeyError, TypeError, binascii.Error):
+    except (InputError, KeyError, TypeError, binascii.Error):
         raise InputError("not a sealed challenge", where=where, fix="`ptt challenge new` makes one") from None
     if hashlib.sha256(packed).hexdigest() != digest:
         raise InputError(

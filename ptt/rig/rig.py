@@ -9,8 +9,8 @@ from typing import Any
 import pydantic
 import tomlkit
 
-from ptt.errors import InputError
-from ptt.files import read_text
+from ptt.errors import InputError, shown
+from ptt.files import parse_toml, read_text
 from ptt.machine import MachineFile, ThreePttSpec, format_machine, load_machine, parse_machine
 from ptt.rig import odd_schema, schema
 from ptt.rig.odd_schema import Odd
@@ -103,7 +103,7 @@ def parse_rig(content: str | dict[str, Any], where: str = "rig.toml") -> Rig:
     Raises:
         InputError: not TOML, an unknown or missing key, a value out of bounds.
     """
-    raw = _parse_toml(content, where) if isinstance(content, str) else content
+    raw = parse_toml(content, where) if isinstance(content, str) else content
     try:
         document = _Document.model_validate(raw)
     except pydantic.ValidationError as error:
@@ -139,13 +139,6 @@ def format_rig(rig: Rig) -> str:
             document[name] = values
     document["machine"] = tomllib.loads(format_machine(rig.machine))
     return tomlkit.dumps(document)
-
-
-def _parse_toml(text: str, where: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", where=where) from None
 
 
 def _find_machine(machine: str | dict[str, Any], where: str) -> MachineFile:
@@ -194,7 +187,9 @@ def _explain(error: pydantic.ValidationError, where: str) -> InputError:
         keys = [key for section in known for key in section.model_fields] + list(_Document.model_fields)
         guess = difflib.get_close_matches(path[-1], keys, n=1)
         fix = f"did you mean '{guess[0]}'?" if guess else "remove it"
-        return InputError(f"unknown key '{path[-1]}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})")
+        return InputError(
+            f"unknown key '{shown(path[-1])}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})"
+        )
     message = first["msg"].removeprefix("Value error, ")
-    shown = "" if isinstance(first["input"], dict) else f" (found {first['input']!r})"
-    return InputError(f"{message[0].lower()}{message[1:]}{shown}", where=f"{where} key {'.'.join(path)}")
+    found = "" if isinstance(first["input"], dict) else f" (found {shown(repr(first['input']))})"
+    return InputError(f"{message[0].lower()}{message[1:]}{found}", where=f"{where} key {'.'.join(path)}")

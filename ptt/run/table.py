@@ -14,7 +14,7 @@ from ptt.files import sha256, write_text
 from ptt.run.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
 from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.joined import join_fields
-from ptt.run.readers.order import in_travel_order
+from ptt.run.readers.order import in_travel_order, refuse_order
 from ptt.run.readers.scale import scale_fix, scale_hint
 
 COORDINATES = ("x", "y", "z")
@@ -206,6 +206,7 @@ def _read_one(
         export = pair_targets(export, poses, request)
     values = {name: float(value) for name, value in set_values.items() if name != "order"}
     export, moved = replace(export, columns=set_columns(export, values)), list[str]()
+    refuse_order(set_values.get("order"))
     if request.purpose == "run":
         order = set_values.get("order", None if judge_order else "rows")
         export, moved = in_travel_order(export, None if order is None else str(order))

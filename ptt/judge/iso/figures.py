@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from ptt.errors import TableError
+from ptt.errors import TableError, shown
 from ptt.judge.iso.axis import AxisFigures, axis_figures
 from ptt.judge.iso.pose import PoseReport, pose_report
 from ptt.run.backlash.reversal import travel_direction
+from ptt.run.readers.plain import numbers_of, read_plain
+from ptt.run.readers.text import LONGEST
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
@@ -45,9 +46,11 @@ def is_axis_file(path: Path | str) -> bool:
         Whether it does; False where it cannot be read as UTF-8 text.
     """
     try:
+        if not Path(path).is_file():  # a pipe would be waited for
+            return False
         with Path(path).open(encoding="utf-8-sig") as file:
-            return set(AXIS_COLUMNS) <= {_plain(name) for name in file.readline().split(",")}
-    except (OSError, UnicodeDecodeError):
+            return set(AXIS_COLUMNS) <= {_plain(name) for name in file.readline(LONGEST).split(",")}
+    except (OSError, ValueError):
         return False
 
 
@@ -65,19 +68,18 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
         TableError: a missing file or column, an unknown direction, or a cell that is not a number.
     """
     source = str(path)
-    try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig").rename(columns=_plain)
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise TableError(f"not a readable CSV ({error})", where=source, fix="check the path and the file") from None
+    table = read_plain(path).rename(columns=_plain)
     missing = sorted(AXIS_COLUMNS - set(table.columns))
     if missing:
         raise TableError(f"no column {missing[0]}", where=source, fix="give direction, target_mm and measured_mm")
     direction = table["direction"].str.strip().str.lower().map(WAYS).to_numpy(dtype=np.float64)
     bad = np.flatnonzero(np.isnan(direction))
     if len(bad):
-        where = f"{source} row {bad[0] + 2}, column direction"
-        raise TableError(f"unknown direction {table['direction'].iloc[bad[0]]!r}", where=where, fix="use up or down")
-    target, measured = _numbers(table, "target", source, False), _numbers(table, "measured", source, True)
+        where = f"{source} row {table.index[bad[0]]}, column direction"
+        raise TableError(
+            f"unknown direction '{shown(table['direction'].iloc[bad[0]])}'", where=where, fix="use up or down"
+        )
+    target, measured = numbers_of(table, "target", source), numbers_of(table, "measured", source, empty=True)
     names = next((table[key].to_numpy(dtype=str) for key in ("axis", "file") if key in table), np.full(len(table), ""))
     axes = (names == name for name in dict.fromkeys(names.tolist()))
     figures = tuple(axis_figures(target[r], direction[r], measured[r], str(names[r][0]) or source) for r in axes)
@@ -88,17 +90,6 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
 
 def _plain(name: object) -> str:
     return str(name).strip().strip('"').lower().removesuffix("_mm")
-
-
-def _numbers(table: pd.DataFrame, column: str, source: str, empty: bool) -> Array:
-    """One column as (n,) float64, NaN for an empty cell where `empty` cells are allowed; the header is line 1."""
-    text = table[column].str.strip()
-    values = np.array(pd.to_numeric(text, errors="coerce"), dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(values) & ~(empty & (text == "").to_numpy()))
-    if len(bad):
-        where = f"{source} row {bad[0] + 2}, column {column}"
-        raise TableError(f"not a number ({text.iloc[bad[0]]!r})", where=where, fix="mend or remove the row")
-    return values
 
 
 @dataclass(frozen=True)

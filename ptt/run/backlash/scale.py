@@ -21,7 +21,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ptt.errors import TableError
+from ptt.errors import TableError, shown
+from ptt.run.readers.plain import numbers_of, read_plain
 
 Array = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ def read_scale_log(
         TableError: a missing file or column, or a cell that is not a number.
     """
     source = str(path)
-    table = _cells(Path(path))
+    table = read_plain(path)
     if "slider" not in table:
         raise TableError("no column slider", where=source, fix="add one with the slider's number")
     phase = _phase(table, source)
@@ -94,28 +95,10 @@ def read_scale_log(
     )
 
 
-def _cells(path: Path) -> pd.DataFrame:
-    """All cells as text, so that a bad one can be quoted as it stands."""
-    try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise TableError("no such file", where=str(path), fix="check the path") from None
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        fix = "write a comma-separated UTF-8 file with one header line"
-        raise TableError(f"not a readable CSV ({error})", where=str(path), fix=fix) from None
-    if table.empty:
-        raise TableError("no rows", where=str(path), fix="write at least one forward-and-back pass")
-    return table.rename(columns=lambda name: str(name).strip().lower())
-
-
 def _numbers(table: pd.DataFrame, column: str, source: str) -> Array:
-    """One column as (n,) float64; the header is line 1."""
-    values = np.array(pd.to_numeric(table[column], errors="coerce"), dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        where = f"{source} row {bad[0] + 2}, column {column}"
-        raise TableError(f"not a number ({table[column].iloc[bad[0]]!r})", where=where, fix="mend or remove the row")
-    return values
+    """One column as (n,) float64, counts and turns bounded as numbers."""
+    dimension = {"payload_kg": "mass", "scale_mm": "length", "motor_mm": "length"}.get(column, "number")
+    return numbers_of(table, column, source, dimension)
 
 
 def _scale(table: pd.DataFrame, resolution_mm: float | None, source: str) -> tuple[Array, float, str]:
@@ -145,9 +128,9 @@ def _phase(table: pd.DataFrame, source: str) -> NDArray[np.str_] | None:
     phase = table["phase"].str.strip().str.upper().to_numpy(dtype=str)
     bad = np.flatnonzero(~np.isin(phase, ["S1", "S2", "S3"]))
     if len(bad):
-        where = f"{source} row {bad[0] + 2}, column phase"
+        where = f"{source} row {table.index[bad[0]]}, column phase"
         fix = "use S1 (forward), S2 (standing), S3 (back)"
-        raise TableError(f"unknown phase {str(phase[bad[0]])!r}", where=where, fix=fix)
+        raise TableError(f"unknown phase '{shown(str(phase[bad[0]]))}'", where=where, fix=fix)
     return phase
 
 

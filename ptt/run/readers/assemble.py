@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ptt.errors import TableError
-from ptt.run.readers.columns import dimension_of, file_title, split_joint
+from ptt.errors import TableError, shown
+from ptt.run.readers.columns import dimension_of, file_title, greatest, split_joint
 from ptt.run.readers.export import Export
 
+SHOWN = 12  # titles that a message lists
 ROLES = ("pose", "base", "datum")
 SETTABLE = {
     "payload_kg": "payload",
@@ -81,10 +82,12 @@ def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.
     unknown = [name for name in values if name not in SETTABLE]
     if unknown:
         settable = ", ".join((*SETTABLE, "order"))
-        raise TableError(f"'{unknown[0]}' cannot be set", where="--set", fix=f"settable: {settable}")
+        raise TableError(f"'{shown(unknown[0])}' cannot be set", where="--set", fix=f"settable: {settable}")
     for name, value in values.items():
         if not np.isfinite(value):
             raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
+        if abs(value) > greatest(SETTABLE[name]):
+            raise TableError(f"{name} = {value:g} is beyond any machine", where="--set", fix="correct it")
     return export.columns | {SETTABLE[name]: np.full(export.n, float(value)) for name, value in values.items()}
 
 
@@ -136,7 +139,9 @@ def _require_columns(
 
 
 def _refuse_missing(export: Export, names: list[str], why: str) -> None:
-    kept = f"; columns not understood: {', '.join(export.understood.ignored)}" if export.understood.ignored else ""
+    ignored = export.understood.ignored
+    more = ", ..." if len(ignored) > SHOWN else ""
+    kept = f"; columns not understood: {', '.join(map(shown, ignored[:SHOWN]))}{more}" if ignored else ""
     word = "columns are" if len(names) > 1 else "column is"
     titles = ", ".join(file_title(name) if dimension_of(name) else name for name in names)
     raise TableError(
@@ -177,7 +182,7 @@ def _roles(export: Export) -> np.ndarray:
     wrong = np.flatnonzero(~np.isin(role, ROLES))
     if wrong.size:
         raise TableError(
-            f"unknown role '{role[wrong[0]]}'",
+            f"unknown role '{shown(str(role[wrong[0]]))}'",
             where=place(export, int(wrong[0]), "role"),
             fix=f"use one of {', '.join(ROLES)}",
         )

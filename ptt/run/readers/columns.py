@@ -21,6 +21,17 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
 }
 """Per dimension: unit -> (factor, offset), standard value = factor * value + offset; the standard unit comes first."""
 
+GREATEST = {
+    "length": 1e9,  # mm: a thousand km; a drawing in um taken for mm is a thousand times less, and is found as that
+    "angle": 1e9,  # rad
+    "time": 1e20,  # s: an epoch in ns is 1e18
+    "mass": 1e9,  # kg
+    "temperature": 1e6,  # deg C: the sun has 5,500 at its surface
+    "speed": 1e12,  # mm/s: light has 3e11
+    "number": 1e12,  # N, N m, counts
+}
+"""Per dimension: what no machine and no mistake of units goes beyond, in the standard unit. Below, sums stay finite."""
+
 UNSTATED_IS_ASKED = ("angle", "speed")
 """Dimensions whose unit must be written: rad and deg, mm/s and mm/min are equally common in the field."""
 
@@ -59,6 +70,11 @@ def dimension_of(quantity: str) -> str:
 def standard_unit(quantity: str) -> str:
     """Unit that the program keeps a quantity in."""
     return next(iter(UNITS[dimension_of(quantity)]))
+
+
+def greatest(quantity: str) -> float:
+    """Bound of a quantity, in its standard unit; infinity for a text."""
+    return GREATEST.get(dimension_of(quantity), np.inf)
 
 
 def file_title(quantity: str) -> str:

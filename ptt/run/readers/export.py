@@ -5,15 +5,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ptt.errors import TableError
+from ptt.errors import TableError, shown
 from ptt.run.readers.columns import Meaning, canonical, standard_unit, to_standard
 from ptt.run.readers.layout import Column, meanings_by_order, meanings_of_titles, understand
 from ptt.run.readers.mapping import IGNORE, Ask, Mapping, Understood
-from ptt.run.readers.numbers import read_cells
+from ptt.run.readers.numbers import read_cells, refuse_beyond
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
 from ptt.run.readers.stamps import read_seconds
 from ptt.run.readers.text import DELIMITERS, RawText, cell_counts, is_number, read_text, split_line
 from ptt.run.readers.titles import UNIT_OF_WORD, is_unit_row, meaning_of, normalise
+
+LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60
+MOST_TITLES = 2_000
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ def _titles(raw: RawText, request: Request) -> tuple[RawText, tuple[str, ...], l
     if raw.header is None:
         header = _header_in_comments(raw)
         raw = raw if header is None else replace(raw, header=header)
+    _refuse_long_titles(raw)
     if raw.header is None:
         meanings = meanings_by_order(raw)
         meanings = [_with_comment_unit(meaning, raw) for meaning in meanings]
@@ -107,6 +111,19 @@ def _titles(raw: RawText, request: Request) -> tuple[RawText, tuple[str, ...], l
     if not raw.body:
         raise TableError("only a header, no rows", where=raw.source, fix="export it again with its readings")
     return raw, titles, meanings_of_titles(titles, raw.source)
+
+
+def _refuse_long_titles(raw: RawText) -> None:
+    """Titles are taken apart into words: their length and number are bounded."""
+    titles = raw.header or ()
+    if len(titles) > MOST_TITLES:
+        raise TableError(
+            f"{len(titles)} columns", where=raw.source, fix=f"keep those that matter, at most {MOST_TITLES}"
+        )
+    for index, title in enumerate(titles):
+        if len(title) > LONGEST_TITLE:
+            where = f"{raw.source}, title of column {index + 1}"
+            raise TableError(f"{len(title)} characters ('{shown(title)}')", where=where, fix="shorten it")
 
 
 def _without_trailing_delimiter(raw: RawText, width: int) -> RawText:
@@ -152,11 +169,14 @@ def _values(
         elif column.unit == "stamp":
             asked = request.mapping.dates, request.ask, raw.source
             seconds, note, dates = read_seconds(content, raw.line, raw.decimal, *asked)
+            if seconds is not None:
+                refuse_beyond(raw, column, seconds)
             notes.append(f"{column.title}: {note}")
             values |= {column.title: content} if seconds is None else {column.quantity: seconds}
             column = replace(column, quantity="") if seconds is None else column
         elif content.dtype.kind == "f":
             values[column.quantity] = to_standard(content, column.quantity, column.unit)
+            refuse_beyond(raw, column, values[column.quantity])
         else:
             values[column.quantity] = content
         kept.append(column)
@@ -164,7 +184,7 @@ def _values(
 
 
 def _refuse_unknown(raw: RawText, titles: tuple[str, ...]) -> None:
-    listed = ", ".join(titles)
+    listed = ", ".join(map(shown, titles[:20]))
     raise TableError(
         f"no column is understood ({listed})",
         where=raw.source,

@@ -18,7 +18,6 @@ Every key may be left out; what is absent is worked out from the file, and asked
     [targets]                # the same for the file given with --targets: targets.columns, targets.units ...
 """
 
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -27,7 +26,7 @@ from typing import Any
 import tomlkit
 
 from ptt.errors import TableError
-from ptt.files import write_text
+from ptt.files import parse_toml, read_text, write_text
 
 Ask = Callable[[str, Sequence[str]], str]
 """Asks a person: (question, choices) -> one of the choices."""
@@ -97,12 +96,7 @@ def load_mapping(path: str | Path) -> Mapping:
     Raises:
         TableError: no such file, no TOML, an unknown key or a value of the wrong kind.
     """
-    try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise TableError(f"cannot be read ({error.strerror})", where=str(path), fix="check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise TableError(f"not a TOML file ({error})", where=str(path), fix="mend or delete it") from None
+    data = parse_toml(read_text(path, TableError), str(path), TableError, "mend or delete it")
     return _mapping_from(data, str(path))
 
 

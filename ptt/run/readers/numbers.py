@@ -6,9 +6,10 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from ptt.errors import TableError
+from ptt.errors import TableError, shown
+from ptt.run.readers.columns import greatest, standard_unit
 from ptt.run.readers.layout import Column
-from ptt.run.readers.text import RawText, cell_counts, split_line
+from ptt.run.readers.text import POINT_NUMBER, RawText, cell_counts, split_line
 
 # pandas 3 reads floats exactly by default and warns about the option; before that the option is needed
 _EXACT: dict[str, Any] = {"float_precision": "round_trip"} if int(pd.__version__.split(".")[0]) < 3 else {}
@@ -67,25 +68,51 @@ def _check_widths(raw: RawText, width: int) -> None:
 
 
 def _to_float(cells: pd.Series, raw: RawText, column: Column) -> np.ndarray:
-    if cells.dtype == np.float64:
+    if cells.dtype in (np.float64, np.int64):
         values = cells.to_numpy(dtype=np.float64)
-    elif cells.dtype == np.int64:
-        return cells.to_numpy(dtype=np.float64)
     else:
-        _refuse_text(cells, raw, column)
-        values = pd.to_numeric(cells).to_numpy(dtype=np.float64)
+        values = _from_texts(cells, raw, column)
     infinite = np.flatnonzero(np.isinf(values))
     if infinite.size:
         _refuse(raw, column, int(infinite[0]))
     return values
 
 
-def _refuse_text(cells: pd.Series, raw: RawText, column: Column) -> None:
-    texts = cells.astype(str)
-    bad = np.flatnonzero(pd.to_numeric(texts, errors="coerce").isna().to_numpy() & cells.notna().to_numpy())
-    bad = bad if bad.size or cells.dtype != bool else np.array([0])
-    if bad.size:
-        _refuse(raw, column, int(bad[0]))
+def _from_texts(cells: pd.Series, raw: RawText, column: Column) -> np.ndarray:
+    """A column that pandas does not read as numbers throughout, cell by cell."""
+    values = np.full(len(cells), np.nan)
+    for row, filled in enumerate(cells.notna().to_numpy()):
+        if filled:
+            text = split_line(raw.body[row], raw.delimiter)[column.index]
+            plain = text.replace(raw.thousands, "") if raw.thousands else text
+            plain = plain.replace(raw.decimal, ".")
+            if not POINT_NUMBER.fullmatch(plain):
+                _refuse(raw, column, row)
+            values[row] = float(plain)
+    return values
+
+
+def refuse_beyond(raw: RawText, column: Column, values: np.ndarray) -> None:
+    """Refuse numbers that no machine can mean, before anything is computed from them.
+
+    Args:
+        raw: the lines.
+        column: which column.
+        values: (n,) in the program's unit.
+
+    Raises:
+        TableError: one beyond the bound of its dimension, by row and column.
+    """
+    most = greatest(column.quantity)
+    beyond = np.flatnonzero(np.abs(values) > most)
+    if beyond.size:
+        row = int(beyond[0])
+        value = split_line(raw.body[row], raw.delimiter)[column.index]
+        raise TableError(
+            f"{shown(value)} is beyond any machine (at most {most:g} {standard_unit(column.quantity)})",
+            where=f"{raw.source} row {raw.line[row]}, column {shown(column.title)}",
+            fix="correct it, or mark it with an empty cell",
+        )
 
 
 def _refuse(raw: RawText, column: Column, row: int) -> None:
@@ -93,5 +120,5 @@ def _refuse(raw: RawText, column: Column, row: int) -> None:
     fix = "remove the row or mark it with an empty cell"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
         fix = "write numbers with a decimal point"
-    where = f"{raw.source} row {raw.line[row]}, column {column.title}"
-    raise TableError(f"not a number ('{value}')", where=where, fix=fix)
+    where = f"{raw.source} row {raw.line[row]}, column {shown(column.title)}"
+    raise TableError(f"not a number ('{shown(value)}')", where=where, fix=fix)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.errors import TableError
+from ptt.errors import TableError, shown
 from ptt.run.readers.export import Export
 
 AS_ROWS, BY_TIME = "rows", "time"
@@ -27,8 +27,7 @@ def in_travel_order(export: Export, order: str | None) -> tuple[Export, list[str
     Raises:
         TableError: time goes back within a run and nobody said what to do, or there is no time to sort by.
     """
-    if order not in (None, *ORDERS):
-        raise TableError(f"no order '{order}'", where="--set order", fix=f"write order={' or order='.join(ORDERS)}")
+    refuse_order(order)
     time, run = _clock(export)
     if order == BY_TIME:
         if time is None:
@@ -47,6 +46,14 @@ def in_travel_order(export: Export, order: str | None) -> tuple[Export, list[str
         fix="--set order=time sorts each run by its clock, --set order=rows keeps the rows as they stand; where the "
         "clock was restarted, number the runs in a column 'run'",
     )
+
+
+def refuse_order(order: object) -> None:
+    """Refuse an order that is none of `ORDERS`; None, where nobody said any, is one."""
+    if order not in (None, *ORDERS):
+        raise TableError(
+            f"no order '{shown(order)}'", where="--set order", fix=f"write order={' or order='.join(ORDERS)}"
+        )
 
 
 def _clock(export: Export) -> tuple[np.ndarray | None, np.ndarray]:

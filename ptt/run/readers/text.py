@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ptt.errors import TableError
+from ptt.files import read_bytes
 from ptt.run.readers.columns import canonical
 from ptt.run.readers.mapping import Ask, Mapping, answer
 from ptt.run.readers.titles import meaning_of
@@ -16,7 +17,7 @@ from ptt.run.readers.titles import meaning_of
 COMMENT_MARKS = ("#", "//", "%")
 DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "space"}
 
-_POINT_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+POINT_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _GROUPED = {
     ",": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d+"),
@@ -26,6 +27,7 @@ _GROUPED = {
     "\u00a0": re.compile(r"[+-]?[1-9]\d{0,2}(\u00a0\d{3})+([.,]\d+)?"),
     "\u202f": re.compile(r"[+-]?[1-9]\d{0,2}(\u202f\d{3})+([.,]\d+)?"),
 }
+LONGEST = 100_000  # characters of a line: a row of a thousand columns of a hundred characters
 PREAMBLE = 12  # lines that an export may have above its titles
 _EXCEL_HINT = re.compile(r"sep=.\s*")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -73,13 +75,15 @@ def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> Raw
         TableError: no file, no text, empty, only a header, or ambiguous with nobody to ask.
     """
     source = str(path)
-    text, encoding = decode(_read_bytes(path), source, mapping, ask)
+    text, encoding = decode(read_bytes(path, TableError), source, mapping, ask)
     comments, body, line = _cut_lines(text)
     if not body:
         raise TableError("the file is empty", where=source, fix="export it again; a header and two rows are the least")
+    _refuse_long(body, line, source)
     delimiter = _given_delimiter(mapping) or find_delimiter(_sample(body))
     above = _preamble(body, delimiter)
     comments, body, line = (*comments, *body[:above]), body[above:], line[above:]
+    _refuse_quotes(body, line, delimiter, source)
     first = split_line(body[0], delimiter)
     known = sum(canonical(cell) is not None for cell in first)
     header = tuple(first) if known > 2 or not any(is_number(cell, delimiter) for cell in first) else None
@@ -93,6 +97,25 @@ def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> Raw
         body, thousands = [joint.sub("", text) for text in body], ""
     decimal = mapping.decimal or grouped or find_decimal(_sample(body), delimiter, source, ask)
     return RawText(source, encoding, delimiter, decimal, comments, header, body, line, thousands)
+
+
+def _refuse_long(body: Sequence[str], line: np.ndarray, source: str) -> None:
+    """Bound the length of a line, so that what is looked for in it takes a bounded time."""
+    for text, number in zip(body, line, strict=True):
+        if len(text) > LONGEST:
+            what = f"a line of {len(text)} characters, more than {LONGEST}"
+            raise TableError(what, where=f"{source} row {number}", fix="is this the right file? Export it again")
+
+
+def _refuse_quotes(body: Sequence[str], line: np.ndarray, delimiter: str, source: str) -> None:
+    """A quote that is not closed would swallow the rows after it."""
+    for text, number in zip(body, line, strict=True):
+        if '"' in text:
+            try:
+                next(csv.reader([text], delimiter=delimiter, skipinitialspace=True, strict=True))
+            except csv.Error:
+                what = "a quote is opened and not closed before the cell ends"
+                raise TableError(what, where=f"{source} row {number}", fix="close or remove it") from None
 
 
 def _preamble(body: Sequence[str], delimiter: str) -> int:
@@ -117,13 +140,6 @@ def find_thousands(lines: Sequence[str], delimiter: str) -> tuple[str, str]:
     return "", ""
 
 
-def _read_bytes(path: str | Path) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise TableError(f"cannot be read ({error.strerror})", where=str(path), fix="check the path") from None
-
-
 def decode(data: bytes, source: str, mapping: Mapping, ask: Ask | None) -> tuple[str, str]:
     """Text of a file and the codec it was read with."""
     if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
@@ -134,7 +150,7 @@ def decode(data: bytes, source: str, mapping: Mapping, ask: Ask | None) -> tuple
     except (UnicodeDecodeError, LookupError) as error:
         what = f"not text in '{encoding}' ({error})"
         raise TableError(what, where=source, fix="say the encoding with --map FILE.toml") from None
-    if re.search(r"[\x00-\x08]", text[:4000]):
+    if re.search(r"[\x00-\x08]", text):
         raise TableError("not a text file", where=source, fix="export the readings as CSV or text")
     return text, encoding
 
@@ -201,7 +217,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
 
 def is_number(cell: str, delimiter: str) -> bool:
     """Whether a cell reads as a number, with a decimal comma too where commas do not separate cells."""
-    if _POINT_NUMBER.fullmatch(cell) or (delimiter != "," and _COMMA_NUMBER.fullmatch(cell)):
+    if POINT_NUMBER.fullmatch(cell) or (delimiter != "," and _COMMA_NUMBER.fullmatch(cell)):
         return True
     return any(pattern.fullmatch(cell) for pattern in _GROUPED.values())
 
@@ -222,7 +238,7 @@ def find_decimal(lines: Sequence[str], delimiter: str, source: str, ask: Ask | N
         return "."
     cells = [cell for line in lines for cell in split_line(line, delimiter)]
     comma = [cell for cell in cells if _COMMA_NUMBER.fullmatch(cell)]
-    point = [cell for cell in cells if "." in cell and _POINT_NUMBER.fullmatch(cell)]
+    point = [cell for cell in cells if "." in cell and POINT_NUMBER.fullmatch(cell)]
     if not comma:
         return "."
     if point:
