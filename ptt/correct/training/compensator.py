@@ -1,6 +1,5 @@
 """The folder that train.py writes: model.toml, rbf.safetensors, compensator.json. Never pickle."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,11 +7,12 @@ from typing import Any
 
 from nets import GaussianRbf, NetsError, load_rbf, save_rbf
 from ptt.correct.doubt import NetworkError
+from ptt.correct.training.notes import check_notes
 from ptt.correct.training.rest import Space
 from ptt.correct.training.train import Training
 from ptt.effects import Library
 from ptt.errors import InputError
-from ptt.files import sha256, write_text
+from ptt.files import format_json, parse_json, read_text, sha256, write_text
 from ptt.fitting.kept import keep_covariance
 from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
@@ -85,7 +85,7 @@ def write_compensator(folder: str | Path, compensator: Compensator) -> None:
     with write_folder(folder, OWN) as place:
         save_machine(write_model(compensator.model), place / MODEL)
         digests = {MODEL: sha256(place / MODEL), NETWORK: save_rbf(compensator.network, place / NETWORK)}
-        write_text(place / NOTES, json.dumps(compensator.notes | {"sha256": digests}, indent=2) + "\n")
+        write_text(place / NOTES, format_json(compensator.notes | {"sha256": digests}))
 
 
 def require_folder(folder: str | Path) -> None:
@@ -175,7 +175,7 @@ def load_compensator(path: str | Path, known: Library | None = None) -> Compensa
 def _load(place: Path, known: Library | None) -> Compensator:
     """Read a folder whose three files are of one training."""
     try:
-        notes = json.loads((place / NOTES).read_text(encoding="utf-8"))
+        notes = check_notes(parse_json(read_text(place / NOTES), str(place / NOTES), fix="train it again"), str(place))
         kept = notes["sha256"]
         network = load_rbf(place / NETWORK, kept[NETWORK])
         found = sha256(place / MODEL)
