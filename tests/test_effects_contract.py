@@ -14,8 +14,9 @@ from ptt.effects.card import RESIDUALS, TELLING, Card
 from ptt.effects.cards import card_of
 from ptt.effects.case import make_case
 from ptt.effects.contract import CHECKS, check_effect
+from ptt.effects.own import load_effects
 from ptt.effects.phrases import Phrase
-from ptt.effects.registry import load_effects, make_effect, parse_key
+from ptt.effects.registry import make_effect, parse_key
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
 from ptt.model.chain import differentiate

@@ -109,16 +109,11 @@ def _new(name: str, out: Path | None, like: Path | None, json: bool) -> None:
 
 def _rest_of(path: Path) -> dict[str, Any]:
     """The leading dependence of a diagnosis."""
-    from json import JSONDecodeError, loads
-
     from ptt.errors import InputError
+    from ptt.files import parse_json, read_text
 
-    try:
-        found = loads(path.read_text(encoding="utf-8"))["depends_on"]
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(path), fix="name a readable file") from None
-    except (JSONDecodeError, UnicodeDecodeError, KeyError, TypeError):
-        raise InputError("is no diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed") from None
+    whole = parse_json(read_text(path), str(path), fix="give what `ptt diagnose --json` printed")
+    found = whole.get("depends_on") if isinstance(whole, dict) else None
     if not isinstance(found, list) or (found and not isinstance(found[0], dict)):
         raise InputError("is no diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed")
     if not found:
@@ -132,7 +127,7 @@ def _check(file: str, json: bool) -> None:
     from ptt.errors import ModelError
     from ptt.model.chain import differentiate
 
-    own = {name: cls for name, cls in library(file).items() if name not in library()}
+    own = {name: cls for name, cls in library(file, tried=False).items() if name not in library()}
     findings = {name: check_effect(cls(), differentiate) for name, cls in own.items()}
     broken = [(name, finding) for name, found in findings.items() for finding in found if not finding.passed]
     each = [{"name": name, "checks": [_finding(f) for f in found]} for name, found in findings.items()]

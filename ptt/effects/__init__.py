@@ -7,9 +7,10 @@ when the first is asked for.
 from typing import TYPE_CHECKING, Any
 
 from ptt.effects.base import STAGES, Effect
+from ptt.effects.own import load_effects
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase
-from ptt.effects.registry import Library, classes, library, load_effects
+from ptt.effects.registry import Library, classes, library
 
 if TYPE_CHECKING:
     from ptt.effects.dh_offsets import DhOffsets as DhOffsets

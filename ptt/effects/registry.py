@@ -1,8 +1,6 @@
 """Effects by name: the library, and those of a file that the user names."""
 
 import difflib
-import importlib.util
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -20,8 +18,9 @@ from ptt.effects import (
     towers,
     twist,
 )
-from ptt.effects.base import STAGES, Effect
-from ptt.errors import InputError, ModelError
+from ptt.effects.base import Effect
+from ptt.effects.own import load_effects, try_basis
+from ptt.errors import InputError, ModelError, shown
 
 Library = Mapping[str, type[Effect]]
 
@@ -61,11 +60,12 @@ def classes() -> dict[str, type[Effect]]:
     return {cls.__name__: cls for cls in _CLASSES}
 
 
-def library(*files: str | Path) -> Library:
+def library(*files: str | Path, tried: bool = True) -> Library:
     """All known effects.
 
     Args:
         files: Python files of the user's own effects, run as they are.
+        tried: whether the user's effects are called once on a sample run, so that they fail here if they fail.
 
     Returns:
         Name -> class.
@@ -78,47 +78,10 @@ def library(*files: str | Path) -> Library:
         for name, cls in load_effects(file).items():
             if name in known:
                 raise InputError(f"effect '{name}' exists already", where=str(file), fix="give it another name")
+            if tried:
+                try_basis(cls, str(file))
             known[name] = cls
     return MappingProxyType(known)
-
-
-def load_effects(path: str | Path) -> dict[str, type[Effect]]:
-    """Load the effects that a user's file defines. The file is run: name only files you trust.
-
-    Args:
-        path: Python file with subclasses of `ptt.effects.Effect`.
-
-    Returns:
-        Name -> class.
-
-    Raises:
-        InputError: the file is missing, fails, or defines no effect or an incomplete one.
-    """
-    where = str(path)
-    if not Path(path).is_file():
-        raise InputError("no such file", where=where, fix="check the path after --effects")
-    spec = importlib.util.spec_from_file_location(f"ptt_own_{Path(path).stem}", path)
-    if spec is None or spec.loader is None:
-        raise InputError("not a Python file", where=where, fix="name a file that ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up there
-    try:
-        # Compiled here: the import system's cache would leave files behind, and miss an edit within the same second.
-        exec(compile(Path(path).read_bytes(), where, "exec"), vars(module))
-    except Exception as error:
-        raise InputError(f"cannot be run: {type(error).__name__}: {error}", where=where, fix="mend the file") from error
-    own = [
-        value
-        for value in vars(module).values()
-        if isinstance(value, type) and issubclass(value, Effect) and value.__module__ == module.__name__
-    ]
-    if not own:
-        raise InputError("defines no effect", where=where, fix="`ptt effects new NAME` writes a template")
-    for cls in own:
-        _check_class(cls, where)
-        if sum(cls.name == other.name for other in own) > 1:
-            raise InputError(f"defines effect '{cls.name}' twice", where=where, fix="give one of them another name")
-    return {cls.name: cls for cls in own}
 
 
 def make_effect(known: Library, name: str, label: str = "") -> Effect:
@@ -142,7 +105,7 @@ def make_effect(known: Library, name: str, label: str = "") -> Effect:
             if near
             else "`ptt effects` lists them; a file of your own needs --effects FILE.py"
         )
-        raise ModelError(f"effect '{name}' is not known", fix=fix)
+        raise ModelError(f"effect '{shown(name)}' is not known", fix=fix)
     return known[name](label)
 
 
@@ -157,17 +120,3 @@ def parse_key(text: str) -> tuple[str, str]:
     """
     name, _, rest = text.partition("[")
     return name.strip(), rest.rstrip("] ").strip()
-
-
-def _check_class(cls: type[Effect], where: str) -> None:
-    if not cls.name:
-        raise InputError(f"class {cls.__name__} has no name", where=where, fix='write name = "my-effect" in it')
-    if cls.stage not in STAGES:
-        raise InputError(
-            f"stage '{cls.stage}' of {cls.name} is not known", where=where, fix=f"use one of {', '.join(STAGES)}"
-        )
-    roles = [parameter.role == "linear" for parameter in cls.parameters]
-    if not any(roles) or roles != sorted(roles, reverse=True):
-        raise InputError(
-            f"parameters of {cls.name} need a linear one, and the linear ones first", where=where, fix="reorder them"
-        )

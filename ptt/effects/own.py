@@ -1,0 +1,233 @@
+"""Effects of a user's own file: run, held against the form of an effect, kept from harming what calls them."""
+
+import contextlib
+import functools
+import importlib.util
+import re
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import torch
+
+from ptt.effects.base import STAGES, Effect, linear_size
+from ptt.effects.bench import sample_view
+from ptt.effects.parameter import Parameter
+from ptt.errors import InputError, shown
+from ptt.files import read_bytes
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,59}")
+STEM = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+MOST = 10_000  # values of one effect; a joint error map of seven joints has 84
+KINDS = ("three-ptt", "serial")
+ROLES = ("linear", "searched", "given")
+
+
+def load_effects(path: str | Path) -> dict[str, type[Effect]]:
+    """Load the effects that a user's file defines. The file is run: name only files you trust.
+
+    Args:
+        path: Python file with subclasses of `ptt.effects.Effect`.
+
+    Returns:
+        Name -> class.
+
+    Raises:
+        InputError: the file is missing, fails, or defines no effect or one that is not of the form.
+    """
+    where = str(path)
+    module = _run_file(path, where)
+    own = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Effect) and value.__module__ == module.__name__
+    ]
+    if not own:
+        raise InputError("defines no effect", where=where, fix="`ptt effects new NAME` writes a template")
+    for cls in own:
+        _check_words(cls, where)
+        if sum(cls.name == other.name for other in own) > 1:
+            raise InputError(f"defines effect '{cls.name}' twice", where=where, fix="give one of them another name")
+        _guard_methods(cls, where)
+    return {cls.name: cls for cls in own}
+
+
+def _run_file(path: str | Path, where: str) -> ModuleType:
+    if not Path(path).is_file():
+        raise InputError("no such file", where=where, fix="check the path after --effects")
+    spec = importlib.util.spec_from_file_location(f"ptt_own_{Path(path).stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError("not a Python file", where=where, fix="name a file that ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up there
+    with foreign(where, "cannot be run"):
+        # Compiled here: the import system's cache would leave files behind, and miss an edit within the same second.
+        exec(compile(read_bytes(path), where, "exec"), vars(module))
+    return module
+
+
+@contextlib.contextmanager
+def foreign(where: str, what: str) -> Iterator[None]:
+    """Code that is not ours: whatever it does becomes a message, what it prints stays off standard output.
+
+    Args:
+        where: its file, for messages.
+        what: what fails, in words.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        InputError: it failed, or would have ended the process. Ctrl-C passes.
+    """
+    kept = torch.get_default_dtype()
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    except (InputError, KeyboardInterrupt):
+        raise
+    except SystemExit as end:
+        fix = "take the call of sys.exit out"
+        raise InputError(f"{what}: it ends the program (exit {shown(end.code)})", where=where, fix=fix) from None
+    except BaseException as error:
+        place = _line_of(error, where)
+        why = f"{what}: {type(error).__name__}: {shown(str(error), 200)}"
+        raise InputError(why, where=f"{where}{place}", fix="mend the file") from error
+    finally:
+        torch.set_default_dtype(kept)
+
+
+def _line_of(error: BaseException, where: str) -> str:
+    """` line 12`, the last line of the file that the error went through."""
+    trace, line = error.__traceback__, 0
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == where:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return f" line {line}" if line else ""
+
+
+def _check_words(cls: type[Effect], where: str) -> None:
+    """Name, stage, mechanisms, needs and parameters are what an effect's are."""
+    at = f"{where} class {shown(cls.__name__)}"
+
+    def refuse(what: str, fix: str) -> None:
+        raise InputError(what, where=at, fix=fix)
+
+    if not isinstance(cls.name, str) or not NAME.fullmatch(cls.name):
+        if not cls.name:
+            refuse("has no name", 'write name = "my-effect" in it')
+        refuse(f"name {shown(cls.name)} is no name for an effect", 'write name = "my-effect", at most 60 letters')
+    if cls.stage not in STAGES:
+        refuse(f"stage '{shown(cls.stage)}' of {cls.name} is not known", f"use one of {', '.join(STAGES)}")
+    for key, allowed in (("mechanisms", KINDS), ("requires", tuple(_contexts()))):
+        values = getattr(cls, key)
+        if not isinstance(values, tuple | list) or any(value not in allowed for value in values):
+            refuse(f"{key} = {shown(values)} is not a tuple of these", f"use {key} = {allowed[:1]!r}, of {allowed}")
+    if not cls.mechanisms:
+        refuse("mechanisms is empty: it fits no machine", f"name one of {', '.join(KINDS)}")
+    if not isinstance(cls.parameters, tuple | list) or not all(isinstance(p, Parameter) for p in cls.parameters):
+        refuse("parameters is not a tuple of Parameter(...)", "see the file that `ptt effects new NAME` writes")
+    for parameter in cls.parameters:
+        broken = _broken(parameter)
+        if broken:
+            refuse(f"parameter {shown(parameter.stem)}: {broken}", "mend it")
+    stems = [parameter.stem for parameter in cls.parameters]
+    if len(set(stems)) < len(stems):
+        refuse("two parameters have one name", "give each its own")
+    roles = [parameter.role == "linear" for parameter in cls.parameters]
+    if not any(roles) or roles != sorted(roles, reverse=True):
+        refuse(f"parameters of {cls.name} need a linear one, and the linear ones first", "reorder them")
+
+
+def _contexts() -> tuple[str, ...]:
+    from ptt.effects.contract import CONTEXTS
+
+    return CONTEXTS
+
+
+def _broken(parameter: Parameter) -> str:
+    """What of a parameter is not of the form, '' where all is."""
+    texts = (parameter.stem, parameter.unit, parameter.meaning)
+    if not all(isinstance(text, str) for text in texts) or not STEM.fullmatch(parameter.stem):
+        return "its name is letters, digits and _, its unit and meaning are texts"
+    if isinstance(parameter.count, bool) or not isinstance(parameter.count, int) or not 1 <= parameter.count <= MOST:
+        return f"count = {shown(parameter.count)}, not a whole number from 1 to {MOST}"
+    if parameter.role not in ROLES:
+        return f"role {shown(parameter.role)}, none of {', '.join(ROLES)}"
+    sizes = (parameter.usual, parameter.lower, parameter.upper)
+    if any(isinstance(size, bool) or not isinstance(size, int | float) for size in sizes):
+        return "its usual size and bounds are numbers"
+    if not 1e-100 < parameter.usual < 1e100:
+        return f"usual size {parameter.usual:g}, not a positive one"
+    return "" if parameter.lower < parameter.upper else f"bounds {parameter.lower:g} and {parameter.upper:g}"
+
+
+def _guard_methods(cls: type[Effect], where: str) -> None:
+    """Every method of the class that the fit calls says whose code failed, and where."""
+    for name in ("needs", "search", "refine", "renew", "basis", "shift", "say", "cause"):
+        own = cls.__dict__.get(name)
+        if own is not None and not callable(own):
+            raise InputError(f"{name} of {cls.name} is no function", where=where, fix=f"write def {name}(self, ...)")
+        if own is not None:
+            setattr(cls, name, _guarded(own, f"{name} of {cls.name} fails", where))
+
+
+def _guarded(method: Callable[..., Any], what: str, where: str) -> Callable[..., Any]:
+    @functools.wraps(method)
+    def call(*args: Any, **named: Any) -> Any:
+        with foreign(where, what):
+            return method(*args, **named)
+
+    return call
+
+
+def _without(what: str, where: str) -> Callable[..., Any]:
+    def basis(*_: Any) -> Any:
+        raise InputError(what, where=where, fix="write def basis(self, view, shape) in it")
+
+    return basis
+
+
+def try_basis(cls: type[Effect], where: str) -> None:
+    """Call an effect's basis once over a sample run of every mechanism that it says it fits.
+
+    Args:
+        cls: the effect.
+        where: its file, for messages.
+
+    Raises:
+        InputError: it fails, or gives another shape or precision than it should, or numbers that are not finite.
+    """
+    if cls.basis is Effect.basis:
+        if cls.shift is Effect.shift:
+            cls.basis = _without(f"{cls.name} has no basis", where)  # type: ignore[method-assign]  # it may be looked at, not used
+        return  # else a shift of its own, which is not linear
+    for kind in cls.mechanisms:
+        view, effect = sample_view(kind), cls()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            trials = effect.search(view)
+            try:
+                shape = trials[0]
+            except (TypeError, IndexError, KeyError):
+                raise InputError(
+                    f"search of {cls.name} offers no trial", where=where, fix="return at least one"
+                ) from None
+            basis = effect.basis(view, shape)
+        out = {"drive": view.joints, "geometry": len(view.mechanism.slots)}.get(cls.stage, 3)
+        wanted = (view.rows, out, linear_size(effect, view.joints))
+        if not isinstance(basis, torch.Tensor):
+            fix = f"return a float64 tensor of shape {wanted}"
+            raise InputError(f"basis of {cls.name} is {shown(type(basis).__name__)}, no tensor", where=where, fix=fix)
+        if tuple(basis.shape) != wanted or basis.dtype != torch.float64:
+            found = f"{str(basis.dtype).removeprefix('torch.')} of shape {tuple(basis.shape)}"
+            what = f"basis of {cls.name} is {found} on a sample {kind}, not float64 of shape {wanted}"
+            raise InputError(what, where=where, fix="(rows, outputs of its stage, linear values)")
+        largest = float(basis.abs().max()) if basis.numel() else 0.0
+        if not largest < 1e100:
+            what = f"basis of {cls.name} holds {largest:g} on a sample {kind}"
+            raise InputError(what, where=where, fix="keep it finite for every pose")
