@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Json
+from ptt.commands.common import Json, show
 
 if TYPE_CHECKING:
     from ptt.run.backlash.measure import BacklashResult
@@ -37,12 +37,7 @@ def backlash(
     lead = _lead_of(model) if lead_mm is None and model is not None else lead_mm
     resolution = None if resolution_um is None else 1e-3 * resolution_um
     result = measure_backlash(read_scale_log(scale, lead, turns, resolution))
-    if json:
-        from json import dumps
-
-        typer.echo(dumps(result.to_dict(), allow_nan=False))
-    else:
-        typer.echo(_text(result))
+    show(result.to_dict(), _text(result), json)
 
 
 def _lead_of(model: Path) -> float | None:

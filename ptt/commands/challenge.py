@@ -63,7 +63,7 @@ def new(
 def reveal(
     folder: Folder,
     model: ModelPath,
-    rig: Annotated[Path | None, typer.Option("--rig", metavar="RIG.toml", help="Write the opened rig.")] = None,
+    rig_out: Annotated[Path | None, typer.Option("--rig", metavar="RIG.toml", help="Write the opened rig.")] = None,
     effects: Effects = None,
     json: Json = False,
 ) -> None:
@@ -74,7 +74,7 @@ def reveal(
     from ptt.rig import format_rig
 
     result = open_seal(load(model, effects=effects or ()), folder)
-    if rig is not None:
-        write_text(rig, format_rig(result.sealed.drawn.rig))
-        note(f"opened rig in {rig}")
+    if rig_out is not None:
+        write_text(rig_out, format_rig(result.sealed.drawn.rig))
+        note(f"opened rig in {rig_out}")
     show(result.to_dict(), str(result), json)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ptt.commands.common import Also, Effects, Json, Map, Reading, Set, Targets, open_library, parse_settings
+from ptt.commands.common import Also, Effects, Json, Map, Reading, Set, Targets, open_library, parse_settings, show
 
 if TYPE_CHECKING:
     from ptt.judge.iso.figures import IsoPoses
@@ -41,12 +41,7 @@ def iso(
         reading = {"also": also or (), "targets": targets, "set_values": parse_settings(set_ or []), "mapping": map_}
         table, per_run = _run_table(run, model, reading)
         result = iso_of_poses(table, per_run, not any_direction)
-    if json:
-        from json import dumps
-
-        typer.echo(dumps(result.to_dict(), allow_nan=False))
-    else:
-        typer.echo(_text(result.to_dict()))
+    show(result.to_dict(), _text(result.to_dict()), json)
 
 
 def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple[Table, bool]":

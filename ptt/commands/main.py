@@ -6,15 +6,18 @@ import importlib.util
 import os
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
-from ptt.commands.output import tell_notes
-from ptt.errors import InputError, PttError
+from ptt.commands.output import say_aside, show, tell_notes
+from ptt.commands.outputs import checked
+from ptt.errors import InputError, PttError, shown
+from ptt.files import FULL
 
 VERBS = (
     "check", "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso",
@@ -24,6 +27,7 @@ UNLISTED = ("train",)  # train.py has a program of its own; `run` and `ptt train
 PROGRAM = "ptt"
 INTERRUPTED = 130  # as shells say it of a program that was ended by Ctrl-C
 THREADS, ONE = "OMP_NUM_THREADS", "1"  # arrays are small: on shared cores threads wait for each other up to fifty times
+MESSAGE = 580  # characters of the one line that an error is
 HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
 
 
@@ -46,6 +50,15 @@ class Verbs(TyperGroup):
             raise InputError(f"no command '{args[0]}'", fix=fix)
         return super().resolve_command(ctx, args)
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words; `--version`, with `--json` where wanted, is all there is to say."""
+        if "--version" in args and set(args) <= {"--version", "--json"}:
+            from ptt.commands.version import text_of, versions
+
+            show(versions(), text_of(versions()), "--json" in args)
+            ctx.exit()
+        return super().parse_args(ctx, args)
+
     def main(
         self,
         args: Sequence[str] | None = None,
@@ -60,7 +73,7 @@ class Verbs(TyperGroup):
         def run() -> Any:
             return TyperGroup.main(self, args, prog_name, complete_var, False, windows_expand_args, **extra)
 
-        return sys.exit(guard(run)) if standalone_mode else run()
+        return _end(guard(run)) if standalone_mode else run()
 
 
 app = typer.Typer(
@@ -69,7 +82,9 @@ app = typer.Typer(
 
 
 @app.callback()
-def _root() -> None:
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Versions of what matters; --json for a program.")] = False,
+) -> None:
     pass
 
 
@@ -104,7 +119,7 @@ def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
     """
     os.environ.setdefault(THREADS, ONE)
     command = _build(verb)
-    sys.exit(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
+    _end(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
 
 
 def guard(action: Callable[[], Any]) -> int:
@@ -117,11 +132,14 @@ def guard(action: Callable[[], Any]) -> int:
         The exit code: 0 done, 2 bad input, 3 data or poses that cannot work, 130 interrupted, 1 anything else.
     """
     try:
-        code = action()
+        with _quiet():
+            code = action()
     except PttError as error:
         return _fail(str(error), error.exit_code)
     except OSError as error:
-        return _fail(f"{error.filename or 'file'}: {error.strerror or error}", 2)
+        return _fail(f"{error.filename or 'file'}: {error.strerror or error}", 1 if error.errno in FULL else 2)
+    except MemoryError:
+        return _fail("not enough memory; cut the run into parts, or see `ptt diagnose --help` for --chunk-rows", 1)
     except (typer.Abort, KeyboardInterrupt):
         return _fail("interrupted", INTERRUPTED)
     except SystemExit as end:
@@ -161,9 +179,11 @@ def _one_thread() -> Iterator[None]:
 def _build(verb: str) -> Any:
     module = importlib.import_module(f"ptt.commands.{verb}")
     if hasattr(module, "app"):
+        for each in module.app.registered_commands:
+            each.callback = checked(each.callback)
         return typer.main.get_command(module.app)
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.command(verb)(getattr(module, verb))
+    alone.command(verb)(checked(getattr(module, verb)))
     return typer.main.get_command(alone)
 
 
@@ -175,8 +195,30 @@ def _usage(error: Any) -> str:
 
 def _fail(message: str, code: int) -> int:
     tell_notes(keep=False)
-    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    say_aside(f"error: {shown(' '.join(message.split()), MESSAGE)}")
     return code
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """No warning of a library reaches the user, who can do nothing about it; whoever asked for them has them."""
+    with warnings.catch_warnings():
+        if not sys.warnoptions and not any(action == "error" and not text for action, text, *_ in warnings.filters):
+            warnings.simplefilter("ignore")
+        yield
+
+
+def _end(code: int) -> NoReturn:
+    """End the process with a code that the interpreter's own flushing of a closed output cannot change."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None:
+                stream.flush()
+        except (OSError, ValueError):
+            code = code or 1
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,13 @@
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import typer
 
 from ptt.door.result import plain
+from ptt.errors import HostError
 
 Progress = Callable[[str, int, int], None]
 _waiting: list[str] = []
@@ -26,7 +27,36 @@ def show(data: Mapping[str, Any], text: str, json: bool) -> None:
 
         text = dumps(plain(data), allow_nan=False)
     tell_notes()
-    typer.echo(text)
+    say(text)
+
+
+def say(text: str) -> None:
+    """Print on standard output, or say that it cannot be.
+
+    Args:
+        text: a result.
+
+    Raises:
+        HostError: standard output is closed or full; silence would look like success.
+    """
+    if sys.stdout is None:
+        raise HostError("standard output is closed: the result could not be printed")
+    try:
+        typer.echo(text)
+        sys.stdout.flush()
+    except UnicodeEncodeError:  # a terminal without our letters, or half a character in a name
+        typer.echo(text.encode("ascii", "backslashreplace").decode())
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise HostError(f"standard output cannot be written ({why}): the result is not whole there") from None
+
+
+def say_aside(text: str) -> None:
+    """Print on standard error where anybody listens there."""
+    with suppress(OSError, ValueError):
+        if sys.stderr is not None:
+            clean = text.encode("utf-8", "replace").decode()
+            typer.echo(clean, err=True)
 
 
 def note(text: str) -> None:
@@ -34,8 +64,8 @@ def note(text: str) -> None:
 
     A person sees it at once. Elsewhere it waits for the result, so that an error is the only line there is.
     """
-    if sys.stderr.isatty():
-        typer.echo(text, err=True)
+    if sys.stderr is not None and sys.stderr.isatty():
+        say_aside(text)
     else:
         _waiting.append(text)
 
@@ -43,7 +73,7 @@ def note(text: str) -> None:
 def tell_notes(keep: bool = True) -> None:
     """Print the notes that wait, or with `keep` false forget them."""
     for text in _waiting if keep else ():
-        typer.echo(text, err=True)
+        say_aside(text)
     _waiting.clear()
 
 

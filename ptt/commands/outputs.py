@@ -1,0 +1,146 @@
+"""Where a verb may write: never onto its inputs, never onto a file of another kind. One place for all verbs."""
+
+import functools
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ptt.errors import InputError
+from ptt.files import require_plain
+
+OUTPUTS = ("out", "out_run", "out_model", "truth", "plot", "plots", "drawing", "measure_next", "rig_out")
+WORDS = {
+    "": "empty",
+    "machine": "a machine file",
+    "rig": "a rig",
+    "table": "a table of targets or commands",
+    "page": "a page",
+    "picture": "a picture",
+    "python": "Python source",
+    "json": "JSON",
+    "other": "another file",
+}
+KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (  # by the end of an option's metavar: what may be replaced
+    ("RIG.toml", ("rig",)),
+    (".toml", ("machine",)),
+    ("RUN.csv", ("readings", "table")),
+    (".csv", ("table",)),
+    (".html", ("page",)),
+    ("HTML", ("page",)),
+    (".png", ("picture",)),
+    ("PNG", ("picture",)),
+    (".py", ("python",)),
+    ("FILE", ("table",)),
+)
+HEAD = 8192  # bytes of a file that tell its kind
+
+
+def checked(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """A verb that looks where it is to write before it does anything.
+
+    Args:
+        verb: a function whose paths are named by typer's annotations; those named in `OUTPUTS` are written.
+
+    Returns:
+        The same, with that check before it.
+    """
+    if getattr(verb, "outputs_checked", False):
+        return verb
+    metavars = dict(_metavars(verb))
+
+    @functools.wraps(verb)
+    def first(*args: Any, **values: Any) -> Any:
+        require_outputs(values, metavars)
+        return verb(*args, **values)
+
+    first.outputs_checked = True  # type: ignore[attr-defined]
+    return first
+
+
+def require_outputs(values: Mapping[str, Any], metavars: Mapping[str, str]) -> None:
+    """Refuse outputs that would cost something.
+
+    Args:
+        values: name of a verb's argument -> value.
+        metavars: name -> the word that stands for it in the help, which says its kind.
+
+    Raises:
+        InputError: an output is an input, lies within a folder that is one, is named twice, or is of another kind.
+    """
+    outputs = {name: values[name] for name in OUTPUTS if isinstance(values.get(name), Path)}
+    inputs = [path for name, value in values.items() if name not in outputs for path in _paths(value)]
+    for name, out in outputs.items():
+        for given in inputs:
+            _require_apart(out, given)
+        for other in (path for key, path in outputs.items() if key != name):
+            if os.path.realpath(out) == os.path.realpath(other):
+                raise InputError("is named for two outputs", where=str(out), fix="give each its own")
+        _require_kind(out, metavars.get(name, ""))
+
+
+def kind_of(path: Path) -> str:
+    """What a file is by what it begins with: a key of `WORDS`."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    text = head.replace(b"\0", b"").decode("utf-8", "replace")  # without the zeros, UTF-16 too shows its titles
+    if not text.strip("\ufeff \r\n\t"):
+        return ""
+    if head.startswith((b"\x89PNG", b"%PDF", b"\xff\xd8")) or text.lstrip().startswith("<svg"):
+        return "picture"
+    lower = text.lower().lstrip("\ufeff \r\n")
+    for kind, sign in (
+        ("page", r"<!doctype html|<html"),
+        ("readings", r"(.*\n){0,40}?.*\bx_meas"),
+        ("rig", r"(?s).*^\s*\[\[?(drive|conditions|geometry|thermal|structure|odd)\b"),
+        ("machine", r"(?s).*^\s*\[machine\]"),
+        ("table", r"(.*\n){0,40}?[^\n]*\b(x_cmd|b1|q1|b1_cmd|q1_cmd|q1_cmd_rad|x_true)\b.*[,;\t]"),
+        ("json", r"[\[{]"),
+        ("python", r'"""|\'\'\'|import |from |class |#!.*python'),
+    ):
+        if re.match(sign, lower, re.MULTILINE):
+            return kind
+    return "other"
+
+
+def _paths(value: Any) -> Iterator[Path]:
+    """Paths among the values of one argument that name something."""
+    for each in value if isinstance(value, list | tuple) else (value,):
+        if isinstance(each, Path) and os.path.lexists(each):
+            yield each
+
+
+def _require_apart(out: Path, given: Path) -> None:
+    """An output that is the input, whatever links or names lead there, or lies within a folder that is one."""
+    first, second = Path(os.path.realpath(out)), Path(os.path.realpath(given))
+    same = first == second or (first.exists() and second.exists() and first.samefile(second))
+    if same and not second.is_dir():
+        raise InputError(f"is the input {given}, which would be lost", where=str(out), fix="name another file")
+    if (second / "compensator.json").exists() and first.is_relative_to(second):
+        raise InputError(f"lies within the input {given}, which would be spoilt", where=str(out), fix="name another")
+    if first.is_dir() and second.parent == first and second.name == "model.toml":
+        raise InputError(f"holds the input {given}, which would be lost", where=str(out), fix="name another folder")
+
+
+def _require_kind(out: Path, metavar: str) -> None:
+    """A file that is there is replaced by one of its own kind only."""
+    expected = next((kinds for end, kinds in KINDS if metavar.endswith(end)), None)
+    target = Path(os.path.realpath(out))
+    if metavar == "DIR" and target.exists() and not target.is_dir():
+        raise InputError("is a file, not a folder", where=str(out), fix="name another folder")
+    if expected is None:
+        return
+    require_plain(target, out)
+    found = kind_of(target) if target.exists() else ""
+    if found and found not in expected:
+        what = "holds readings" if found == "readings" else f"is {WORDS[found]}, which would be lost"
+        raise InputError(f"{what}; nothing was written", where=str(out), fix="name another file")
+
+
+def _metavars(verb: Callable[..., Any]) -> Iterator[tuple[str, str]]:
+    """Arguments of a verb with the word that typer shows for them."""
+    for name, hint in verb.__annotations__.items():
+        for extra in getattr(hint, "__metadata__", ()):
+            if getattr(extra, "metavar", None):
+                yield name, extra.metavar
