@@ -1,0 +1,382 @@
+"""Thousands of damaged inputs through the commands: what ends otherwise than with a result or with one clear line?
+
+    python benchmarks/fuzz.py --cases 1000 --seed 1 [--out classes.json] [--only 137,204]
+
+Every case is a fork of this process, so that torch is loaded once; what a case does to its process dies with it.
+
+Classes:
+    ok        a result, exit 0; or exit 3 with one clear line, or with rows that have their status
+    refused   exit 2 (or 3) with one clear line, and nothing written
+    internal  'unexpected ...', a traceback, another exit code, a crash
+    wrong     silently: what the format forbids was accepted, or the same input written otherwise gave another result
+    broken    an input or another file was changed, a part of an output was left, or we cannot read our own output
+    unclear   refused, but in several lines, in one beyond 600 characters, with a control character, or without a word
+    leak      a warning of numpy, pandas or torch, or a print, reached the user
+    hang      still at work after the limit
+"""
+
+import argparse
+import contextlib
+import hashlib
+import json
+import os
+import random
+import re
+import resource
+import shutil
+import signal
+import stat
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from fuzz_inputs import COMMANDS, make_inputs
+from fuzz_mutations import Mutation, mutate_file
+from fuzz_words import mutate_words
+
+BAD = ("internal", "wrong", "broken", "unclear", "leak", "hang")
+LIMIT_S = 40.0  # processor seconds; the slowest sound case takes 6
+MEMORY = 6 * 1024**3
+LINE = 600  # characters of a message
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One case: what was done, how it ended, and why that is a defect, if it is one."""
+
+    case: int
+    words: str
+    mutation: str
+    verdict: str
+    code: int
+    kind: str
+    why: str
+    error: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a process ended: exit code, what it printed, and its processor seconds."""
+
+    code: int
+    out: str
+    err: str
+    seconds: float
+
+
+def load_commands() -> None:
+    """Import what the verbs import, once, before any case is forked."""
+    import importlib
+    import pkgutil
+
+    import ptt.commands
+
+    for name in ("torch", "pandas", "scipy.optimize", "scipy.linalg", "nets"):
+        importlib.import_module(name)
+    for package in (
+        "correct",
+        "diagnosis",
+        "judge",
+        "run",
+        "fitting",
+        "dependence",
+        "plan",
+        "rig",
+        "setup",
+        "effects",
+        "model",
+    ):
+        root = importlib.import_module(f"ptt.{package}")
+        for each in pkgutil.walk_packages(root.__path__, f"ptt.{package}."):
+            importlib.import_module(each.name)
+    for each in pkgutil.iter_modules(ptt.commands.__path__, "ptt.commands."):
+        importlib.import_module(each.name)
+
+
+def run_words(words: list[str]) -> int:
+    """One verb in this process, as the program runs it."""
+    from ptt.commands import main
+
+    if hasattr(main, "run"):
+        return main.run(words)
+    if words[0] == "train":
+        command = main._build("train")
+        return main.guard(lambda: command.main(args=words[1:], standalone_mode=False))
+    return main.guard(lambda: main.typer.main.get_command(main.app).main(args=words, standalone_mode=False))
+
+
+def fork_words(words: list[str], place: Path, logs: Path) -> Ended:
+    """Run one verb in a fork, within its limits.
+
+    Args:
+        words: the command line.
+        place: its working folder.
+        logs: folder for what it prints.
+
+    Returns:
+        How it ended; code -1 where it was stopped at the limit.
+    """
+    sys.stdout.flush()
+    child = os.fork()
+    if child == 0:
+        _be_the_case(words, place, logs)
+    deadline, status = time.monotonic() + 6.0 * LIMIT_S, None
+    while status is None:
+        done, code, usage = os.wait4(child, os.WNOHANG)
+        if done:
+            status = os.waitstatus_to_exitcode(code)
+        elif time.monotonic() > deadline:
+            os.kill(child, signal.SIGKILL)
+            _, code, usage = os.wait4(child, 0)
+            status = -1
+        else:
+            time.sleep(0.003)
+    status = -1 if status in (-signal.SIGXCPU, -signal.SIGKILL) else status
+    texts = [(logs / name).read_text(errors="replace") for name in ("out", "err")]
+    return Ended(status, *texts, usage.ru_utime + usage.ru_stime)
+
+
+def _be_the_case(words: list[str], place: Path, logs: Path) -> None:
+    code = 70
+    try:
+        os.setsid()
+        os.chdir(place)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(LIMIT_S), int(LIMIT_S) + 2))
+        # No device of the machine is within reach: an administrator's rename would put an end to it.
+        for number, name in ((0, str(logs / "in")), (1, str(logs / "out")), (2, str(logs / "err"))):
+            handle = os.open(name, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
+            os.dup2(handle, number)
+        sys.stdin = open(0)  # noqa: SIM115
+        sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
+        code = run_words(words)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(Exception):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code if isinstance(code, int) and 0 <= code < 256 else 71)
+
+
+class Fuzzer:
+    """Sound inputs in a folder, and the results that they give, for comparison."""
+
+    def __init__(self, root: Path) -> None:
+        """Make the inputs in `root`."""
+        self.base, self.place, self.logs = root / "base", root / "place", root / "logs"
+        for each in (self.base, self.logs):
+            each.mkdir(parents=True)
+        make_inputs(self.base)
+        self._known: dict[str, str] = {}
+
+    def _fresh(self) -> None:
+        shutil.rmtree(self.place, ignore_errors=True)
+        shutil.copytree(self.base, self.place)
+
+    def sound(self, words: list[str]) -> str:
+        """What a command line prints on sound inputs."""
+        key = " ".join(words)
+        if key not in self._known:
+            with tempfile.TemporaryDirectory(dir=self.logs) as folder:
+                place = Path(folder) / "sound"
+                shutil.copytree(self.base, place)
+                ended = fork_words(words, place, self.logs)
+            if ended.code:
+                raise RuntimeError(f"{key} fails on sound inputs: {ended.err}")
+            self._known[key] = ended.out
+        return self._known[key]
+
+    def case(self, number: int, seed: int) -> Outcome:
+        """Draw, run and judge one case.
+
+        Args:
+            number: of the case.
+            seed: of the sweep; both together draw the case.
+
+        Returns:
+            The outcome.
+        """
+        rng = random.Random(f"{seed}/{number}")
+        words, inputs, out, _ = rng.choices(COMMANDS, [weight for *_, weight in COMMANDS])[0]
+        self._fresh()
+        if rng.random() < 0.2:
+            words, mutation = mutate_words(words, self.place, rng)
+        else:
+            mutation = mutate_file(self.place / rng.choice(inputs), rng)
+        expected = self.sound(words) if mutation.verdict == "same" else None
+        before = _digests(self.place)
+        ended = fork_words(words, self.place, self.logs)
+        kind, why = judge(ended, mutation, words, out, before, self.place, expected)
+        error = ended.err.strip()[-700:]
+        return Outcome(number, " ".join(words)[:300], mutation.words, mutation.verdict, ended.code, kind, why, error,
+                       round(ended.seconds, 2))  # fmt: skip
+
+
+def _digests(place: Path) -> dict[str, str]:
+    """Every plain file below a folder with its SHA-256; links by what they point to."""
+    found = {}
+    for each in sorted(place.rglob("*")):
+        name = str(each.relative_to(place))
+        if each.is_symlink():
+            found[name] = f"-> {os.readlink(each)}"
+        elif each.is_file():
+            found[name] = hashlib.sha256(each.read_bytes()).hexdigest()
+        elif not each.is_dir():
+            found[name] = f"kind {stat.S_IFMT(each.lstat().st_mode):o}"
+    return found
+
+
+def judge(
+    ended: Ended,
+    mutation: Mutation,
+    words: list[str],
+    out: str,
+    before: dict[str, str],
+    place: Path,
+    expected: str | None,
+) -> tuple[str, str]:
+    """Class of an ended case, and why.
+
+    Args:
+        ended: how it ended.
+        mutation: what was done to the inputs.
+        words: the command line.
+        out: name of the output that the sound command line writes.
+        before: digests of all files before.
+        place: its folder.
+        expected: what the sound inputs print, where the same must be printed.
+
+    Returns:
+        One of the classes, and words.
+    """
+    after = _digests(place)
+    if ended.code == -1:
+        return "hang", f"{ended.seconds:.0f} s"
+    if re.search("error: unexpected [A-Z]|Traceback \\(most recent", ended.err) or ended.code not in (0, 1, 2, 3):
+        return "internal", ended.err.strip().splitlines()[-1][-300:] if ended.err.strip() else f"exit {ended.code}"
+    touched = [name for name in before if after.get(name) != before[name]]
+    if touched:
+        return "broken", f"{touched[0]} was changed (exit {ended.code})"
+    new = [name for name in after if name not in before]
+    stray = [name for name in new if Path(name).name.startswith(".")]
+    if stray:
+        return "broken", f"{stray[0]} was left"
+    if any(sign in ended.err for sign in ("Warning:", "warnings.warn")):
+        return "leak", ended.err[:300]
+    if ended.code == 0:
+        return _judge_done(ended, mutation, words, out, new, place, expected)
+    if ended.code == 1:
+        return "internal", "exit 1: " + ended.err.strip()[-300:]
+    if ended.code == 3 and words[0] == "predict" and out in new and not ended.err.startswith("error:"):
+        return "ok", ""
+    return _judge_refused(ended, new, words)
+
+
+def _judge_refused(ended: Ended, new: list[str], words: list[str]) -> tuple[str, str]:
+    lines = ended.err.strip().splitlines()
+    if len(lines) != 1 or not lines[0].startswith("error: "):
+        return "unclear", f"{len(lines)} lines: {ended.err[:200]!r}"
+    if len(lines[0]) > LINE:
+        return "unclear", f"{len(lines[0])} characters: {lines[0][:200]}"
+    if not lines[0].isprintable():
+        return "unclear", f"control characters: {lines[0][:200]!r}"
+    if ended.out.strip() and words[:2] != ["effects", "check"]:
+        return "unclear", f"refused, yet printed {ended.out[:100]!r}"
+    if new and words[:2] != ["effects", "check"]:
+        return "broken", f"refused, yet wrote {new[0]}"
+    return "refused", ""
+
+
+def _judge_done(
+    ended: Ended, mutation: Mutation, words: list[str], out: str, new: list[str], place: Path, expected: str | None
+) -> tuple[str, str]:
+    if mutation.verdict == "refuse":
+        return "wrong", "accepted"
+    if words[-1] == "--json" and "--help" not in words and not words[-2].startswith("-"):
+        try:
+            json.loads(ended.out, parse_constant=lambda text: (_ for _ in ()).throw(ValueError(text)))
+        except ValueError as error:
+            return "broken", f"standard output is no JSON: {error}: {ended.out[:100]!r}"
+    if expected is not None and ended.out != expected:
+        return "wrong", "another result for the same input written otherwise"
+    if out and out in words and not any(name == out or name.startswith(f"{out}/") for name in new):
+        return "broken", f"exit 0 without {out}"
+    return _judge_outputs([place / name for name in new])
+
+
+def _judge_outputs(paths: list[Path]) -> tuple[str, str]:
+    """Whether we can read our own outputs."""
+    import pandas as pd
+
+    from ptt.errors import PttError
+    from ptt.machine import load_machine
+
+    for path in paths:
+        try:
+            if path.suffix == ".toml" and "columns" not in path.read_text():
+                load_machine(path)
+            elif path.suffix == ".csv":
+                pd.read_csv(path)
+            elif path.suffix == ".json":
+                json.loads(path.read_text())
+        except (PttError, ValueError, RecursionError) as error:
+            return "broken", f"{path.name}: {str(error)[:200]}"
+    return "ok", ""
+
+
+def sweep(root: Path, cases: list[int], seed: int, tell: bool = True) -> list[Outcome]:
+    """Run cases one after the other.
+
+    Args:
+        root: an empty folder to work in.
+        cases: their numbers.
+        seed: of the sweep.
+        tell: whether defects are printed as they are found.
+
+    Returns:
+        One outcome each.
+    """
+    load_commands()
+    fuzzer, outcomes = Fuzzer(root), []
+    for number in cases:
+        outcome = fuzzer.case(number, seed)
+        outcomes.append(outcome)
+        if tell and outcome.kind in BAD:
+            print(
+                f"{number} {outcome.kind}: {outcome.words[:110]} | {outcome.mutation[:90]} | {outcome.why[:220]}",
+                flush=True,
+            )
+    return outcomes
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", type=int, default=1000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    cases = [int(word) for word in given.only.split(",") if word] or list(range(given.first, given.first + given.cases))
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.monotonic()
+        outcomes = sweep(Path(folder) / "fuzz", cases, given.seed)
+    counts = Counter(outcome.kind for outcome in outcomes)
+    print({kind: counts.get(kind, 0) for kind in ("ok", "refused", *BAD)}, f"{time.monotonic() - started:.0f} s")
+    if given.out:
+        given.out.write_text(json.dumps([asdict(outcome) for outcome in outcomes], indent=1))
+    if given.only:
+        for outcome in outcomes:
+            print(json.dumps(asdict(outcome), indent=1, ensure_ascii=False))
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    main()
