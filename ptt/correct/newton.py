@@ -6,12 +6,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.effects.reversal import Backlash
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts, predict
+from ptt.run.travel import arrival_direction
 from ptt.run.view import View
 
 ROUNDS = 12
-SETTLED = 1e-7  # mm: a tool this near its goal ends the iteration
+SETTLED = 1e-10  # mm: a tool this near its goal ends the iteration; exports agree with commands to ten times that
 MISSED = 1e-4  # mm: a tool this far from its goal after all rounds cannot get there
 HALVINGS = 6  # of a step that would take the links apart
 
@@ -62,7 +64,8 @@ def invert(
         best, least = torch.where(better, q, best), torch.where(better, step, least)
         if float(least[rows].abs().max()) < SETTLED:
             break
-        q = _assembled(mechanism, best, q + least_move(view.jacobian, step), q)[hold]
+        wanted = _ahead(terms, view, q + least_move(view.jacobian, step), hold)
+        q = _assembled(mechanism, best, wanted, q)[hold]
     return best[hold], least
 
 
@@ -82,6 +85,27 @@ def least_move(jacobian: Tensor, step: Tensor) -> Tensor:
     if jacobian.shape[-1] > step.shape[-1]:
         return (across @ torch.linalg.solve_ex(jacobian @ across, step[..., None])[0])[..., 0]
     return torch.linalg.solve_ex(across @ jacobian, across @ step[..., None])[0][..., 0]
+
+
+def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor) -> Tensor:
+    """Commands for a wanted move with every gap taken up, so that a joint inside its play does not stay there.
+
+    Args:
+        terms: effects with their parameters.
+        view: the travel as it was.
+        wanted: commands whose play would be that of the view, (n, k).
+        hold: which row's command holds at each row, (n,).
+
+    Returns:
+        Commands half a gap ahead of where the nuts have to be, (n, k).
+    """
+    gaps = [(effect, theta) for effect, theta in terms if isinstance(effect, Backlash)]
+    if not gaps:
+        return wanted
+    nut = (wanted + sum((effect.shift(theta, view) for effect, theta in gaps), torch.zeros_like(wanted)))[hold]
+    turning = (nut + (view.turning - view.q)).numpy()
+    direction = torch.as_tensor(arrival_direction(nut.numpy(), turning, view.starts.numpy()))
+    return nut + 0.5 * sum(theta for _, theta in gaps) * direction
 
 
 def _size(step: Tensor) -> Tensor:

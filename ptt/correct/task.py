@@ -92,7 +92,7 @@ def settle(task: Task) -> tuple[Solved, np.ndarray, np.ndarray]:
         sent = sent_rows(status)
         if not sent.any():
             break
-        solved = _solve(task, solved.q, sent)
+        solved = _solve(task, task.start, sent)  # whatever came before: an arm's posture follows its start
         status = np.where(sent, _after(task, solved), status)
         shift = np.where(solved.reached, task.shift(solved.height).numpy(), shift)
         if (sent_rows(status) == sent).all():

@@ -59,6 +59,22 @@ def smooth_shapes(position: Tensor) -> Tensor:
     return ((cubic * offset + square) * offset + linear) * offset + constant
 
 
+def curve_pieces(smooth: np.ndarray, straight: np.ndarray) -> np.ndarray:
+    """A curve of the smooth and straight shapes as one cubic a piece.
+
+    Args:
+        smooth: (SHAPES,) coefficients.
+        straight: (2,) slope and level.
+
+    Returns:
+        (KNOTS - 1, 4): coefficients of the cube, the square, the offset from the piece's lower end, and one.
+    """
+    pieces = np.asarray(_modes().c @ smooth).T.copy()
+    pieces[:, 2] += 2.0 * straight[0]
+    pieces[:, 3] += straight[0] * (2.0 * np.arange(KNOTS - 1) / (KNOTS - 1) - 1.0) + straight[1]
+    return pieces
+
+
 @lru_cache(maxsize=1)
 def from_coarse() -> tuple[np.ndarray, np.ndarray]:
     """What the shapes of older machine files are in the present ones.

@@ -119,7 +119,7 @@ def unevenness(mechanism: Mechanism, q: Tensor) -> Tensor:
         (n,), infinite at a singularity up to rounding, NaN where q is.
     """
     jacobian = mechanism.jacobian(q)
-    ways = _ways(mechanism) if isinstance(mechanism, Serial) else 3
+    ways = joint_ways(mechanism) if isinstance(mechanism, Serial) else 3
     if ways == 3:
         return condition_number(jacobian)
     values = singular_values(jacobian)
@@ -128,7 +128,7 @@ def unevenness(mechanism: Mechanism, q: Tensor) -> Tensor:
 
 
 @functools.lru_cache(maxsize=64)
-def _ways(arm: Serial) -> int:
+def joint_ways(arm: Serial) -> int:
     """Number of directions in which an arm can move its tool point, at the best of many poses."""
     values = singular_values(arm.jacobian(spread(arm, 256)))
     return max(int((values > FLAT * values[:, :1]).sum(dim=-1).max()), 1)

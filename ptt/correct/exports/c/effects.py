@@ -1,0 +1,228 @@
+"""Effects of a model as calls of fixed C functions, their parameters as tables."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+
+from ptt.correct.exports.c.numbers import table
+from ptt.correct.terms import split_terms
+from ptt.effects import Effect
+from ptt.effects.base import sizes
+from ptt.effects.joint_error_map import FAST, SLOW
+from ptt.effects.shapes import KNOTS, SHAPES, curve_pieces
+from ptt.machine import MachineFile
+from ptt.model.model import Model
+
+PIECES = KNOTS - 1
+AHEAD = (
+    "its shift follows the velocity, and `ptt predict` takes that from the rows on both sides; commands made one by "
+    "one do not know the rows ahead: give the lags to the controller's velocity feed-forward"
+)
+OWN = "an effect of your own: there is no C of it"
+SECOND = "one of its kind is in the code already, and the memories of two do not add up"
+STRAIGHT = "the arm's joints turn within straight moves, and where they do is found by `ptt predict` alone"
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A model's effects as C.
+
+    Attributes:
+        tables: parameters.
+        functions: the fixed functions that are called.
+        calls: stage -> lines that call them.
+        needs: what of the drawing they ask for: 'drawing', 'force'.
+        spline: whether curves are among them.
+        gap: (k,) play of each joint.
+        windup: (k,) height of each joint's wind-up, and its length; None without.
+        chain: (k, 5) errors of an arm's links; None without.
+        cannot: key -> why.
+    """
+
+    tables: str = ""
+    functions: str = ""
+    calls: dict[str, list[str]] | None = None
+    needs: frozenset[str] = frozenset()
+    gap: np.ndarray | None = None
+    windup: tuple[np.ndarray, float] | None = None
+    chain: np.ndarray | None = None
+    cannot: dict[str, str] | None = None
+
+    @property
+    def reverses(self) -> bool:
+        """Whether anything remembers the travel."""
+        return self.gap is not None or self.windup is not None
+
+
+@dataclass(frozen=True)
+class Fragment:
+    """One fixed function.
+
+    Attributes:
+        text: C.
+        needs: what of the drawing it asks for.
+        uses: other fragments.
+    """
+
+    text: str
+    needs: frozenset[str]
+    uses: tuple[str, ...]
+
+
+def kernel(name: str) -> str:
+    """The text of a file of fixed C."""
+    return files("ptt.correct.exports.c").joinpath("kernel", name).read_text(encoding="utf-8")
+
+
+@lru_cache(maxsize=4)
+def fragments(kind: str) -> dict[str, Fragment]:
+    """Fixed functions of the effects of a mechanism family, by effect.
+
+    Args:
+        kind: mechanism family.
+
+    Returns:
+        Name -> fragment.
+    """
+    found: dict[str, Fragment] = {}
+    for name in (
+        ("effects_three_ptt.c.in",) if kind == "three-ptt" else ("effects_three_ptt.c.in", "effects_serial.c.in")
+    ):
+        for head, body in re.findall(r"/\*: (.*?) \*/\n(.*?)(?=/\*: |\Z)", kernel(name), re.S):
+            words = head.split()
+            said = dict(word.split("=") for word in words[1:])
+            needs = frozenset(said["needs"].split(",")) if "needs" in said else frozenset[str]()
+            found[words[0]] = Fragment(body, needs, tuple(said.get("uses", "").split(",")) if "uses" in said else ())
+    found["spline"] = Fragment(kernel("spline.c.in").replace("@PIECES@", str(PIECES)), frozenset(), ())
+    return found
+
+
+def parts_of(model: Model) -> Parts:
+    """Turn the effects that commands put right into tables and calls.
+
+    Args:
+        model: effects with their parameters.
+
+    Returns:
+        The parts, and which effects are not among them.
+    """
+    steady, turning, _ = split_terms(model)
+    parts = Parts(calls={"drive": [], "geometry": [], "structure": []}, cannot={})
+    for index, (effect, theta) in enumerate(steady):
+        parts = _steady(parts, effect, theta.numpy(), model.file, index)
+    for effect, theta in turning:
+        parts = _turning(parts, effect, theta.numpy(), model.file)
+    return replace(parts, functions=_functions(parts, model.file.machine.kind))
+
+
+def _steady(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile, index: int) -> Parts:
+    kind, joints = file.machine.kind, 3 if file.machine.kind == "three-ptt" else len(file.machine.joint)
+    assert parts.calls is not None and parts.cannot is not None
+    if effect.name == "dh-offsets":
+        errors = theta.reshape(5, joints).T * _slots(file)
+        return replace(parts, chain=errors if parts.chain is None else parts.chain + errors)
+    name = "homing-offset" if effect.name == "homing-slip" else effect.name
+    fragment = fragments(kind).get(name)
+    if fragment is None or name.startswith("_"):
+        why = AHEAD if name == "following-error" else OWN
+        return replace(parts, cannot=parts.cannot | {effect.key: why})
+    arguments, text = _arguments(effect, theta, joints, f"ptt_t{index}")
+    out = "g" if effect.stage == "geometry" else "d"
+    parts.calls[effect.stage].append(
+        f"    {name.replace('-', '_')}({arguments}, s, {out}); /* {_plain(effect.key)} */\n"
+    )
+    needs = parts.needs | fragment.needs | {f"use {name}"}
+    return replace(parts, tables=parts.tables + text, needs=needs)
+
+
+def _arguments(effect: Effect, theta: np.ndarray, joints: int, name: str) -> tuple[str, str]:
+    """What a function is called with, and the tables of it."""
+    note = _plain(effect.key)
+    cut = np.split(theta, np.cumsum(sizes(effect, joints))[:-1])
+    if effect.name in ("screw-error-map", "guide-straightness"):
+        curves, (straight, low, high) = cut[:-3], cut[-3:]
+        lines = straight.reshape(joints, len(curves), 2)
+        pieces = [
+            curve_pieces(curve.reshape(joints, SHAPES)[leg], lines[leg, number])
+            for number, curve in enumerate(curves)
+            for leg in range(joints)
+        ]
+        ends = np.stack([low, high], axis=1)
+        return f"{name}, {name}_range", table(name, pieces, note=note) + table(f"{name}_range", ends)
+    if effect.name == "joint-error-map":
+        waves = np.stack(
+            [np.concatenate([part.reshape(joints, -1) for part in cut[start::2]], axis=1) for start in (0, 1)]
+        )
+        return name, table(name, np.moveaxis(waves, 0, -1), note=note)
+    return name, table(name, theta, note=note)
+
+
+def _turning(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile) -> Parts:
+    assert parts.cannot is not None
+    if file.machine.moves == "straight" and file.machine.kind == "serial":
+        return replace(parts, cannot=parts.cannot | {effect.key: STRAIGHT})
+    if effect.name == "backlash":
+        if parts.gap is None:
+            return replace(parts, gap=theta)
+        return replace(parts, cannot=parts.cannot | {effect.key: SECOND})
+    if effect.name == "windup":
+        if parts.windup is None:
+            return replace(parts, windup=(theta[:-1], float(theta[-1])))
+        return replace(parts, cannot=parts.cannot | {effect.key: SECOND})
+    return replace(parts, cannot=parts.cannot | {effect.key: OWN})
+
+
+def _slots(file: MachineFile) -> np.ndarray:
+    """Which errors of its links an arm has: the Hayati angle between parallel axes only, (k, 5)."""
+    from ptt.mechanisms import build_mechanism
+    from ptt.mechanisms.serial import Serial
+
+    arm = build_mechanism(file.machine)
+    assert isinstance(arm, Serial)
+    mask = np.ones((arm.joints, 5))
+    mask[:, 4] = arm.parallel_axes()
+    return mask
+
+
+def _functions(parts: Parts, kind: str) -> str:
+    """The functions that are called, what they use before them."""
+    known = fragments(kind)
+    wanted: list[str] = []
+
+    def take(name: str) -> None:
+        for used in known[name].uses:
+            take(used)
+        if name not in wanted:
+            wanted.append(name)
+
+    for need in sorted(parts.needs):
+        if need.startswith("use "):
+            take(need.removeprefix("use "))
+    text = "".join(known[name].text for name in wanted)
+    return text.replace("@PIECES@", str(PIECES)).replace("@HARMONICS@", str(SLOW + FAST))
+
+
+def _plain(text: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_[] ." else "?" for c in text)
+
+
+def stage_functions(calls: dict[str, list[str]], stages: Sequence[str]) -> str:
+    """The stages as functions.
+
+    Args:
+        calls: stage -> lines.
+        stages: which of them.
+
+    Returns:
+        C text.
+    """
+    text = ""
+    for stage in stages:
+        out = "g" if stage == "geometry" else "d"
+        lines: Sequence[str] = calls[stage] or ["    (void)s;\n", f"    (void){out};\n"]
+        text += f"static void ptt_{stage}(const ptt_seen *s, double *{out})\n{{\n{''.join(lines)}}}\n\n"
+    return text

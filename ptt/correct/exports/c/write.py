@@ -1,0 +1,160 @@
+"""Write a model as C99 source, with a test of its own."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from ptt.correct.commands import Commands
+from ptt.correct.compensate import compensate
+from ptt.correct.exports.c.effects import kernel
+from ptt.correct.exports.c.numbers import number, table
+from ptt.correct.exports.c.source import comment_of, source_of
+from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
+from ptt.correct.exports.whole import write_all
+from ptt.correct.terms import split_terms
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.model.chain import predict
+from ptt.run.backlash.reversal import travel_direction
+from ptt.run.table import Table, make_table, take_rows
+from ptt.run.target_frame import target_frames
+from ptt.run.view import build_view
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+CORNERS = 6  # places of the workspace that the self-test's path goes through
+BETWEEN = 12  # rows from one to the next
+WARM = 7.0  # K above the reference, and
+LOAD = 1.5  # kg on the tool, so that what follows them is tested too
+ROUNDS = 40  # each shortens what is left by how evenly the network corrects
+RADIANS = 1e-9  # of a joint to spare, whose values the tool does not tell; the tool itself is compared too
+
+
+def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+    """Write ptt_model.h, ptt_model.c and ptt_selftest.c.
+
+    Args:
+        compensator: physics, and a network where there is one.
+        out: folder; other files in it stay.
+        options: where the model came from, and at which loads errors are judged.
+
+    Returns:
+        What came of it.
+    """
+    ground = survey(compensator, options)
+    head = head_lines(compensator, options)
+    source = source_of(compensator, head)
+    cannot = source.parts.cannot or {}
+    holds, left_out = holdings(ground, cannot)
+    head += [f"holds {', '.join(holds) or 'the drawing alone'}"]
+    head += [f"cannot hold {item.effect}" for item in left_out]
+    held = _held(ground.compensator, cannot)
+    written = write_all(
+        {
+            out / "ptt_model.h": source.header,
+            out / "ptt_model.c": source.body,
+            out / "ptt_selftest.c": _selftest(compensator.model.file, held, ground, comment_of(head)),
+        }
+    )
+    q = ground.commands.q if not cannot else _solve(held, ground.table, ground.nominal).q
+    return Exported(written, holds, left_out, error_left(ground, q), _notes(compensator))
+
+
+def _held(compensator: "Compensator", cannot: dict[str, str]) -> "Compensator":
+    """The model with nothing but what the code holds."""
+    model = compensator.model
+    for key in cannot:
+        model = model.without(key)
+    return replace(compensator, model=model)
+
+
+def _solve(held: "Compensator", targets: Table, posture: np.ndarray) -> Commands:
+    correction, inside = network_parts(held, posture)
+    return compensate(held.model, targets, correction=correction, inside=inside)
+
+
+def _selftest(file: MachineFile, held: "Compensator", ground: Ground, head: str) -> str:
+    """A path through the workspace with reversals, its commands and where the model puts the tool.
+
+    Args:
+        file: the machine, with the frame that targets are stated in.
+        held: what the code holds, in the base frame.
+        ground: places of the workspace.
+        head: comment at the top.
+
+    Returns:
+        Text of the program.
+    """
+    path = _path(held, ground)
+    q = _solve(held, path, np.asarray(ground.nominal[: path.rows] if path.command is None else path.command)).q
+    (frame,) = target_frames(file, make_table(path.target))
+    arm = path.command is not None
+    tables = table("nominal", path.command) if arm else table("target", frame.as_stated(path.target))
+    tables += table("command", q) + table("direction", travel_direction(q)[0])
+    sent = q[::BETWEEN]
+    tables += table("sent", sent) + table("place", frame.as_stated(tool_place(held, sent, path)))
+    values = {
+        "ROWS": str(len(q)), "PLACES": str(len(sent)), "TABLES": tables, "UNIT": "rad" if arm else "mm",
+        "CONTEXT": f"{number(LOAD)}, {number(file.machine.reference_temp_c + WARM)}, 0.0, 0.0",
+        "TOLERANCE": number(RADIANS if arm else 1e-9), "ARM": str(int(arm)),
+        "CALL": "ptt_correct(nominal[i]" if arm else "ptt_command(target[i]",
+        "PATHS": str(int(not arm)),
+    }  # fmt: skip
+    text = kernel("selftest.c.in")
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    return head + text
+
+
+def _path(held: "Compensator", ground: Ground) -> Table:
+    """Rows from place to place, joint by joint in proportion; those that cannot be sent are left out."""
+    corners = ground.nominal[np.linspace(0, len(ground.nominal) - 1, CORNERS).round().astype(int)]
+    part = np.arange(BETWEEN)[:, None] / BETWEEN
+    joints = np.concatenate([begin + part * (end - begin) for begin, end in pairwise(corners)])
+    file = held.model.file
+    place = build_mechanism(file.machine).forward(torch.as_tensor(joints)).numpy()
+    arm = file.machine.kind == "serial"
+    context = {"payload_kg": LOAD, "temp_c": file.machine.reference_temp_c + WARM}
+    path = make_table(place, command=joints if arm else None, joint_prefix="q" if arm else "b", **context)
+    sent = _solve(held, path, joints).sent
+    return take_rows(path, np.flatnonzero(sent))
+
+
+def tool_place(held: "Compensator", q: np.ndarray, like: Table) -> np.ndarray:
+    """Where the model puts the tool, reversal left aside: p + step(p) is where physics puts it.
+
+    Args:
+        held: the model.
+        q: (n, k) mm or rad, commands.
+        like: payload and temperature of its first row are taken.
+
+    Returns:
+        (n, 3) mm in the base frame.
+    """
+    model = held.model
+    context = {key: float(getattr(like, key)[0]) for key in ("payload_kg", "temp_c") if getattr(like, key) is not None}
+    steady, _, _ = split_terms(model, "none")
+    there = predict(steady, build_view(model.file, make_table(None, q, joint_prefix=like.joint_prefix, **context))).p
+    physics = place = there.numpy()
+    posture = torch.as_tensor(q)
+    for _ in range(ROUNDS if held.network is not None else 0):
+        if held.space == "joints":
+            posture = build_mechanism(model.file.machine).inverse(torch.as_tensor(place), None, torch.as_tensor(q))
+        correction, _ = network_parts(held, posture.numpy())
+        assert correction is not None
+        place = physics - (correction(place) - place)
+    return np.asarray(place)
+
+
+def _notes(compensator: "Compensator") -> tuple[str, ...]:
+    inputs = compensator.network is not None and compensator.space == "joints"
+    return (
+        "cc -std=c99 -O2 ptt_model.c ptt_selftest.c -lm && ./a.out says whether a build gives the same numbers",
+    ) + (("the network is over joint values: ptt_correct takes the posture from the nominal ones",) if inputs else ())
