@@ -93,6 +93,12 @@ class WorkspaceError(InputError):
         super().__init__(what, where=where, fix=fix)
 
 
+class PosesError(PttError):
+    """Poses that cannot work, of which nothing was written."""
+
+    exit_code = 3
+
+
 class SetupError(PttError):
     """A set-up mistake that makes everything after it worthless.
 

@@ -1,0 +1,103 @@
+"""`ptt program`: a G-code program with corrected places."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ptt.commands.common import (
+    Effects,
+    Json,
+    ModelPath,
+    Reading,
+    Set,
+    note,
+    open_library,
+    open_model,
+    parse_settings,
+    refuse_readings,
+    show,
+)
+
+CONTEXT = ("payload_kg", "temp_c", "time_s")
+Triple = tuple[float, float, float]
+
+
+def program(
+    source: Annotated[Path, typer.Argument(metavar="IN.ngc", help="G-code: lines and arcs in X, Y, Z.")],
+    model: ModelPath,
+    out: Annotated[Path, typer.Option("--out", metavar="OUT.ngc", help="Corrected program to write.")],
+    chord_um: Annotated[
+        float,
+        typer.Option("--chord-um", min=0.01, help="How far the path as written may lie beside the corrected one."),
+    ] = 5.0,
+    offset: Annotated[
+        Triple | None, typer.Option("--offset", metavar="X Y Z", help="The program's zero in the base frame, mm.")
+    ] = None,
+    start: Annotated[
+        Triple | None, typer.Option("--start", metavar="X Y Z", help="Where the tool is before the first move, mm.")
+    ] = None,
+    limit_mm: Annotated[
+        float, typer.Option("--limit-mm", min=0.0, help="Largest correction that is sent, mm of tool.")
+    ] = 5.0,
+    set_: Set = None,
+    effects: Effects = None,
+    json: Json = False,
+) -> None:
+    """Correct a G-code program for a controller that runs Cartesian programs on nominal kinematics.
+
+    Lines and arcs are cut where the correction or the arc asks for it; words, comments, feed and modes stay. Where the
+    machine cannot run a line, nothing is written (exit code 3).
+    """
+    import numpy as np
+
+    from ptt.correct.program.program import correct_program
+    from ptt.files import read_text, write_text
+
+    _refuse_itself(source, out)
+    refuse_readings(out)
+    compensator = open_model(model, open_library(Reading(effects=effects, json=json)))
+    result = correct_program(
+        compensator,
+        read_text(source),
+        str(source),
+        chord_um=chord_um,
+        offset=None if offset is None else np.array(offset),
+        start=None if start is None else np.array(start),
+        limit=limit_mm,
+        context=_context(set_),
+    )
+    write_text(out, result.text)
+    for line in result.notes:
+        note(line)
+    data = {"program": str(source), "model": str(model), "out": str(out), **result.to_dict()}
+    show(data, _text(data), json)
+
+
+def _context(set_: list[str] | None) -> dict[str, float]:
+    from ptt.errors import InputError
+
+    values = parse_settings(set_ or ())
+    strange = [key for key in values if key not in CONTEXT]
+    if strange:
+        fix = f"it is one of {', '.join(CONTEXT)}; speeds are those of F"
+        raise InputError(f"'{strange[0]}' says nothing to a program", where="--set", fix=fix)
+    return {key: float(value) for key, value in values.items()}
+
+
+def _refuse_itself(source: Path, out: Path) -> None:
+    from ptt.errors import InputError
+
+    if out.exists() and source.exists() and out.resolve() == source.resolve():
+        raise InputError("is the program itself; nothing was written", where=str(out), fix="name another file")
+
+
+def _text(data: dict[str, Any]) -> str:
+    return "\n".join(
+        [
+            f"{data['out']}: {data['moves']} moves of {data['lines']} lines, written as {data['pieces']} pieces",
+            f"  largest static correction {data['largest_shift_um']:.1f} um; the path as written lies"
+            f" {data['deviation_um']:.2f} um beside the corrected one at most ({data['chord_um']:g} um allowed)",
+            f"  reversal: {data['reversal']}",
+        ]
+    )

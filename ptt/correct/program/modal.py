@@ -1,0 +1,253 @@
+"""What a program's words do, block by block: modal state in, moves out.
+
+Source: RS274/NGC 3.4 to 3.8 and LinuxCNC's G-code reference for the order in which a block's words act.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ptt.correct.program.moves import Arc, Move, find_arc
+from ptt.correct.program.words import EXPAND, Block, at_line
+from ptt.errors import InputError
+
+Array = np.ndarray
+
+AXES, CARRIED, ARC = "XYZ", "ABCUVWE", "IJKRP"
+MM = {200: 25.4, 210: 1.0}
+MOTIONS = (0, 10, 20, 30)
+SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
+HOME = (280, 300)
+OWN_AXES = (40, *HOME, 920)  # codes that use axis words for something else than a move to a place
+REFUSED = {
+    50: "a spline", 51: "a spline", 52: "a spline", 53: "a spline",
+    70: "diameters for X", 100: "a change of offsets", 160: "polar coordinates",
+    330: "a thread", 331: "a tapping cycle",
+    382: "a probing move", 383: "a probing move", 384: "a probing move", 385: "a probing move",
+    410: "cutter compensation", 411: "cutter compensation", 420: "cutter compensation", 421: "cutter compensation",
+    510: "scaling", 520: "a move of the origin", 680: "a turn of the coordinates", 730: "a canned cycle",
+    740: "a canned cycle", 760: "a threading cycle", 930: "inverse time feed", 950: "feed per turn of the spindle",
+    **{code: "a canned cycle" for code in range(810, 900, 10)},
+}  # fmt: skip
+CALLS = (970, 980, 990)  # M97, M98, M99
+NO_MOTION = -1
+
+
+@dataclass(frozen=True)
+class State:
+    """What lasts from block to block.
+
+    Attributes:
+        place: (3,) mm, where the program's tool is.
+        known: (3,) bool, axes whose place the program has stated.
+        motion: ten times the number of the G-code of moves; NO_MOTION where none is in force.
+        absolute: G90, else G91.
+        centre_absolute: G90.1, else G91.1.
+        unit: mm per unit.
+        plane: 17, 18 or 19.
+        feed: mm/s, NaN until stated.
+        system: work coordinate system, ten times its G-code.
+        carried: places of further axes.
+        extruder_relative: M83.
+    """
+
+    place: Array
+    known: Array = field(default_factory=lambda: np.zeros(3, dtype=bool))
+    motion: int = NO_MOTION
+    absolute: bool = True
+    centre_absolute: bool = False
+    unit: float = 1.0
+    plane: int = 17
+    feed: float = float("nan")
+    system: int = 540
+    carried: dict[str, float] = field(default_factory=dict)
+    extruder_relative: bool | None = None
+
+
+@dataclass(frozen=True)
+class Read:
+    """A program as moves.
+
+    Attributes:
+        blocks: its lines.
+        moves: in order.
+        states: in force after each block.
+        notes: what a user should know.
+    """
+
+    blocks: list[Block]
+    moves: list[Move]
+    states: list[State]
+    notes: list[str]
+
+
+def read_moves(blocks: list[Block], start: Array, home: Array | None, source: str) -> Read:
+    """Follow a program.
+
+    Args:
+        blocks: its lines.
+        start: (3,) mm, where the tool is before the first move, in the program's coordinates.
+        home: (3,) mm, the machine's zero in the program's coordinates; None where these are turned against it.
+        source: file name for messages.
+
+    Returns:
+        The moves.
+
+    Raises:
+        InputError: a line whose moves cannot be told, by its number.
+    """
+    state = State(np.asarray(start, dtype=float))
+    moves: list[Move] = []
+    states: list[State] = []
+    notes: list[str] = []
+    systems: set[int] = set()
+    for index, block in enumerate(blocks):
+        codes = [word.code for word in block.words if word.letter == "G"]
+        _refuse(block, codes, source)
+        state = _set_modes(state, block, codes, source)
+        own = [code for code in codes if code in OWN_AXES]
+        if own:
+            state = _own_axes(state, block, own[0], start, source)
+        elif _moves(block, state):
+            move, state = _move(state, block, codes, index, home, source)
+            moves.append(move)
+            systems |= set() if move.machine else {state.system}
+        states.append(state)
+        if len(systems) > 1:
+            what = "moves in a second work coordinate system, and one --offset says only one"
+            raise InputError(what, where=at_line(source, block.line), fix="split the program by coordinate systems")
+        notes += [line for line in _notes(codes) if line not in notes]
+    if moves and not any(word.code in MM for block in blocks for word in block.words if word.letter == "G"):
+        notes.append("neither G20 nor G21: millimetres are assumed")
+    return Read(blocks, moves, states, notes)
+
+
+def _refuse(block: Block, codes: list[int], source: str) -> None:
+    where = at_line(source, block.line)
+    for code in codes:
+        if code in REFUSED:
+            raise InputError(f"G{code / 10:g}, {REFUSED[code]}, cannot be corrected", where=where, fix=EXPAND)
+    calls = [word for word in block.words if word.letter == "O" or (word.letter == "M" and word.code in CALLS)]
+    if any(not (word.letter == "O" and block.words[0] is word and len(block.words) == 1) for word in calls):
+        raise InputError(f"{calls[0].text}: a subprogram is worked out by the controller only", where=where, fix=EXPAND)
+    if sum(code in MOTIONS for code in codes) > 1:
+        raise InputError("two kinds of moves in one line", where=where, fix="split the line")
+
+
+def _set_modes(state: State, block: Block, codes: list[int], source: str) -> State:
+    changes: dict[str, object] = {}
+    for code in codes:
+        if code in MOTIONS:
+            changes["motion"] = code
+        elif code == 800:
+            changes["motion"] = NO_MOTION
+        elif code in (900, 910):
+            changes["absolute"] = code == 900
+        elif code in (901, 911):
+            changes["centre_absolute"] = code == 901
+        elif code in MM:
+            changes["unit"] = MM[code]
+        elif code in (170, 180, 190):
+            changes["plane"] = code // 10
+        elif code in SYSTEMS:
+            changes["system"] = code
+    for word in block.words:
+        if word.letter == "M" and word.code in (820, 830):
+            changes["extruder_relative"] = word.code == 830
+    state = replace(state, **changes)  # type: ignore[arg-type]
+    feed = block.values("F", source).get("F")
+    return state if feed is None else replace(state, feed=feed * state.unit / 60.0)
+
+
+def _own_axes(state: State, block: Block, code: int, start: Array, source: str) -> State:
+    """A block whose axis words say no place to move to."""
+    if code in HOME:
+        return replace(state, place=np.asarray(start, dtype=float), known=np.zeros(3, dtype=bool))
+    if code == 920:
+        if any(word.letter in AXES for word in block.words):
+            fix = "write the places from one origin, or give them by --offset"
+            raise InputError("G92 moves the origin on the way", where=at_line(source, block.line), fix=fix)
+        return replace(state, carried=state.carried | block.values(CARRIED, source))
+    return state
+
+
+def _moves(block: Block, state: State) -> bool:
+    letters = {word.letter for word in block.words}
+    centre = state.motion in (20, 30) and bool(letters & {"I", "J", "K"})
+    return bool(letters & set(AXES + CARRIED)) or centre
+
+
+def _move(
+    state: State, block: Block, codes: list[int], index: int, home: Array | None, source: str
+) -> tuple[Move, State]:
+    where = (source, block.line)
+    strange = [code for code in codes if code not in MOTIONS and not _harmless(code)]
+    if state.motion == NO_MOTION or strange:
+        what = f"what G{strange[0] / 10:g} does with them is not known" if strange else "before any of G0, G1, G2, G3"
+        raise InputError(f"axis words {what}", where=at_line(*where), fix="correct the line")
+    if "/" in block.parts:
+        fix = "take the line out, or the slash"
+        raise InputError("a move that the controller may skip", where=at_line(*where), fix=fix)
+    machine = 530 in codes
+    if machine and (home is None or not state.absolute or state.motion not in (0, 10)):
+        what = "G53 needs G90, G0 or G1, and coordinates that are not turned"
+        raise InputError(what, where=at_line(*where), fix="correct the line")
+    stated = block.values(AXES, source)
+    end, known = _end(state, stated, home if machine and home is not None else np.zeros(3))
+    arc = None
+    if state.motion in (20, 30):
+        arc = _arc(state, block, end, where)
+    carried = _carried(state, block.values(CARRIED, source))
+    feed = float("nan") if state.motion == 0 else state.feed
+    move = Move(
+        index, state.motion == 0, state.place, end, known, bool(state.known.all()), arc, feed, state.absolute,
+        state.unit, machine, carried,
+    )  # fmt: skip
+    places = state.carried | {letter: stop for letter, (_, stop, _) in carried.items()}
+    return move, replace(state, place=end, known=known, carried=places)
+
+
+def _end(state: State, stated: dict[str, float], origin: Array) -> tuple[Array, Array]:
+    """Where a move ends, mm, and which axes are stated by then; `origin` is that of the numbers."""
+    end, known = state.place.copy(), state.known.copy()
+    for axis, letter in enumerate(AXES):
+        if letter in stated:
+            base = origin[axis] if state.absolute else state.place[axis]
+            end[axis], known[axis] = base + state.unit * stated[letter], True
+    return end, known
+
+
+def _arc(state: State, block: Block, end: Array, where: tuple[str, int]) -> Arc:
+    if not state.known.all():
+        what = "an arc from a place that the program has not stated"
+        raise InputError(what, where=at_line(*where), fix="state X, Y and Z by G0 before it")
+    words = block.values(ARC, where[0])
+    return find_arc(
+        state.place, end, state.plane, state.motion == 20, words, unit=state.unit,
+        centre_absolute=state.centre_absolute, where=where,
+    )  # fmt: skip
+
+
+def _carried(state: State, stated: dict[str, float]) -> dict[str, tuple[float, float, bool]]:
+    """Further axes, in the program's own numbers: they are only shared out over pieces."""
+    found = {}
+    for letter, value in stated.items():
+        relative = not state.absolute
+        if letter == "E" and state.extruder_relative is not None:
+            relative = state.extruder_relative
+        begin = state.carried.get(letter, 0.0)
+        found[letter] = (begin, begin + value if relative else value, relative)
+    return found
+
+
+def _harmless(code: int) -> bool:
+    """Codes beside a move that change nothing but how it is run or counted."""
+    if code in (170, 180, 190, 200, 210, 400, 490, 530, 900, 901, 910, 911, 940, 960, 970, 980, 990, 80, 90):
+        return True
+    return code in SYSTEMS or code in (430, 431, 432, 610, 611, 640)
+
+
+def _notes(codes: list[int]) -> list[str]:
+    if any(code in (430, 431, 432) for code in codes):
+        return ["tool lengths (G43) are left to the controller: the correction is that of the tool point at --offset"]
+    return []

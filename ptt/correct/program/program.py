@@ -1,0 +1,199 @@
+"""A Cartesian program corrected: what a controller with nominal kinematics is told to make the tool go right."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from ptt.correct.commands import Commands, sent_rows
+from ptt.correct.compensate import LIMIT_MM, compensate, missing_context
+from ptt.correct.program.cut import Frame, Places, beside, look_along, thin_out
+from ptt.correct.program.modal import Read, read_moves
+from ptt.correct.program.moves import Move
+from ptt.correct.program.words import at_line, read_blocks
+from ptt.correct.program.write import Piece, write_program
+from ptt.correct.training.rest import correction_of
+from ptt.errors import InputError, PosesError
+from ptt.machine import TargetsSpec, ThreePttSpec
+from ptt.mechanisms import build_mechanism
+from ptt.run.table import make_table
+from ptt.run.target_frame import stated_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ptt.correct.training.compensator import Compensator
+
+Array = np.ndarray
+
+CHORD_UM = 5.0
+SHOWN = 5  # lines that a refusal names
+OUTSIDE = "outside the network's training domain"
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """A corrected program.
+
+    Attributes:
+        text: the program.
+        lines: of the program as it was.
+        moves: in it.
+        pieces: of moves as written.
+        looked_at: places that were worked out.
+        chord_um: tolerance.
+        deviation_um: largest distance of a place that was left out from the path as written.
+        shift_um: largest static correction.
+        reversal: who compensates it, in words.
+        notes: what a user should know.
+    """
+
+    text: str
+    lines: int
+    moves: int
+    pieces: int
+    looked_at: int
+    chord_um: float
+    deviation_um: float
+    shift_um: float
+    reversal: str
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verb's JSON, but for the files."""
+        names = ("lines", "moves", "pieces", "looked_at", "chord_um", "deviation_um", "reversal")
+        return {name: getattr(self, name) for name in names} | {
+            "largest_shift_um": self.shift_um,
+            "notes": list(self.notes),
+        }
+
+
+def correct_program(
+    compensator: "Compensator",
+    text: str,
+    source: str = "program",
+    *,
+    chord_um: float = CHORD_UM,
+    offset: Array | None = None,
+    start: Array | None = None,
+    limit: float = LIMIT_MM,
+    context: "Mapping[str, float] | None" = None,
+) -> Corrected:
+    """Correct a program: places are those that the drawing's kinematics make the corrected slider heights of.
+
+    Args:
+        compensator: model, and network where there is one.
+        text: the program.
+        source: its name for messages.
+        chord_um: by how much the path as written may lie beside the corrected one, um.
+        offset: (3,) mm, where the program's zero lies in the base frame (its work offset and tool length); None takes
+            the frame that the machine file states for targets.
+        start: (3,) mm, where the tool is before the first move, in the program's coordinates; None is p = 0.
+        limit: largest correction, mm.
+        context: payload_kg, temp_c, time_s of the whole program.
+
+    Returns:
+        The corrected program.
+
+    Raises:
+        InputError: a line that cannot be read or told, or a machine whose poses a program does not say.
+        PosesError: lines that the machine cannot run.
+    """
+    spec = compensator.model.file.machine
+    if not isinstance(spec, ThreePttSpec):
+        what = f"is a {spec.kind} machine, and a program's X, Y, Z do not say in which posture it is to reach them"
+        raise InputError(what, where=compensator.model.file.source, fix="correct joint commands: ptt predict")
+    frame = _frame(compensator, offset)
+    here = frame.from_base(np.zeros((1, 3)))[0]
+    start = here if start is None else np.asarray(start, dtype=float)
+    turned = not np.array_equal(frame.turn, np.eye(3))
+    read = read_moves(read_blocks(text, source), start, None if turned else here, source)
+    mechanism = build_mechanism(spec)
+    places = look_along(read.moves, frame, mechanism, 1e-3 * chord_um, spec.screw_lead_mm)
+    if not len(places.move):
+        raise InputError("holds no move", where=source, fix="is it a G-code program?")
+    commands, lacking = _command(compensator, places, limit, source, context or {})
+    _refuse(read, places, commands, compensator.network is not None, source)
+    corrected = frame.from_base(mechanism.forward(torch.as_tensor(commands.q)).numpy())
+    pieces, deviation = _pieces(read.moves, places, corrected, 1e-3 * chord_um)
+    return Corrected(
+        write_program(read, pieces, start, here),
+        len(read.blocks),
+        len(read.moves),
+        sum(len(each) for each in pieces),
+        len(places.move),
+        chord_um,
+        1e3 * deviation,
+        1e3 * float(np.nanmax(commands.shift)),
+        commands.reversal_note,
+        (*read.notes, *lacking),
+    )
+
+
+def _frame(compensator: "Compensator", offset: Array | None) -> Frame:
+    if offset is not None:
+        return Frame(np.eye(3), np.asarray(offset, dtype=float))
+    file = compensator.model.file
+    stated = stated_frame(file.targets)
+    if stated.source == "unknown":
+        what = "nothing tells where the program's zero lies: the runs that the model was fitted on contradict"
+        raise InputError(what, where=f"{file.source} [targets]", fix="say it: --offset X Y Z")
+    return Frame(stated.rotation, stated.origin)
+
+
+def _command(
+    compensator: "Compensator", places: Places, limit: float, source: str, context: "Mapping[str, float]"
+) -> tuple[Commands, list[str]]:
+    """Corrected slider heights of all places, in the order of travel, and what the model asks for and nobody says."""
+    model, network = compensator.model, compensator.network
+    model = replace(model, file=replace(model.file, targets=TargetsSpec(frame="base")))
+    moving = any("speed" in term.effect.requires for term in model.terms)
+    table = make_table(places.place, source=source, feed_mm_s=places.feed if moving else None, **context)
+    commands = compensate(
+        model,
+        table,
+        correction=None if network is None else correction_of(network, None),
+        inside=None if network is None else network.inside,
+        limit=limit,
+        network=compensator.error,
+    )
+    return commands, missing_context(model, table)
+
+
+def _refuse(read: Read, places: Places, commands: Commands, network: bool, source: str) -> None:
+    """Refuse a program with lines that cannot be run, by line and reason."""
+    status = np.where(commands.in_domain | ~sent_rows(commands.status), commands.status, OUTSIDE)
+    bad = np.flatnonzero(~sent_rows(status))
+    if not len(bad):
+        return
+    first: dict[int, int] = {}
+    for row in bad.tolist():
+        first.setdefault(read.blocks[read.moves[places.move[row]].block].line, row)
+    named = []
+    for line, row in list(first.items())[:SHOWN]:
+        at = " ".join(f"{letter}{value:.3f}" for letter, value in zip("XYZ", places.place[row], strict=True))
+        named.append(f"{at_line(source, line)}: {status[row]} (at {at} of the base frame)")
+    more = f"; and {len(first) - SHOWN} more lines" if len(first) > SHOWN else ""
+    unknown = not read.moves[places.move[bad[0]]].begun
+    fix = "say where the tool is before the first move: --start X Y Z" if unknown else "change these lines, or --offset"
+    raise PosesError(f"{'; '.join(named)}{more}; nothing was written; {fix}")
+
+
+def _pieces(moves: list[Move], places: Places, path: Array, tolerance: float) -> tuple[list[list[Piece]], float]:
+    """Pieces of each move, and by how much the path that they make lies beside what was left out, mm."""
+    ends = np.concatenate([[0], np.cumsum(np.bincount(places.move, minlength=len(moves)))])
+    pieces, worst = [], 0.0
+    for number, move in enumerate(moves):
+        first, last = int(ends[number]), int(ends[number + 1])
+        rows = np.arange(first - 1 if move.begun and first else first, last)
+        kept = thin_out(path[rows], tolerance)
+        worst = max(worst, _left_beside(path[rows], kept))
+        pieces.append([Piece(path[row], float(places.share[row])) for row in rows[kept] if row >= first])
+    return pieces, worst
+
+
+def _left_beside(path: Array, kept: Array) -> float:
+    gaps = [beside(path[a + 1 : b], path[a], path[b]).max() for a, b in pairwise(kept) if b > a + 1]
+    return float(max(gaps, default=0.0))

@@ -1,0 +1,126 @@
+"""G-code as text: blocks of words and comments, each with its line.
+
+Source: NIST RS274/NGC, version 3, sections 3.3 and 3.4 (Kramer, Proctor, Messina, NISTIR 6556, 2000).
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ptt.errors import InputError
+
+TOKEN = re.compile(
+    r"(?P<space>\s+)|(?P<comment>\([^()]*\)|;.*)|(?P<mark>[%/])"
+    r"|(?P<letter>[A-Za-z])\s*(?P<number>[-+]?\s*(?:\d[\d ]*\.?[\d ]*|\.[\d ]+))?"
+)
+ALONE = "is worked out by the controller only"
+FOREIGN = {
+    "#": ("a parameter", ALONE),
+    "[": ("an expression", ALONE),
+    "=": ("an assignment", ALONE),
+    "<": ("a name", ALONE),
+    "(": ("a comment without end", "is not closed"),
+}
+EXPAND = "let the post-processor or the controller's interpreter write the program out, and correct that"
+
+
+@dataclass(frozen=True)
+class Word:
+    """A letter with its number.
+
+    Attributes:
+        letter: upper case.
+        value: the number; None where there is none.
+        text: as written.
+    """
+
+    letter: str
+    value: float | None
+    text: str
+
+    @property
+    def code(self) -> int:
+        """Ten times the number, so that G91.1 is 911; -1 where there is none."""
+        return -1 if self.value is None else round(10.0 * self.value)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A line of a program.
+
+    Attributes:
+        line: its number in the file, from 1.
+        text: as written, without the line's end.
+        parts: words, comments and marks in order.
+    """
+
+    line: int
+    text: str
+    parts: tuple[Word | str, ...]
+
+    @property
+    def words(self) -> list[Word]:
+        """Words in order."""
+        return [part for part in self.parts if isinstance(part, Word)]
+
+    def values(self, letters: Iterable[str], source: str) -> dict[str, float]:
+        """Numbers of some letters.
+
+        Args:
+            letters: which.
+            source: file name for messages.
+
+        Returns:
+            Letter -> number, of those that are there.
+
+        Raises:
+            InputError: a letter is there twice or has no number.
+        """
+        found: dict[str, float] = {}
+        for word in self.words:
+            if word.letter not in letters:
+                continue
+            if word.letter in found or word.value is None:
+                what = "is there twice" if word.letter in found else "has no number"
+                raise InputError(f"{word.letter} {what}", where=at_line(source, self.line), fix="correct the line")
+            found[word.letter] = word.value
+        return found
+
+
+def at_line(source: str, line: int) -> str:
+    """Where a line stands, for messages."""
+    return f"{source} line {line}"
+
+
+def read_blocks(text: str, source: str) -> list[Block]:
+    """Read the lines of a program.
+
+    Args:
+        text: the program.
+        source: file name for messages.
+
+    Returns:
+        The blocks, empty lines included.
+
+    Raises:
+        InputError: a line that holds anything but words and comments.
+    """
+    return [_read(number, line, source) for number, line in enumerate(text.splitlines(), 1)]
+
+
+def _read(number: int, line: str, source: str) -> Block:
+    parts: list[Word | str] = []
+    place = 0
+    while place < len(line):
+        found = TOKEN.match(line, place)
+        if found is None:
+            what, why = FOREIGN.get(line[place], (f"'{line[place]}'", "is no G-code"))
+            where = f"{at_line(source, number)}, column {place + 1}"
+            raise InputError(f"{what} {why}", where=where, fix=EXPAND if why == ALONE else "correct the line")
+        if found["letter"]:
+            digits = (found["number"] or "").replace(" ", "")
+            parts.append(Word(found["letter"].upper(), float(digits) if digits else None, found[0].strip()))
+        elif not found["space"]:
+            parts.append(found[0])
+        place = found.end()
+    return Block(number, line, tuple(parts))
