@@ -8,7 +8,8 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.find import Found, Progress, moved, settled
-from ptt.diagnosis.moments import at_rows, find_moments, place_moments
+from ptt.diagnosis.moment import at_rows
+from ptt.diagnosis.moments import find_moments, place_moments
 from ptt.diagnosis.noise import starting_noise
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, without

@@ -11,11 +11,11 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import SECOND, present_candidates
 from ptt.diagnosis.gross import MOST, alone, gross_errors, stand_out
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moment import best_moment
+from ptt.diagnosis.moment import best_moment, place_own_moments
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import improve, loose, search, without
+from ptt.diagnosis.search import improve, loose, plainest, search, without
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import RowSystem, System, build_system
 from ptt.effects import Effect, Library
@@ -87,7 +87,7 @@ def find(
     carried = np.zeros((problem.table.rows, 3))
     kept: tuple[str, ...] | None = None
     moments: dict[str, list[Shape]] = {}
-    memory, periods, barred = WHITE, list[tuple[int, float]](), frozenset[str]()
+    memory, periods, barred, held = WHITE, list[tuple[int, float]](), frozenset[str](), tuple[str, ...]()
     for turn in range(TURNS):
         tell(f"linearise {turn + 1}")
         fitted = _fit_less(current, problem, carried, gross, noise)
@@ -104,25 +104,29 @@ def find(
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             state = state if turn == TURNS - 1 else improve(scorer, state)  # what is said is what it is linearised at
+        state = plainest(scorer, state)
         found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
         seen = find_period(scorer, state, problem)
         if turn == TURNS - 1:
             break
         far, gross = gross, _sift_again(found, problem)
-        if turn > 0 and seen is None and settled(state, system) and (far == gross).all():
+        blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
+        same = settled(state, system) and set(blocks) == set(held)
+        steady = turn > 0 and seen is None and same and (far == gross).all()
+        if steady or turn == TURNS - 2:
             needless = _needless(found, fitted.model, problem)
-            if not needless:
-                break
-            barred, kept = barred | set(needless), tuple(key for key in kept or () if key not in needless)
-            current, memory = _without(fitted.model, needless), state.memory
-            continue
+            if needless:
+                barred, kept = barred | set(needless), tuple(key for key in kept or () if key not in needless)
+                current, memory = _without(fitted.model, needless), state.memory
+                continue
+        if steady:
+            break
         moments = _moments(found, candidates)
         periods += [] if seen is None else [(seen.joint, seen.length)]
         carried = carried_by(state, system, problem)
         noise = noise_again(problem, system, state)
         current = moved(found, model, problem)
-        blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
-        kept, memory = (*current.keys, *blocks), state.memory
+        kept, memory, held = (*current.keys, *blocks), state.memory, blocks
     return found
 
 
@@ -160,7 +164,9 @@ def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
 def _fit_less(model: Model, problem: Problem, carried: np.ndarray, gross: np.ndarray, noise: Noise) -> FitResult:
     """Fit the model to what the blocks leave of the readings."""
     less = replace(problem, measured=problem.measured - carried).masked(gross)
-    return fit(model, less, noise=noise, robust=False, coarse=True)
+    fitted = fit(model, less, noise=noise, robust=False, coarse=True)
+    dated = place_own_moments(fitted, less)
+    return fitted if dated is fitted.model else fit(dated, less, noise=noise, robust=False, coarse=True)
 
 
 def settled(state: State, system: System) -> bool:
@@ -187,10 +193,12 @@ def _sift(fitted: FitResult, problem: Problem, candidates: list[Effect], noise: 
 def _sift_again(found: Found, problem: Problem) -> np.ndarray:
     """The same against the explanation that was found, beside the rows that were left out before."""
     system, state = found.system, found.state
-    white = system.innovation(state.columns, state.posterior.values, state.memory) / np.sqrt(state.posterior.phi)
+    # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves.
+    white = system.innovation(state.columns, state.posterior.values, state.memory)
+    white *= np.sqrt(system.count / max(system.count - state.decided, 1.0))
     here = np.ones(len(white), dtype=bool)
     gross, travel = found.gross.copy(), problem.view.q.numpy()[system.rows]
-    gross[system.rows[alone(stand_out(white, here), white, here, travel)]] = True
+    gross[system.rows[alone(stand_out(white, here, least=0.0), white, here, travel)]] = True
     return gross if gross.sum() <= MOST * problem.used.sum() else found.gross
 
 

@@ -65,18 +65,19 @@ def far_rows(
     return stand_out(left, rows), left
 
 
-def stand_out(left: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def stand_out(left: np.ndarray, rows: np.ndarray, least: float = 1.0) -> np.ndarray:
     """Rows that lie far outside the bulk of what is left.
 
     Args:
         left: (n, 3) in units of noise.
         rows: rows that count, (n,) bool.
+        least: variance that the bulk has at the least: what is known of the noise before anything is explained.
 
     Returns:
         (n,) bool.
     """
     squared = np.square(left).sum(axis=1)
-    width = max(1.0, float(np.median(squared[rows])) / float(stats.chi2.median(3))) if rows.any() else 1.0
+    width = max(least, float(np.median(squared[rows])) / float(stats.chi2.median(3))) if rows.any() else 1.0
     return rows & (squared > TAIL * width * stats.chi2.isf(CHANCE / max(int(rows.sum()), 1), 3))
 
 

@@ -7,15 +7,13 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.blocks import unknown_blocks
-from ptt.diagnosis.moment import along, best_row
+from ptt.diagnosis.moment import along, at_rows, best_row, last_before, put_after
 from ptt.diagnosis.summed import Ansatz, Run, columns_of
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import map_chunks, numbers
 from ptt.fitting.linear import Linear, Place, Shape
-from ptt.fitting.result import FitResult
-from ptt.model.chain import predict
-from ptt.run.problem import Problem, apply_frames
+from ptt.run.problem import Problem
 
 Carried = Mapping[str, np.ndarray]  # name of a block -> its values
 
@@ -33,7 +31,7 @@ def place_moments(run: Run, at: Ansatz, carried: Carried) -> Ansatz:
     """
     for index, term in enumerate(at.fitted.layout.terms):
         if isinstance(term.effect, Sudden):
-            at = replace(at, fitted=_after(at.fitted, index, _moment(run, at, index, carried)))
+            at = replace(at, fitted=put_after(at.fitted, index, _moment(run, at, index, carried)))
     return at
 
 
@@ -77,7 +75,7 @@ def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
     """The moment up to which the readings are better without a jump, and from which on with it."""
     effect = at.fitted.layout.terms[index].effect
     assert isinstance(effect, Sudden)
-    never, always = _after(at.fitted, index, np.inf), _after(at.fitted, index, -np.inf)
+    never, always = put_after(at.fitted, index, np.inf), put_after(at.fitted, index, -np.inf)
 
     def work(chunk: Problem) -> np.ndarray:
         linear = columns_of(chunk, run, at, {}, ())[0] if carried else None
@@ -86,10 +84,7 @@ def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
         squares = [np.square(left @ at.noise.whitener.T).sum(axis=1) for left in both]
         return np.where(run.problem.used[numbers(chunk)], squares[0] - squares[1], 0.0)
 
-    clock = effect.clock(run.problem.view).numpy()
-    order = np.argsort(clock, kind="stable")
-    better = np.cumsum(np.concatenate(list(map_chunks(work, run.chunks)))[order])
-    return float(clock[order][int(np.argmin(better))])
+    return last_before(effect.clock(run.problem.view).numpy(), np.concatenate(list(map_chunks(work, run.chunks))))
 
 
 def _of_blocks(chunk: Problem, linear: Linear, run: Run, at: Ansatz, carried: Carried) -> np.ndarray:
@@ -100,38 +95,3 @@ def _of_blocks(chunk: Problem, linear: Linear, run: Run, at: Ansatz, carried: Ca
         for block in unknown_blocks(chunk, linear.at.chain, at.periods, run.span, tuple(carried)):
             total += block.features @ carried[block.name]
     return total
-
-
-def _after(fitted: FitResult, index: int, moment: float) -> FitResult:
-    """A model with the moment of one of its terms moved."""
-    terms = list(fitted.layout.terms)
-    theta = terms[index].theta.clone()
-    theta[-1] = moment
-    terms[index] = replace(terms[index], theta=theta)
-    own = tuple(
-        replace(term, theta=torch.cat([term.theta[:-1], theta[-1:]]))
-        if term.effect.key == terms[index].effect.key
-        else term
-        for term in fitted.model.terms
-    )
-    return replace(fitted, layout=replace(fitted.layout, terms=tuple(terms)), model=replace(fitted.model, terms=own))
-
-
-def at_rows(fitted: FitResult, problem: Problem) -> FitResult:
-    """The same model and frames on other rows.
-
-    Args:
-        fitted: on any rows of the run.
-        problem: the rows.
-
-    Returns:
-        With their prediction and residual.
-    """
-    layout, unknowns = fitted.layout, fitted.unknowns
-    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
-    prediction = predict(terms, layout.see(problem, unknowns))
-    reading = prediction.reading
-    if layout.frames:
-        reading, _ = apply_frames(reading, problem.frame, layout.frame_parameters(unknowns))
-    outliers = np.zeros(problem.table.rows, dtype=bool)
-    return replace(fitted, prediction=prediction, residual=problem.measured - reading.numpy(), outliers=outliers)

@@ -50,8 +50,7 @@ def noise_left(system: System, state: State) -> Noise:
         The noise; its degrees of freedom are those that the atoms do not use up.
     """
     left = system.innovation(state.columns, state.posterior.values, state.memory)
-    decided = len(state.columns) - float((np.diag(state.posterior.inverse) / state.posterior.prior).sum())
-    freedom = max(system.count - decided, 1.0)
+    freedom = max(system.count - state.decided, 1.0)
     scatter = system.in_mm(left)
     return Noise(scatter.T @ scatter * (3.0 / freedom), "saturated model", freedom)
 

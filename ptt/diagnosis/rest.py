@@ -68,8 +68,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     Returns:
         The rest.
     """
-    decided = len(state.columns) - float((np.diag(state.posterior.inverse) / state.posterior.prior).sum())
-    lack = lack_of_fit_of(problem, residual, round(decided)).p_value
+    lack = lack_of_fit_of(problem, residual, round(state.decided)).p_value
     field = _field(problem, residual)
     depends = dependence_of(problem, residual, seed=seed)
     if state.memory.wander is not None:  # what is left of a slow wander is no more news than the wander

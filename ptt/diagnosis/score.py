@@ -60,6 +60,11 @@ class State:
         return self.posterior.covariance
 
     @property
+    def decided(self) -> float:
+        """Degrees of freedom that the readings decide."""
+        return len(self.columns) - float((np.diag(self.posterior.inverse) / self.posterior.prior).sum())
+
+    @property
     def std(self) -> np.ndarray:
         """Posterior standard deviations, (p,)."""
         return np.sqrt(np.diag(self.covariance))
@@ -175,11 +180,7 @@ class Scorer:
         full = len(effects) - len(self.given) >= self.steps
         best: dict[str, Gain] = {}
         for family, columns in system.families:
-            open_ = [
-                i
-                for i, a in enumerate(family)
-                if a.name not in names and not (a.effect and full) and not _excluded(a, effects)
-            ]
+            open_ = [i for i, a in enumerate(family) if self._is_open(a, names, full) and not _excluded(a, effects)]
             if not open_:
                 continue
             own = columns[open_]

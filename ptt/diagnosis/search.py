@@ -12,6 +12,7 @@ TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, an
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less
 NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
 SWAPS = 3
+PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
 
 Allowed = Callable[[Atom], bool]
@@ -31,31 +32,55 @@ def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
     if start is not None:
         return improve(scorer, scorer.score(start, WHITE))
     nothing = scorer.score((), WHITE)
-    ends = [improve(scorer, improve(scorer, nothing, first)) for first in (_is_effect, _is_block)]
+    # Blocks only open that search: to swap them among themselves before effects may come in is lost time.
+    opened = improve(scorer, nothing, _is_effect), improve(scorer, nothing, _is_block, swaps=False)
+    ends = [improve(scorer, state) for state in opened]
     if ends[0].keys != ends[1].keys:
         ends.append(improve(scorer, nothing))
     return max(ends, key=lambda state: state.total)
 
 
-def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True) -> State:
+def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True, *, swaps: bool = True) -> State:
     """Move to better states until none is found.
 
     Args:
         scorer: of the system.
         state: to start from.
         allowed: atoms that may be added.
+        swaps: look for swaps and memories of the noise where adding and dropping bring little.
 
     Returns:
         A local maximum.
     """
     for _ in range(ROUNDS):
         best = max(_plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
-        if best.total < state.total + SLOW_BELOW:
+        if swaps and best.total < state.total + SLOW_BELOW:
             best = max([best, *_slow_moves(scorer, state, allowed)], key=lambda other: other.total)
         if best.total < state.total + LEAST:
             return state
         state = best
     return state
+
+
+def plainest(scorer: Scorer, best: State) -> State:
+    """Of the sets that do nearly as well as the best, the one that says least.
+
+    Args:
+        scorer: that has scored them.
+        best: the best set.
+
+    Returns:
+        The set with the fewest parts, a name before an unknown, then the best.
+    """
+    near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
+    return min([best, *near], key=lambda state: (_parts(scorer, state), -state.total))
+
+
+def _parts(scorer: Scorer, state: State) -> float:
+    """Names and unknowns of a set, memories of the noise that are no tracker's among these."""
+    odd = state.memory.pose > 0.0 or scorer.system.clock.is_fault(state.memory.wander)
+    blocks = [scorer.system.atoms[key].block is not None for key in loose(scorer, state)]
+    return len(blocks) + 0.5 * sum(blocks) + 1.5 * odd
 
 
 def without(state: State, *keys: str) -> tuple[str, ...]:
