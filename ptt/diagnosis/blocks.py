@@ -16,7 +16,7 @@ SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance 
 FINE, COARSE = 24, 4  # shapes along a joint's own travel, and where that only modulates something else
 DECAY = 0.7  # higher orders of a smooth modulation are smaller by this ratio
 FIELD, FIELD_OF_CONTEXT = 5, 3  # total degree of a field over the workspace, and of one that a context modulates
-FIELD_DECAY = 0.6
+FIELD_DECAY, GENTLE = 0.6, 2  # and the degree of one that bends but once
 
 
 @dataclass(frozen=True)
@@ -110,18 +110,20 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
     raw, q = problem.view.q.numpy(), scaled(problem.view.q.numpy(), span.q)
     p = scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, ("x", "y", "z"), partial(_field, p, _degree(problem), 1))
+    yield "tool gently on x and y and z", tool, ("x", "y", "z"), partial(_field, p, GENTLE, 1)
     for place in joints:
         assert place.joint is not None
         own = f"{letter}{place.joint + 1}"
         yield _named(place, (own,), partial(_own_travel, q[:, place.joint], raw[:, place.joint], serial))
         if place.residual.startswith("rail"):
             continue
+        yield _named(place, ("x", "y", "z"), partial(_field, p, _degree(problem)))
         low = _modulation(q[:, place.joint])
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
         for context in span.contexts:
-            yield _named(place, (context.name, own), partial(product, context.shapes, low))
+            yield _named(place, (context.name, own), partial(product, _with_level(context), low))
         yield from _reversal(problem, place, own, low, span.contexts)
     for context in span.contexts:
         if context.name != "time":
@@ -193,12 +195,18 @@ def _set_up(problem: Problem, span: Span) -> Place:
 
 
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
-    shapes = cosines(scaled, FINE)
+    """A curve with its level and slope: without them offsets and leads would be named beside it."""
+    shapes = np.column_stack([np.ones(len(scaled)), scaled, cosines(scaled, FINE)])
     return np.column_stack([shapes, harmonics(raw)]) if turns else shapes
 
 
 def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
-    return harmonics(raw) if turns else _modulation(scaled)[:, 1:]
+    return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else _modulation(scaled)
+
+
+def _with_level(context: Context) -> np.ndarray:
+    """Shapes of a context; what changes with time has a mean over the run, which is nothing by itself."""
+    return np.column_stack([np.ones(len(context.shapes)), context.shapes]) if context.name == "time" else context.shapes
 
 
 def _modulation(scaled: np.ndarray) -> np.ndarray:

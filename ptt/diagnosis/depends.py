@@ -8,6 +8,7 @@ from ptt.dependence.contexts import COORDINATES, context_views, residual_views
 from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence, depends_on
 from ptt.diagnosis.blocks import Block
+from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import without
 from ptt.run.holdout import blocks as travel_blocks
@@ -25,7 +26,7 @@ class Unknown:
     Attributes:
         block: the block.
         nats: that the explanation loses without it.
-        energy: mean square of what it puts into the readings, over that of all that the named effects leave.
+        energy: variance of what it puts into the readings, over the mean square of what the named effects leave.
         part: what it puts into the readings, (n, 3) mm.
     """
 
@@ -55,9 +56,28 @@ def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown
             continue
         part = block.features @ state.posterior.values[state.of(key)]
         nats = state.total - scorer.score(without(state, key), state.memory, state.scales).total
-        energy = float(np.square(part[rows]).mean()) / max(whole, 1e-300)
+        moved = part[rows] - part[rows].mean(axis=0)  # a level is another's to take: the frame's, an offset's
+        energy = float(np.square(moved).mean()) / max(whole, 1e-300)
         found.append(Unknown(block, nats, energy, part))
     return tuple(sorted(found, key=lambda item: -item.energy))
+
+
+def with_suspect(scorer: Scorer, state: State) -> State:
+    """The set with the block that would do most in place of the memory of the noise: what it follows, if anything.
+
+    Args:
+        scorer: of the system.
+        state: the best set, where something is left that no block of it describes.
+
+    Returns:
+        The set with one more block; as it is where no block would add anything.
+    """
+    plain = scorer.score(state.keys, WHITE, state.scales)
+    blocks = scorer.screen(plain, lambda atom: atom.block is not None)
+    if not blocks:
+        return state
+    best = blocks[0]
+    return scorer.score((*state.keys, best.key), WHITE, {**state.scales, best.key: best.scales})
 
 
 def rest_of(scorer: Scorer, state: State, problem: Problem) -> np.ndarray:

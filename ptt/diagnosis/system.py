@@ -178,10 +178,9 @@ class RowSystem(System):
 
     def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
         """Sums of chosen columns over each held-out block of travel."""
+        joined = np.concatenate([self.columns[:, :, chosen], self.values[:, :, None]], axis=2)
         for index in np.unique(self.block[self.block >= 0]):
-            rows = self.block == index
-            joined = np.concatenate([self.columns[rows][:, :, chosen], self.values[rows][:, :, None]], axis=2)
-            yield hide(*block_sums(joined, self.noise))
+            yield hide(*block_sums(joined[self.block == index], self.noise))
 
     def _rows(self, columns: np.ndarray, base_columns: np.ndarray) -> RowSums:
         joined = np.concatenate([columns, self.values[:, :, None]], axis=2)
