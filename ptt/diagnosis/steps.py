@@ -38,7 +38,7 @@ class Step:
     after: float
 
 
-def name_steps(scorer: Scorer, state: State) -> tuple[Step, ...]:
+def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[str, ...]]:
     """The effects that a state names beyond those given.
 
     Args:
@@ -46,19 +46,27 @@ def name_steps(scorer: Scorer, state: State) -> tuple[Step, ...]:
         state: the best set.
 
     Returns:
-        The steps, the one that explains most first.
+        The steps, the one that explains most first; and the effects that the readings ask for clearly though they
+        do not foretell hidden ones, so that they cannot be what is there.
     """
     atoms = scorer.system.atoms
     odd = any(atoms[key].block is not None for key in state.keys)
     worth = {key: state.total - _less(scorer, state, key).total for key in loose(scorer, state) if atoms[key].effect}
-    named = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
+    clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
+    named = [key for key in clear if _foretells(scorer, state, key)]
     order = _in_order(scorer, named)
     steps, before = [], held_out(scorer, ())
     for index, key in enumerate(order):
         after = held_out(scorer, tuple(order[: index + 1]))
         steps.append(Step(key, worth[key], _ties(scorer, state, key), share_of(scorer, key), before, after))
         before = after
-    return tuple(steps)
+    return tuple(steps), tuple(key for key in clear if key not in named and worth[key] > BESIDE)
+
+
+def _foretells(scorer: Scorer, state: State, key: str) -> bool:
+    """Whether the whole explanation does better on hidden blocks of travel with an effect than without it."""
+    whole = loose(scorer, state)
+    return held_out(scorer, whole) < held_out(scorer, tuple(other for other in whole if other != key))
 
 
 def share_of(scorer: Scorer, key: str) -> float:

@@ -8,13 +8,14 @@ import torch
 
 from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.depends import dependences, rest_of, unknowns_of
+from ptt.diagnosis.depends import dependences, rest_of, unknowns_of, with_suspect
 from ptt.diagnosis.find import STEPS, Found, Progress, find
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.score import State
+from ptt.diagnosis.search import without
 from ptt.diagnosis.steps import Step, held_out, name_steps, share_of
 from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict
@@ -226,7 +227,7 @@ def conclude(
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
-    named = name_steps(scorer, state)
+    named, unproven = name_steps(scorer, state)
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
@@ -235,8 +236,12 @@ def conclude(
     terms = fitted_terms(found, model, tuple(step.key for step in named))
     fitted_model = replace(model, terms=terms)
     rms_um = _errors(found, tuple(step.key for step in named), clean)
-    verdict = _verdict(found, bool(named), rest, problem)
+    verdict: Verdict = "unknown" if unproven else _verdict(found, bool(named), rest, problem)
     depends = dependences(unknowns, left, shown) or rest.depends_on
+    if verdict == "unknown" and not depends:
+        suspect = with_suspect(scorer, scorer.score(without(state, *unproven), state.memory, state.scales))
+        left = rest_of(scorer, suspect, problem)[rows]
+        depends = dependences(unknowns_of(scorer, suspect, left), left, shown)
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     separation = None

@@ -1,0 +1,108 @@
+"""What a search may say: the moment to the row, the fewest parts, gross errors by the bulk, names that foretell."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.challenge.hide import hide_faults
+from ptt.challenge.truth import table_of
+from ptt.diagnosis import steps
+from ptt.diagnosis.gross import stand_out
+from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.moment import place_own_moments
+from ptt.diagnosis.search import PLAIN, plainest
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.fitting.solve import fit
+from ptt.model.model import Model, Term
+from ptt.rig.draw import DrawnRig, draw_rig
+from ptt.rig.simulate import simulate
+from ptt.run.problem import Problem, build_problem
+
+MACHINE = bench_machine()
+
+
+def hidden(fault: str, seed: int, rows: int = 200) -> tuple[DrawnRig, Problem]:
+    drawn = hide_faults(draw_rig("none", seed, MACHINE, "volume", rows=rows), [fault], seed)
+    return drawn, build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+
+
+@pytest.mark.parametrize("off", [-3, -1, 1])
+def test_a_slip_is_dated_to_its_row(off):
+    drawn, problem = hidden("homing-slip", 31, rows=120)
+    effect, time = library()["homing-slip"](), problem.view.time
+    last = drawn.rig.drive.slip_row - 1
+    term = Term(effect, torch.cat([torch.zeros(3, dtype=torch.float64), time[last + off].reshape(1)]))
+    dated = place_own_moments(fit(Model(MACHINE) + term, problem, robust=False), problem)
+    assert float(dated.terms[0].theta[-1]) == float(time[last])
+
+
+@dataclass
+class Scored:
+    """As much of a scorer as the choice among its sets asks for."""
+
+    blocks: frozenset[str]
+    scored: dict[object, SimpleNamespace] = field(default_factory=dict)
+    given: tuple[str, ...] = ()
+
+    @property
+    def system(self) -> SimpleNamespace:
+        atoms = {key: SimpleNamespace(block="b" if key in self.blocks else None) for key in "abcu"}
+        return SimpleNamespace(atoms=atoms, clock=SimpleNamespace(is_fault=lambda wander: False))
+
+    def add(self, keys: str, total: float, memory: Memory = WHITE) -> SimpleNamespace:
+        state = SimpleNamespace(keys=tuple(keys), memory=memory, total=total)
+        self.scored[keys, memory] = state
+        return state
+
+
+def test_of_sets_that_do_alike_the_one_with_the_fewest_parts_is_said():
+    scorer = Scored(frozenset("u"))
+    best = scorer.add("abc", 100.0)
+    scorer.add("ab", 100.0 - PLAIN - 0.1)
+    assert plainest(scorer, best) is best  # what a third name brings is worth saying
+    fewer = scorer.add("ac", 100.0 - PLAIN + 0.1)
+    assert plainest(scorer, best) is fewer
+    scorer.add("au", 100.0)
+    assert plainest(scorer, best) is fewer  # a name before an unknown
+    scorer.add("a", 99.0, Memory(pose=1.0))
+    assert plainest(scorer, best) is fewer  # errors of each pose to itself are an unknown, too
+
+
+def test_gross_errors_do_not_hide_in_a_noise_that_they_have_widened():
+    random = np.random.default_rng(5)
+    left = random.normal(size=(200, 3))
+    left[[20, 90, 160]] += 15.0
+    widened = left / 5.0
+    rows = np.ones(200, dtype=bool)
+    assert not stand_out(widened, rows).any()
+    assert np.flatnonzero(stand_out(widened, rows, least=0.0)).tolist() == [20, 90, 160]
+
+
+def test_what_does_not_foretell_hidden_readings_is_no_name(monkeypatch):
+    _, problem = hidden("tower-position", 33, rows=100)
+    named = diagnose(Model(MACHINE), problem)
+    assert named.verdict == "missing" and named.suggested[0][0] == "tower-position"
+    real = steps.held_out
+    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 1.0 / real(scorer, keys))  # as if more were worse
+    doubted = diagnose(Model(MACHINE), problem)
+    assert doubted.verdict == "unknown" and not doubted.suggested
+    assert doubted.depends_on  # what it follows is said all the same
+
+
+@pytest.mark.parametrize(
+    ("fault", "seed", "leads"), [("cross-coupling", 35, ("b1", "b2", "b3")), ("loose-joint", 36, ("x", "y"))]
+)
+def test_an_unknown_needs_no_names_beside_it_and_leads_with_its_variable(fault, seed, leads):
+    drawn, problem = hidden(fault, seed)
+    found = diagnose(Model(MACHINE), problem)
+    truth = drawn.truth[fault]
+    assert found.verdict == "unknown" and not found.suggested
+    assert found.depends_on[0].residual == f"slider {truth['leg']}"
+    assert (
+        found.depends_on[0].on == f"b{truth['other']}" if fault == "cross-coupling" else found.depends_on[0].on in leads
+    )
