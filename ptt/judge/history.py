@@ -50,26 +50,32 @@ class Entry:
     helped: bool
 
 
-def record(ladder: Ladder, command: str, files: Sequence[str | Path], *, date: str | None = None) -> MachineFile:
+def record(
+    ladder: Ladder, command: str, files: Sequence[str | Path | Mapping[str, str]], *, date: str | None = None
+) -> MachineFile:
     """Write the model of a ladder's last step, with one history entry for each step.
 
     Args:
         ladder: the ladder.
         command: the verb that made it.
-        files: run files it was made from.
+        files: run files it was made from; of one that is not here, its {'file', 'sha256'}.
         date: ISO 8601; None for now.
 
     Returns:
         The machine file with effects and history.
     """
     stamp = date or datetime.now(UTC).isoformat(timespec="seconds")
-    sources = [{"file": Path(name).name, "sha256": sha256(name)} for name in files]
+    sources = [_source(each) for each in files]
     head = {"date": stamp, "command": command, "files": sources}
     entries = [_entry(before, step, ladder, head) for before, step in pairwise(ladder.steps)]
     written = write_model(ladder.model, [item["sha256"] for item in sources])
     last = ladder.steps[-1]
     covariance = keep_covariance(last.fitted, 1e-3 * float(last.heldout_rms_um["total"]))
     return replace(written, history=(*ladder.model.file.history, *entries), covariance=covariance)
+
+
+def _source(file: str | Path | Mapping[str, str]) -> dict[str, str]:
+    return dict(file) if isinstance(file, Mapping) else {"file": Path(file).name, "sha256": sha256(file)}
 
 
 def read_entries(file: MachineFile) -> tuple[Entry, ...]:

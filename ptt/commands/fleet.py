@@ -1,0 +1,114 @@
+"""`ptt fleet`: many machines, many months: a store of runs, and what became of each."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ptt.commands.common import Json, Map, Reading, Set, Targets, note, progress, read_rows, show
+
+app = typer.Typer(
+    help="Keep runs of many machines, work on what is new, and see who is going bad.", no_args_is_help=True,
+    add_completion=False, rich_markup_mode=None,
+)  # fmt: skip
+
+StorePath = Annotated[Path, typer.Argument(metavar="STORE", help="Folder of the store.")]
+Machine = Annotated[str, typer.Argument(metavar="MACHINE", help="Its name, any text.")]
+Runs = Annotated[list[Path], typer.Argument(metavar="RUN.csv...", help="Tracker runs of this machine.")]
+Date = Annotated[
+    str | None,
+    typer.Option("--date", metavar="D", help="When it was measured, 2026-03-15; else by the file's name or own date."),
+]
+Drawing = Annotated[Path | None, typer.Option("--model", metavar="M.toml", help="Its drawing; the first time.")]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running dask scheduler, as tcp://host:8786.")
+]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, metavar="N", help="Worker processes on this machine.")]
+Again = Annotated[bool, typer.Option("--again", help="Try runs once more that failed.")]
+Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The page.")]
+OneMachine = Annotated[str | None, typer.Argument(metavar="[MACHINE]", help="One machine alone, run by run.")]
+
+
+@app.command()
+def init(store: StorePath, json: Json = False) -> None:
+    """Make an empty store."""
+    from ptt.fleet.store import create_store
+
+    made = create_store(store)
+    show({"store": str(made.folder), "file": str(made.file)}, f"{made.folder}: an empty store", json)
+
+
+@app.command()
+def add(
+    store: StorePath,
+    machine: Machine,
+    run: Runs,
+    date: Date = None,
+    model: Drawing = None,
+    targets: Targets = None,
+    set_: Set = None,
+    map_: Map = None,
+    json: Json = False,
+) -> None:
+    """Add runs of a machine; a run that is there already is left as it is."""
+    from ptt.fleet.store import add_machine, add_run, open_store, read_date
+
+    opened, when = open_store(store), None if date is None else read_date(date)
+    file = add_machine(opened, machine, model)
+    reading = Reading(None, targets, set_, map_, None, json)
+    ordered = any(text.startswith("order=") for text in set_ or ())
+    added = []
+    for path in run:
+        table = read_rows(path, file, reading, checked=True)
+        added.append(add_run(opened, machine, path, table, when, ordered=ordered, units_said=reading.states_units))
+    lines = [f"{each.file}: {each.rows} rows, {each.date}{'' if each.new else '; is there already'}" for each in added]
+    show({"machine": machine, "runs": [vars(each) for each in added]}, "\n".join(lines), json)
+
+
+@app.command()
+def run(
+    store: StorePath, scheduler: Scheduler = None, workers: Workers = None, again: Again = False, json: Json = False
+) -> None:
+    """Check, diagnose or recheck every run that is new."""
+    from ptt.errors import InputError
+    from ptt.fleet.queue import again as once_more
+    from ptt.fleet.run import run_all
+    from ptt.fleet.store import open_store
+
+    if scheduler is not None and workers is not None:
+        raise InputError("--scheduler and --workers exclude each other", fix="leave one out")
+    opened = open_store(store)
+    if again:
+        note(f"{once_more(opened)} runs that failed are tried once more")
+    with progress() as tell:
+        if scheduler is None and workers is None:
+            done = run_all(opened, tell)
+        else:
+            from ptt.fleet.workers import run_on_workers
+
+            done = run_on_workers(opened, scheduler, workers, tell)
+    show(done.to_dict(), str(done), json)
+
+
+@app.command(name="show")
+def show_(store: StorePath, machine: OneMachine = None, json: Json = False) -> None:
+    """How each machine stands, what moves, and what somebody should look at."""
+    from ptt.fleet.overview import overview
+    from ptt.fleet.store import open_store
+    from ptt.fleet.words import format_machine
+
+    found = overview(open_store(store), machine)
+    text = str(found) if machine is None else format_machine(found.machines[0])
+    show(found.to_dict(), text, json)
+
+
+@app.command()
+def report(store: StorePath, out: Out, json: Json = False) -> None:
+    """Write one self-contained page on the whole fleet."""
+    from ptt.fleet.overview import overview
+    from ptt.fleet.store import open_store
+    from ptt.show.fleet.page import write_page
+
+    found = overview(open_store(store))
+    write_page(found, out)
+    show({"written": str(out), "machines": len(found.machines)}, f"{out}: {len(found.machines)} machines", json)

@@ -1,0 +1,154 @@
+"""Who is going bad: a drift on its way out, a jump, a machine unlike its sisters, a run that could not be used."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import date, timedelta
+from typing import Any, Literal
+
+import numpy as np
+from scipy import stats
+
+from ptt.effects.phrases import SHOWN, figure
+from ptt.fleet.trends import ALPHA, Movement, Moves
+
+Trend = Literal["drift", "jump", "unlike", "new", "setup", "failed"]
+MONTH = 30.44  # days
+FAR = 10.0  # times the time watched beyond which a straight line says nothing of a machine any more
+SISTERS = 6  # machines of one drawing from which one may be called unlike the others
+TO_SIGMA = 1.4826  # median absolute deviation of a normal variable to its standard deviation
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """One thing that somebody should look at.
+
+    Attributes:
+        effect: its name; what it is about where it is none.
+        parameter: of the effect; '' where it is none.
+        trend: what it does: 'drift', 'jump', 'unlike' its sisters, 'new' physics, 'setup' mistaken, 'failed'.
+        words: for a person.
+        size: per month (drift) or in all, in `unit`; None where it is no number.
+        std: of the size.
+        unit: of the file.
+        when: day of a jump, or on which a drift leaves its usual size; None where none is known.
+    """
+
+    effect: str
+    parameter: str
+    trend: Trend
+    words: str
+    size: float | None = None
+    std: float | None = None
+    unit: str = ""
+    when: str | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the values of one machine are called.
+
+    Attributes:
+        names: 'effect parameter', p of them.
+        labels: for a person.
+        units: of each.
+        usual: (p,) usual sizes.
+    """
+
+    names: Sequence[str]
+    labels: Sequence[str]
+    units: Sequence[str]
+    usual: np.ndarray
+
+
+def of_movement(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> Alarm | None:
+    """What a movement means; None for a drift that leads nowhere within any time worth thinking of."""
+    return (_drift if movement.kind == "drift" else _jump)(movement, moves, names, days)
+
+
+def _drift(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> Alarm | None:
+    place = movement.place
+    usual = float(names.usual[place])
+    now = float(moves.course[-1, place])
+    left = (np.sign(movement.size) - now) / movement.size  # days until the usual size, in units of which all this is
+    span = float(np.ptp(days))
+    if abs(now) < 1.0 and left > FAR * span:
+        return None
+    size, std = (value * MONTH * usual for value in (movement.size, movement.std))
+    way, end, when = ("grows" if movement.size * now > 0 else "shrinks"), "", None
+    if abs(now) >= 1.0 and movement.size * now > 0:
+        end = f", beyond its usual size of {amount(usual, names.units[place])} already"
+    elif movement.size * now < 0:
+        end = ", toward zero"
+    else:
+        when = _day(days[-1] + left)
+        end = f", and passes its usual size of {amount(usual, names.units[place])} about {when}"
+    pace = amount(abs(size), names.units[place], std)
+    words = f"{names.labels[place]} {way} by {pace} a month, {amount(now * usual, names.units[place])} now{end}"
+    return _alarm(names, place, "drift", words, size, std, when)
+
+
+def _jump(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> Alarm:
+    place = movement.place
+    usual, unit = float(names.usual[place]), names.units[place]
+    size, std = movement.size * usual, movement.std * usual
+    runs = np.flatnonzero(days >= movement.day)
+    after = float(moves.course[runs[0], place]) * usual
+    when = _day(movement.day)
+    words = (
+        f"{names.labels[place]} jumped by {amount(size, unit, std, sign=True)} between {_day(movement.before)} and "
+        f"{when}, from {amount(after - size, unit)} to {amount(after, unit)}"
+    )
+    return _alarm(names, place, "jump", words, size, std, when)
+
+
+def unlike(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Machines whose value is unlike that of their sisters.
+
+    Args:
+        values: machine -> value and its standard error.
+
+    Returns:
+        Machine -> its distance from the sisters' median in robust standard deviations, and the chance of that, every
+        machine counted.
+    """
+    if len(values) < SISTERS:
+        return {}
+    own = np.array([value for value, _ in values.values()])
+    std = np.array([error for _, error in values.values()])
+    middle = float(np.median(own))
+    spread = TO_SIGMA * float(np.median(np.abs(own - middle)))
+    scale = np.hypot(spread, np.nan_to_num(std))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.where(scale > 0.0, (own - middle) / scale, 0.0)
+    chance = 2.0 * stats.t.sf(np.abs(distance), len(own) - 1) * len(own)
+    return {name: (float(far), float(p)) for name, far, p in zip(values, distance, chance, strict=True) if p < ALPHA}
+
+
+def unlike_alarm(effect: str, parameter: str, label: str, unit: str, value: float, middle: float, far: float) -> Alarm:
+    """A machine unlike its sisters, in words."""
+    words = (
+        f"{label} is {amount(value, unit)}, {abs(far):.1f} robust standard deviations from its sisters' median of "
+        f"{amount(middle, unit)}"
+    )
+    return Alarm(effect, parameter, "unlike", words, value, None, unit)
+
+
+def _alarm(names: Names, place: int, trend: Trend, words: str, size: float, std: float, when: str | None) -> Alarm:
+    effect, _, parameter = names.names[place].partition(" ")
+    return Alarm(effect, parameter, trend, words, size, std, names.units[place], when)
+
+
+def amount(value: float, unit: str, std: float | None = None, *, sign: bool = False) -> str:
+    """A value in the units of a workshop, with its standard error where one is given."""
+    factor, name = SHOWN.get(unit, (1.0, unit))
+    text = figure(abs(value) * factor) if std is None else f"{figure(abs(value) * factor)} +- {figure(std * factor)}"
+    return f"{'-' if value < 0 else '+' if sign else ''}{text} {name}".strip()
+
+
+def _day(days: float) -> str:
+    """A number of days since 1 January 1970 as a date."""
+    return (date(1970, 1, 1) + timedelta(days=round(days))).isoformat()

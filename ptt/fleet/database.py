@@ -1,0 +1,91 @@
+"""The store's DuckDB file: one writer at a time, so everybody opens it briefly and waits for the others."""
+
+import random
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ptt.errors import InputError
+
+if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection as Connection
+
+PATIENCE = 60.0  # s that anybody waits for the file; transactions here take a few milliseconds
+ONE_THREAD = {"threads": 1}  # what is asked here is small: starting threads takes longer than answering
+PAUSE = 0.02  # s before the first further try; doubled up to half a second, so that many waiting do not crowd
+
+
+def duckdb() -> Any:
+    """The package, or a word on how to get it.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import duckdb
+    except ModuleNotFoundError:
+        raise InputError("a fleet's store needs the package duckdb", fix="pip install 'ptt[fleet]'") from None
+    return duckdb
+
+
+@contextmanager
+def transaction(path: Path, *, read_only: bool = False, patience: float = PATIENCE) -> Iterator["Connection"]:
+    """All or nothing of what is done to a database, alone with it while it lasts.
+
+    Args:
+        path: the DuckDB file.
+        read_only: nothing will be written; several may read at once.
+        patience: how long to wait for others, s.
+
+    Yields:
+        The connection.
+
+    Raises:
+        InputError: another program keeps the file, or it is none of DuckDB's.
+    """
+    connection = _connect(path, read_only, patience)
+    try:
+        connection.begin()
+        yield connection
+        connection.commit()
+    finally:
+        connection.close()  # what was not committed is undone
+
+
+def _connect(path: Path, read_only: bool, patience: float) -> "Connection":
+    package = duckdb()
+    end, pause = time.monotonic() + patience, PAUSE
+    while True:
+        try:
+            return package.connect(str(path), read_only=read_only, config=ONE_THREAD)
+        except package.IOException as error:
+            if "lock" not in str(error).lower():
+                raise InputError(f"cannot be opened ({error})", where=str(path), fix="is it a fleet's store?") from None
+            if time.monotonic() > end:
+                what = f"has been in use by another program for {patience:.0f} s ({_holder(str(error))})"
+                raise InputError(what, where=str(path), fix="close it there, then run this again") from None
+        except package.Error as error:
+            raise InputError(f"cannot be opened ({error})", where=str(path), fix="is it a fleet's store?") from None
+        time.sleep(pause * random.uniform(0.5, 1.5))
+        pause = min(2.0 * pause, 0.5)
+
+
+def _holder(message: str) -> str:
+    """What DuckDB says of who holds the file."""
+    start = message.find("Conflicting lock")
+    return message[start:].split(". ")[0] if start >= 0 else message
+
+
+def rows(connection: "Connection", query: str, *values: Any) -> list[dict[str, Any]]:
+    """What a query answers, one dictionary for each row."""
+    answer = connection.execute(query, list(values))
+    names = [column[0] for column in answer.description or ()]
+    return [dict(zip(names, row, strict=True)) for row in answer.fetchall()]
+
+
+def insert(connection: "Connection", table: str, **values: Any) -> None:
+    """Put one row into a table; its column names are ours, its values are anybody's."""
+    marks = ", ".join("?" for _ in values)
+    connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({marks})", list(values.values()))

@@ -1,0 +1,262 @@
+"""How a fleet stands: of each machine its last verdict, what moves, and what somebody should look at."""
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from ptt.errors import InputError
+from ptt.fleet.alarms import MONTH, Alarm, Names, of_movement, unlike, unlike_alarm
+from ptt.fleet.store import Store, shown
+from ptt.fleet.trends import Moves, Series, movements
+
+RUNS = """
+SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count, outcomes.* EXCLUDE (run, machine),
+    fits.* EXCLUDE (run) FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run)
+ORDER BY runs.machine, runs.date, runs.place"""
+
+
+@dataclass(frozen=True)
+class Past:
+    """One run of a machine.
+
+    Attributes:
+        run: SHA-256 of its file.
+        file: its name.
+        date: when it was measured.
+        rows: of the file.
+        verdict: None while it waits.
+        error_um: what was left with the model.
+        expected_um: what had been left when the model was made.
+        noise_um: the noise floor.
+        words: what was said of it.
+    """
+
+    run: str
+    file: str
+    date: datetime
+    rows: int
+    verdict: str | None
+    error_um: float | None
+    expected_um: float | None
+    noise_um: float | None
+    words: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**vars(self), "date": self.date.isoformat()}
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How one machine stands.
+
+    Attributes:
+        machine: its name.
+        drawing: digest of its drawing; sisters share it.
+        past: its runs by date.
+        alarms: what somebody should look at.
+        names: of its values.
+        days: (n,) of the runs that tell values, days since 1970.
+        moves: what moves.
+    """
+
+    machine: str
+    drawing: str
+    past: tuple[Past, ...]
+    alarms: tuple[Alarm, ...] = ()
+    names: Names = field(default_factory=lambda: Names((), (), (), np.zeros(0)))
+    days: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    moves: Moves | None = None
+
+    @property
+    def last(self) -> Past | None:
+        """The last run that was worked on."""
+        return next((past for past in reversed(self.past) if past.verdict is not None), None)
+
+    @property
+    def waiting(self) -> int:
+        """Runs that nobody worked on yet."""
+        return sum(past.verdict is None for past in self.past)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        last = self.last
+        return {
+            "machine": self.machine,
+            "runs": len(self.past),
+            "waiting": self.waiting,
+            "last": self.past[-1].date.isoformat() if self.past else None,
+            "verdict": last.verdict if last else None,
+            "error_um": last.error_um if last else None,
+            "expected_um": last.expected_um if last else None,
+            "noise_um": last.noise_um if last else None,
+            "words": last.words if last else "",
+            "alarms": [alarm.to_dict() for alarm in self.alarms],
+            "trends": self.trends(),
+            "history": [past.to_dict() for past in self.past],
+        }
+
+    def trends(self) -> list[dict[str, Any]]:
+        """What moves, whether it alarms or not, in the units of the file."""
+        return [self._trend(movement) for movement in self.moves.movements] if self.moves else []
+
+    def _trend(self, movement: Any) -> dict[str, Any]:
+        place, drift = movement.place, movement.kind == "drift"
+        effect, _, parameter = self.names.names[place].partition(" ")
+        factor = float(self.names.usual[place]) * (MONTH if drift else 1.0)
+        return {
+            "effect": effect,
+            "parameter": parameter,
+            "trend": movement.kind,
+            "unit": self.names.units[place] + ("/month" if drift else ""),
+            "size": movement.size * factor,
+            "std": movement.std * factor,
+            "p_value": movement.p_value,
+        }
+
+
+@dataclass(frozen=True)
+class Overview:
+    """How a fleet stands.
+
+    Attributes:
+        machines: by name.
+    """
+
+    machines: tuple[Standing, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Keys as `ptt fleet show --json` writes them."""
+        return {"machines": [machine.to_dict() for machine in self.machines]}
+
+    def __str__(self) -> str:
+        """A table, and the alarms under it."""
+        width = max([7, *(len(shown(machine.machine)) for machine in self.machines)])
+        lines = [f"{'machine':<{width}}  runs  last        verdict           error um  alarms"]
+        for machine in self.machines:
+            last = machine.last
+            day = machine.past[-1].date.date().isoformat() if machine.past else "-"
+            error = "-" if last is None or last.error_um is None else f"{last.error_um:.1f}"
+            verdict = "waiting" if last is None else last.verdict
+            lines.append(
+                f"{shown(machine.machine):<{width}}  {len(machine.past):>4}  {day:<10}  {verdict:<16}  {error:>8}  "
+                f"{len(machine.alarms) or ''}".rstrip()
+            )
+        waiting = sum(machine.waiting for machine in self.machines)
+        told = [f"{shown(machine.machine)}: {alarm.words}" for machine in self.machines for alarm in machine.alarms]
+        lines += ["", *told] if told else []
+        lines += ["", f"{waiting} runs wait: ptt fleet run"] if waiting else []
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """The table in a notebook."""
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def overview(store: Store, machine: str | None = None) -> Overview:
+    """How a fleet stands.
+
+    Args:
+        store: the store.
+        machine: one of them alone, judged beside the others; None for all.
+
+    Returns:
+        Its machines by name.
+
+    Raises:
+        InputError: no such machine.
+    """
+    drawings = {row["machine"]: row["drawing"] for row in store.ask("SELECT * FROM machines ORDER BY machine")}
+    if machine is not None and machine not in drawings:
+        raise InputError(f"no machine '{shown(machine)}'", where=str(store.folder), fix="`ptt fleet show` lists them")
+    runs: dict[str, list[dict[str, Any]]] = {name: [] for name in drawings}
+    for row in store.ask(RUNS):
+        runs[row["machine"]].append(row)
+    standings = [_standing(name, drawings[name], rows) for name, rows in runs.items()]
+    standings = _beside_sisters(standings)
+    return Overview(tuple(each for each in standings if machine in (None, each.machine)))
+
+
+def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Standing:
+    past = tuple(
+        Past(
+            row["run"], row["file"], row["date"], row["row_count"], row["verdict"], row["error_um"],
+            row["expected_um"], row["noise_um"], row["words"] or "",
+        )
+        for row in rows
+    )  # fmt: skip
+    standing = Standing(name, drawing, past)
+    told = [row for row in rows if row["names"]]
+    if told:
+        names, series = _series(told)
+        moves = movements(series)
+        alarms = [of_movement(movement, moves, names, series.days) for movement in moves.movements]
+        sound = tuple(alarm for alarm in alarms if alarm is not None)
+        standing = Standing(name, drawing, past, sound, names, series.days, moves)
+    return Standing(**{**vars(standing), "alarms": (*_of_last(standing.last), *standing.alarms)})
+
+
+def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
+    """All runs of a machine as sums over all its values; of one that a run's model lacks that run tells nothing."""
+    known: dict[str, tuple[str, str, float]] = {}
+    for row in told:
+        known |= dict(zip(row["names"], zip(row["labels"], row["units"], row["usual"], strict=True), strict=True))
+    place = {name: index for index, name in enumerate(known)}
+    count = len(known)
+    information, score = np.zeros((len(told), count, count)), np.zeros((len(told), count))
+    for number, row in enumerate(told):
+        at = [place[name] for name in row["names"]]
+        information[number][np.ix_(at, at)] = np.reshape(row["information"], (len(at), len(at)))
+        score[number, at] = row["score"]
+    labels, units, usual = zip(*known.values(), strict=True)
+    days = np.array([row["date"].timestamp() / 86400.0 for row in told])
+    return Names(tuple(known), labels, units, np.array(usual)), Series(tuple(known), days, information, score)
+
+
+def _of_last(last: Past | None) -> tuple[Alarm, ...]:
+    """What the last run itself says that somebody should look at."""
+    if last is None or last.verdict not in ("new", "setup", "failed"):
+        return ()
+    what = {"new": "new physics", "setup": "set-up", "failed": "run"}[last.verdict]
+    day = last.date.date().isoformat()
+    head = {"new": "something that the model does not know", "setup": "the set-up is mistaken", "failed": "not usable"}
+    words = f"run of {day}: {head[last.verdict]}: {last.words.splitlines()[0] if last.words else ''}"
+    return (Alarm(what, "", last.verdict, words, when=day),)  # type: ignore[arg-type]
+
+
+def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:
+    """Each machine's last values and its error beside those of machines with the same drawing."""
+    extra: dict[str, list[Alarm]] = {}
+    for drawing in {standing.drawing for standing in standings}:
+        for (effect, parameter, label, unit), values in _last_values(standings, drawing).items():
+            middle = float(np.median([value for value, _ in values.values()]))
+            for machine, (far, _) in unlike(values).items():
+                alarm = unlike_alarm(effect, parameter, label, unit, values[machine][0], middle, far)
+                extra.setdefault(machine, []).append(alarm)
+    return [Standing(**{**vars(each), "alarms": (*each.alarms, *extra.get(each.machine, ()))}) for each in standings]
+
+
+def _last_values(
+    standings: Sequence[Standing], drawing: str
+) -> dict[tuple[str, str, str, str], dict[str, tuple[float, float]]]:
+    found: dict[tuple[str, str, str, str], dict[str, tuple[float, float]]] = {}
+    for standing in standings:
+        last = standing.last
+        if standing.drawing != drawing or last is None:
+            continue
+        if last.error_um is not None:
+            found.setdefault(("error", "", "the error left", "um"), {})[standing.machine] = (last.error_um, 0.0)
+        if standing.moves is None:
+            continue
+        for place, name in enumerate(standing.names.names):
+            effect, _, parameter = name.partition(" ")
+            key = (effect, parameter, standing.names.labels[place], standing.names.units[place])
+            value, std = standing.moves.values[-1, place], standing.moves.std[-1, place]
+            if np.isfinite(value) and np.isfinite(std):
+                usual = float(standing.names.usual[place])
+                found.setdefault(key, {})[standing.machine] = (float(value) * usual, float(std) * usual)
+    return found

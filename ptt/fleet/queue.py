@@ -1,0 +1,205 @@
+"""Which runs wait, who works on them, and what came of them; every step one short transaction."""
+
+import json
+import math
+import platform
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+from ptt.fleet.database import insert, rows, transaction
+from ptt.fleet.owner import alive
+from ptt.fleet.readings import read_columns
+from ptt.fleet.store import Store
+from ptt.fleet.task import Outcome, Task
+
+if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection as Connection
+
+WAITING = """
+SELECT runs.machine, min(runs.date) AS first, count(*) AS runs FROM runs LEFT JOIN outcomes USING (run)
+WHERE outcomes.run IS NULL GROUP BY runs.machine ORDER BY first, runs.machine"""
+NEXT = """
+SELECT runs.* FROM runs LEFT JOIN outcomes USING (run)
+WHERE outcomes.run IS NULL AND runs.machine = ? AND NOT list_contains(?, runs.run) ORDER BY date, place LIMIT 1"""
+MODEL = """
+SELECT made, toml FROM models LEFT JOIN runs USING (run)
+WHERE models.machine = ? AND made IN ('given', 'solved') ORDER BY made, runs.date DESC, runs.place DESC"""
+
+
+def waiting(store: Store) -> dict[str, int]:
+    """How many runs of each machine wait, the longest waiting first."""
+    return {row["machine"]: int(row["runs"]) for row in store.ask(WAITING)}
+
+
+def claim(store: Store, owner: str) -> str | None:
+    """Take a machine of which runs wait; nobody else works on it until it is let go or this process ends.
+
+    A machine's runs are worked on one after the other, because the first makes the model for the others.
+
+    Args:
+        store: the store.
+        owner: name of this process, of `ptt.fleet.owner.owner`.
+
+    Returns:
+        The machine; None where all that waits is taken.
+    """
+    with transaction(store.file) as connection:
+        taken = {row["machine"]: row["owner"] for row in rows(connection, "SELECT * FROM claims")}
+        for row in rows(connection, WAITING):
+            machine = row["machine"]
+            if machine in taken and (taken[machine] == owner or alive(store.workers, taken[machine])):
+                continue
+            connection.execute("DELETE FROM claims WHERE machine = ?", [machine])
+            insert(connection, "claims", machine=machine, owner=owner, since=_now())
+            return str(machine)
+    return None
+
+
+def release(store: Store, owner: str, machine: str | None = None) -> None:
+    """Let a machine go; None for all of this process."""
+    with transaction(store.file) as connection:
+        query = "DELETE FROM claims WHERE owner = ?"
+        connection.execute(*((query, [owner]) if machine is None else (f"{query} AND machine = ?", [owner, machine])))
+
+
+def next_task(store: Store, machine: str, besides: Sequence[str] = ()) -> Task | None:
+    """The oldest run of a machine that waits, with its readings and the model it is held against.
+
+    Args:
+        store: the store.
+        machine: its name.
+        besides: runs that were given up for now.
+
+    Returns:
+        The task; None where none waits.
+    """
+    with transaction(store.file, read_only=True) as connection:
+        found = rows(connection, NEXT, machine, list(besides))
+        models = rows(connection, MODEL, machine)
+    if not found:
+        return None
+    run = found[0]
+    drawing = next(row["toml"] for row in models if row["made"] == "given")
+    solved = next((row["toml"] for row in models if row["made"] == "solved"), None)
+    columns = read_columns(store.folder / run["readings"])
+    return Task(
+        run["run"], machine, run["date"].isoformat(), run["file"], columns, drawing, solved, run["ordered"],
+        run["units_said"],
+    )  # fmt: skip
+
+
+def keep(store: Store, outcome: Outcome) -> bool:
+    """Write down what came of a run, all of it or nothing.
+
+    Args:
+        store: the store.
+        outcome: what came of it.
+
+    Returns:
+        False where somebody wrote it down before.
+    """
+    with transaction(store.file) as connection:
+        if rows(connection, "SELECT 1 FROM outcomes WHERE run = ?", outcome.run):
+            return False
+        program = _program(connection)
+        insert(
+            connection, "outcomes", run=outcome.run, machine=outcome.machine, did=outcome.did, verdict=outcome.verdict,
+            error_um=_number(outcome.error_um), expected_um=_number(outcome.expected_um),
+            noise_um=_number(outcome.noise_um), words=outcome.words, seconds=outcome.seconds, program=program,
+            finished=_now(),
+        )  # fmt: skip
+        _keep_results(connection, outcome)
+        _keep_models(connection, outcome)
+        _keep_told(connection, outcome)
+    return True
+
+
+def again(store: Store, verdict: str = "failed") -> int:
+    """Let runs of a verdict wait once more.
+
+    Returns:
+        How many.
+    """
+    with transaction(store.file) as connection:
+        found = [row["run"] for row in rows(connection, "SELECT run FROM outcomes WHERE verdict = ?", verdict)]
+        for table in ("outcomes", "checks", "diagnoses", "rechecks", "parameters", "fits"):
+            connection.execute(f"DELETE FROM {table} WHERE list_contains(?, run)", [found])
+        connection.execute("DELETE FROM models WHERE list_contains(?, run)", [found])
+    return len(found)
+
+
+def _keep_results(connection: "Connection", outcome: Outcome) -> None:
+    if outcome.check is not None:
+        insert(connection, "checks", run=outcome.run, ok=outcome.check["ok"], result=_json(outcome.check))
+    for table, result in (("diagnoses", outcome.diagnosis), ("rechecks", outcome.recheck)):
+        if result is not None:
+            insert(connection, table, run=outcome.run, verdict=outcome.verdict, result=_json(result))
+
+
+def _keep_models(connection: "Connection", outcome: Outcome) -> None:
+    for made, text in (("solved", outcome.solved), ("refit", outcome.refit)):
+        if text is not None:
+            insert(connection, "models", machine=outcome.machine, run=outcome.run, made=made, toml=text, since=_now())
+
+
+def _keep_told(connection: "Connection", outcome: Outcome) -> None:
+    told = outcome.told
+    if told is None:
+        return
+    insert(
+        connection, "fits", run=outcome.run, names=list(told.names), labels=list(told.labels), units=list(told.units),
+        usual=told.usual.tolist(), information=told.information.ravel().tolist(), score=told.score.tolist(),
+    )  # fmt: skip
+    for place, name in enumerate(told.names):
+        effect, _, parameter = name.partition(" ")
+        insert(
+            connection, "parameters", run=outcome.run, machine=outcome.machine, effect=effect, parameter=parameter,
+            label=told.labels[place], unit=told.units[place], value=float(told.values[place]),
+            std=_number(float(told.std[place])), usual=float(told.usual[place]),
+        )  # fmt: skip
+
+
+def _program(connection: "Connection") -> str:
+    """The program that runs, by its name in the table of programs."""
+    own = {name: _version(name) for name in ("ptt", "torch", "numpy", "scipy")}
+    name = " ".join(f"{key} {value}" for key, value in (*own.items(), ("python", platform.python_version())))
+    if not rows(connection, "SELECT 1 FROM programs WHERE program = ?", name):
+        insert(
+            connection, "programs", program=name, version=own["ptt"], python=platform.python_version(),
+            torch=own["torch"], numpy=own["numpy"], scipy=own["scipy"],
+        )  # fmt: skip
+    return name
+
+
+@cache
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _number(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _json(value: Any) -> str:
+    return json.dumps(_plain(value), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Numpy values as plain ones; what JSON has no word for as null."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(item) for item in value]
+    return _number(value) if isinstance(value, float) else value
+
+
+def _now() -> datetime:
+    return datetime.now(UTC).replace(tzinfo=None)

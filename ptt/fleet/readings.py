@@ -1,0 +1,124 @@
+"""A run's table as columns, kept in Parquet, and back again bit for bit."""
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ptt.fleet.database import ONE_THREAD, duckdb
+from ptt.run.table import COORDINATES, QUATERNION, Table, make_table, table_to_frame
+
+if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection as Connection
+
+Columns = Mapping[str, np.ndarray]
+OWN = ("machine", "run_sha256", "line")
+PLAIN = ("repeat", "time_s", "payload_kg", "temp_c", "feed_mm_s")
+MOST_JOINTS = 32
+
+
+def write_readings(table: Table, machine: str, run: str, path: Path) -> None:
+    """Write a table as Parquet, whole or not at all: the columns of a tracker CSV, and whose they are.
+
+    Args:
+        table: one run.
+        machine: its name.
+        run: SHA-256 of its file.
+        path: where to.
+    """
+    frame = table_to_frame(table).drop(columns=[title for title in table.extra if title in OWN])
+    frame = frame.assign(line=table.line)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    with _memory() as connection:
+        connection.register("readings", frame)
+        query = "COPY (SELECT ? AS machine, ? AS run_sha256, * FROM readings) TO ? (FORMAT parquet)"
+        connection.execute(query, [machine, run, str(part)])
+        connection.unregister("readings")
+    part.replace(path)
+
+
+def read_columns(path: Path) -> dict[str, np.ndarray]:
+    """The columns of a run as arrays; empty cells are NaN, empty texts ''.
+
+    Args:
+        path: Parquet file of `write_readings`.
+    """
+    with _memory() as connection:
+        columns = connection.execute("SELECT * FROM read_parquet(?)", [str(path)]).fetchnumpy()
+    return {name: _plain(values) for name, values in columns.items() if name not in ("machine", "run_sha256")}
+
+
+def columns_to_table(columns: Columns, file: str, run: str) -> Table:
+    """The table that a run was read into.
+
+    Args:
+        columns: of `read_columns`.
+        file: name of the run's file, for messages.
+        run: its SHA-256.
+
+    Returns:
+        The table, without the columns that mean nothing to the program.
+    """
+    prefix = "q" if "q1_cmd_rad" in columns else "b"
+    angle = "_rad" if prefix == "q" else ""
+    joints = range(1, MOST_JOINTS)
+    rows = len(columns["line"])
+    labels, codes = _runs(columns.get("run"), rows)
+    target = _stack(columns, [f"{axis}_cmd" for axis in COORDINATES])
+    fields: dict[str, Any] = {
+        "run": codes,
+        "run_label": labels,
+        "run_sha256": (run,) * len(labels),
+        "direction": _stack(columns, [name for i in joints if (name := f"dir{i}") in columns]),
+        "torque": _stack(columns, [name for i in joints if (name := f"tau{i}") in columns]),
+        "std": _stack(columns, [f"{axis}_std" for axis in COORDINATES]),
+        "orientation_measured": _stack(columns, [f"{axis}_meas" for axis in QUATERNION]),
+        "orientation_command": _stack(columns, [f"{axis}_cmd" for axis in QUATERNION]),
+        "line": columns["line"],
+        "source": file,
+        "joint_prefix": prefix,
+        **{name: columns[name] for name in (*PLAIN, "name", "role") if name in columns},
+    }
+    return make_table(
+        np.full((rows, 3), np.nan) if target is None else target,
+        _stack(columns, [name for i in joints if (name := f"{prefix}{i}_cmd{angle}") in columns]),
+        _stack(columns, [f"{axis}_meas" for axis in COORDINATES]),
+        **fields,
+    )
+
+
+@cache
+def _database() -> "Connection":
+    """A database in memory: opening one takes longer than reading a run."""
+    return duckdb().connect(config=ONE_THREAD)
+
+
+def _memory() -> "Connection":
+    return _database().cursor()
+
+
+def _plain(values: Any) -> np.ndarray:
+    texts = values.dtype == object
+    if isinstance(values, np.ma.MaskedArray):
+        values = values.filled("" if texts else np.nan)
+    return np.asarray(values, dtype=str) if texts else np.asarray(values)
+
+
+def _stack(columns: Columns, names: list[str]) -> np.ndarray | None:
+    there = [name for name in names if name in columns]
+    if not there:
+        return None
+    empty = np.full(len(columns["line"]), np.nan)
+    return np.stack([columns.get(name, empty) for name in names], axis=1)
+
+
+def _runs(names: np.ndarray | None, rows: int) -> tuple[tuple[str, ...], np.ndarray]:
+    """Labels in order of appearance, and the code of each row."""
+    if names is None:
+        return ("",), np.zeros(rows, dtype=np.int64)
+    labels, first, codes = np.unique(names, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return tuple(str(label) for label in labels[order]), np.argsort(order)[codes.reshape(-1)]

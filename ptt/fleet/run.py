@@ -1,0 +1,89 @@
+"""Everything new in a store worked on, in this process; what is done stays done, however it ends."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+from ptt.fleet.owner import owner
+from ptt.fleet.queue import claim, keep, next_task, release, waiting
+from ptt.fleet.store import Store
+from ptt.fleet.task import Outcome, Task
+
+Progress = Callable[[str, int, int], None]
+Work = Callable[[Task, Callable[[str], None]], Outcome]
+
+
+@dataclass
+class Done:
+    """What one `ptt fleet run` did.
+
+    Attributes:
+        verdicts: verdict -> runs.
+        elsewhere: runs that wait because another process works on their machines.
+        lost: runs that no worker lived through; they wait for the next time.
+    """
+
+    verdicts: dict[str, int] = field(default_factory=dict)
+    elsewhere: int = 0
+    lost: list[str] = field(default_factory=list)
+
+    @property
+    def runs(self) -> int:
+        """How many runs were worked on."""
+        return sum(self.verdicts.values())
+
+    def count(self, verdict: str) -> None:
+        """Count one run."""
+        self.verdicts[verdict] = self.verdicts.get(verdict, 0) + 1
+
+    def to_dict(self) -> dict[str, object]:
+        """For JSON."""
+        return {"runs": self.runs, "verdicts": self.verdicts, "elsewhere": self.elsewhere, "lost": self.lost}
+
+    def __str__(self) -> str:
+        """One or two lines."""
+        told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(self.verdicts.items()))
+        lines = [f"{self.runs} run{'s' if self.runs != 1 else ''} worked on: {told}" if self.runs else "nothing new"]
+        if self.elsewhere:
+            lines.append(f"{self.elsewhere} more wait for another `ptt fleet run` that works on their machines")
+        if self.lost:
+            lines.append(f"{len(self.lost)} runs were lost with their workers and wait: {', '.join(self.lost)}")
+        return "\n".join(lines)
+
+
+def run_all(store: Store, progress: Progress | None = None, work: Work | None = None) -> Done:
+    """Work on every run that waits.
+
+    Args:
+        store: the store.
+        progress: told what is being done, how many runs are done of how many.
+        work: what is done with one run; None for `ptt.fleet.work.work`.
+
+    Returns:
+        What was done.
+    """
+    tell, done, do = progress or (lambda what, count, of: None), Done(), work or _work()
+    with owner(store.workers) as name:
+        total = sum(waiting(store).values())
+        try:
+            while (machine := claim(store, name)) is not None:
+                while (task := next_task(store, machine)) is not None:
+                    place = f"{machine}, {task.date[:10]}"
+                    outcome = do(task, partial(_tell, tell, place, done.runs, total))
+                    if keep(store, outcome):
+                        done.count(outcome.verdict)
+                release(store, name, machine)
+        finally:
+            release(store, name)
+    done.elsewhere = sum(waiting(store).values())
+    return done
+
+
+def _tell(tell: Progress, place: str, done: int, total: int, what: str) -> None:
+    tell(f"{place}: {what}", done, total)
+
+
+def _work() -> Work:
+    from ptt.fleet.work import work
+
+    return work

@@ -1,0 +1,253 @@
+"""A fleet's store: one folder with a DuckDB file, the run files as they came, and Parquet of their readings."""
+
+import hashlib
+import re
+import shutil
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ptt.errors import InputError
+from ptt.files import sha256
+from ptt.fleet.database import duckdb, insert, rows, transaction
+from ptt.fleet.readings import write_readings
+from ptt.fleet.schema import TABLES, VERSION
+from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
+from ptt.run.table import Table
+
+FILE = "fleet.duckdb"
+DATED = re.compile(r"(?<!\d)(\d{4})-?(\d{2})-?(\d{2})(?!\d)")
+
+
+@dataclass(frozen=True)
+class Added:
+    """What became of one file that was to be added.
+
+    Attributes:
+        file: its name.
+        run: SHA-256.
+        rows: of the run.
+        date: when it was measured, and how that is known, in words.
+        new: whether it was not there before.
+    """
+
+    file: str
+    run: str
+    rows: int
+    date: str
+    new: bool
+
+
+@dataclass(frozen=True)
+class Store:
+    """A store on disk.
+
+    Attributes:
+        folder: where it lies.
+    """
+
+    folder: Path
+
+    @property
+    def file(self) -> Path:
+        """The DuckDB file."""
+        return self.folder / FILE
+
+    @property
+    def workers(self) -> Path:
+        """Folder of the files that tell which processes work on the store."""
+        return self.folder / "working"
+
+    def ask(self, query: str, *values: Any) -> list[dict[str, Any]]:
+        """What a query of tables answers, one dictionary for each row."""
+        with transaction(self.file, read_only=True) as connection:
+            return rows(connection, query, *values)
+
+
+def create_store(folder: str | Path) -> Store:
+    """Make an empty store.
+
+    Args:
+        folder: a new or empty folder.
+
+    Returns:
+        The store.
+
+    Raises:
+        InputError: a store or other files are there, or duckdb is missing.
+    """
+    store, place = Store(Path(folder)), Path(folder)
+    duckdb()
+    if store.file.exists():
+        raise InputError("is a fleet's store already", where=str(folder), fix="go on with it, or name another folder")
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise InputError("is not an empty folder", where=str(folder), fix="name a new folder")
+    place.mkdir(parents=True, exist_ok=True)
+    part = place / f".{FILE}.part"
+    with transaction(part) as connection:
+        connection.execute(TABLES)
+        insert(connection, "about", key="version", value=VERSION)
+        insert(connection, "about", key="created", value=_now().isoformat(timespec="seconds"))
+    part.replace(store.file)
+    return store
+
+
+def open_store(folder: str | Path) -> Store:
+    """Open a store.
+
+    Args:
+        folder: where it lies.
+
+    Returns:
+        The store.
+
+    Raises:
+        InputError: none is there, or one of a later program.
+    """
+    store = Store(Path(folder))
+    if not store.file.is_file():
+        raise InputError("holds no fleet's store", where=str(folder), fix=f"make one: ptt fleet init {folder}")
+    version = store.ask("SELECT value FROM about WHERE key = 'version'")
+    if not version or version[0]["value"] != VERSION:
+        found = version[0]["value"] if version else "none"
+        raise InputError(f"has version {found}, this program reads {VERSION}", where=str(store.file), fix="update ptt")
+    return store
+
+
+def machine_of(store: Store, machine: str) -> MachineFile | None:
+    """The drawing of a machine as it was given; None where the store does not know it."""
+    query = "SELECT toml FROM models WHERE machine = ? AND made = 'given'"
+    found = store.ask(query, machine)
+    return parse_machine(found[0]["toml"], machine) if found else None
+
+
+def add_machine(store: Store, machine: str, model: Path | None) -> MachineFile:
+    """A machine's drawing, kept when it is first given.
+
+    Args:
+        store: the store.
+        machine: any text but none.
+        model: its machine.toml; None where it is known already.
+
+    Returns:
+        The drawing.
+
+    Raises:
+        InputError: no name, no drawing, or another than the one that is kept.
+    """
+    if not machine.strip():
+        raise InputError("the machine has no name", fix="give it one, such as 'mill 3'")
+    known, given = machine_of(store, machine), None if model is None else load_machine(model)
+    if known is None and given is None:
+        raise InputError(f"no machine '{shown(machine)}' yet", where=str(store.folder), fix="say --model M.toml once")
+    if known is not None and given is not None and (known.machine, known.effect) != (given.machine, given.effect):
+        what = f"is not the drawing that is kept of '{shown(machine)}'"
+        raise InputError(what, where=str(model), fix="leave --model out, or add the run under another name")
+    if known is not None:
+        return known
+    assert given is not None
+    with transaction(store.file) as connection:
+        if not rows(connection, "SELECT 1 FROM machines WHERE machine = ?", machine):
+            kind, drawing = given.machine.kind, _drawing(given)
+            insert(connection, "machines", machine=machine, kind=kind, drawing=drawing, added=_now())
+            text = format_machine(given)
+            insert(connection, "models", machine=machine, run="", made="given", toml=text, since=_now())
+    return given
+
+
+def add_run(
+    store: Store, machine: str, path: Path, table: Table, date: datetime | None, *, ordered: bool, units_said: bool
+) -> Added:
+    """Keep a run: its file unchanged, its readings as Parquet, and a row that makes both count.
+
+    Whoever is killed on the way leaves files that no row names; adding the run again writes the same ones.
+
+    Args:
+        store: the store.
+        machine: that was measured; the store knows it.
+        path: the run's file.
+        table: what it was read into.
+        date: when it was measured; None to go by the file's name, else by its own date.
+        ordered: whether somebody said that the rows are in travel order.
+        units_said: whether somebody said in which units the columns are.
+
+    Returns:
+        What became of it.
+
+    Raises:
+        InputError: the run is another machine's.
+    """
+    run = sha256(path)
+    when, how = (date, "as said") if date is not None else date_of(path)
+    told = f"{when.date().isoformat()} ({how})"
+    if _is_there(store, machine, run, path):
+        return Added(path.name, run, table.rows, told, False)
+    kept, readings = f"runs/{run}{path.suffix}", f"readings/{run}.parquet"
+    _copy(path, store.folder / kept)
+    write_readings(table, machine, run, store.folder / readings)
+    with transaction(store.file) as connection:
+        if rows(connection, "SELECT 1 FROM runs WHERE run = ?", run):
+            return Added(path.name, run, table.rows, told, False)
+        place = rows(connection, "SELECT coalesce(max(place), 0) + 1 AS place FROM runs")[0]["place"]
+        insert(
+            connection, "runs", run=run, machine=machine, date=when, place=place, file=path.name, kept=kept,
+            readings=readings, row_count=table.rows, ordered=ordered, units_said=units_said, added=_now(),
+        )  # fmt: skip
+    return Added(path.name, run, table.rows, told, True)
+
+
+def date_of(path: Path) -> tuple[datetime, str]:
+    """When a file was measured, as far as it tells, and what told it."""
+    found = DATED.search(path.name)
+    if found:
+        try:
+            return datetime(*(int(part) for part in found.groups())), "by the file's name"  # type: ignore[arg-type]
+        except ValueError:
+            pass
+    changed = datetime.fromtimestamp(path.stat().st_mtime, UTC).replace(tzinfo=None)
+    return changed.replace(microsecond=0), "the file's own date"
+
+
+def read_date(text: str) -> datetime:
+    """Read a date as ISO 8601.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError(f"cannot read '{text}'", where="--date", fix="write it as 2026-03-15") from None
+    return when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None)
+
+
+def shown(name: str) -> str:
+    """A name as it may be printed: what a terminal would obey is spelled out."""
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in name)
+
+
+def _is_there(store: Store, machine: str, run: str, path: Path) -> bool:
+    known = store.ask("SELECT machine FROM runs WHERE run = ?", run)
+    if known and known[0]["machine"] != machine:
+        owner = shown(known[0]["machine"])
+        raise InputError(f"is a run of '{owner}' already", where=str(path), fix="name that machine, or the right file")
+    return bool(known)
+
+
+def _drawing(file: MachineFile) -> str:
+    """Digest of a drawing without the machine's name: sisters have the same."""
+    text = file.machine.model_dump_json(exclude={"name"})
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _copy(path: Path, to: Path) -> None:
+    """Copy a file whole or not at all, whatever its size."""
+    to.parent.mkdir(parents=True, exist_ok=True)
+    part = to.with_name(f".{to.name}.part")
+    shutil.copyfile(path, part)
+    part.replace(to)
+
+
+def _now() -> datetime:
+    return datetime.now(UTC).replace(tzinfo=None)

@@ -1,0 +1,75 @@
+"""What one run says of a model's parameters, in a form that adds up over runs."""
+
+import numpy as np
+
+from ptt.effects.dated import is_dated
+from ptt.effects.parameter import Parameter
+from ptt.fitting.solve import FitResult, unseen_directions
+from ptt.fleet.task import Told
+from ptt.model.model import parameter_names
+
+
+def told_by(fitted: FitResult) -> Told:
+    """What the rows of a fit say of the machine's own parameters; set-up effects, frames and mounts are free beside.
+
+    The fit's normal equations (G + W) u = g hold the rows' part G and a prior W; the prior is taken out, and what is
+    not the machine's is eliminated (Schur complement), so that runs that were set up differently can be added. What is
+    searched (a period, a settling length) counts as known.
+
+    Args:
+        fitted: a fit of one run.
+
+    Returns:
+        Information and score of p values.
+    """
+    layout = fitted.layout
+    keep, names, labels, units = _own_values(fitted)
+    shape = np.array([kind == "searched" for kind in layout.kinds] + [False])[layout.group]
+    own, rest = np.flatnonzero(keep & ~shape), np.flatnonzero(~keep & ~shape)
+    gram, amplitudes = fitted.information, np.where(shape, 0.0, fitted.unknowns)
+    # The rows' own gradient at the fit is what the prior holds against.
+    score = gram @ amplitudes + fitted.prior.weight * fitted.unknowns
+    follow = np.linalg.pinv(gram[np.ix_(rest, rest)], hermitian=True) @ gram[np.ix_(rest, own)]
+    information = gram[np.ix_(own, own)] - gram[np.ix_(own, rest)] @ follow
+    wider = max(1.0, fitted.chi2 / max(fitted.freedom, 1))
+    information = 0.5 * (information + information.T) / wider
+    usual = layout.scale[own]
+    return Told(
+        names, labels, units, usual, information, (score[own] - follow.T @ score[rest]) / wider,
+        fitted.values[own], _seen_std(information) * usual,
+    )  # fmt: skip
+
+
+def _seen_std(information: np.ndarray) -> np.ndarray:
+    """Standard errors in usual sizes, in the directions that the rows see; NaN where a value has no part in any."""
+    unseen = unseen_directions(information)
+    seen = np.eye(len(information)) - unseen @ unseen.T
+    variance = np.diag(seen @ np.linalg.pinv(information, hermitian=True) @ seen)
+    return np.where(np.diag(seen) > 1e-6, np.sqrt(np.maximum(variance, 0.0)), np.nan)
+
+
+def _own_values(fitted: FitResult) -> tuple[np.ndarray, tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Which unknowns are the machine's, (u,) bool, and names, labels and units of those that are not searched."""
+    layout, kind, joints = fitted.layout, fitted.model.file.machine.kind, fitted.model.joints
+    keep = np.zeros(len(layout.owner), dtype=bool)
+    names, labels, units = list[str](), list[str](), list[str]()
+    for index, (term, free) in enumerate(zip(layout.terms, layout.free, strict=True)):
+        if is_dated(term.effect):
+            continue
+        keep |= layout.owner == index
+        noun = term.effect.arm_noun if kind == "serial" else term.effect.noun
+        local = iter(zip(parameter_names(term.effect, kind, joints), free, strict=True))
+        for parameter in (declared.on(kind) for declared in term.effect.parameters):
+            for _ in range(parameter.size(joints)):
+                name, open_ = next(local)
+                if open_ and parameter.role == "linear":
+                    names.append(f"{term.effect.key} {name}")
+                    labels.append(f"{term.effect.key}: {_label(parameter, name, noun)}")
+                    units.append(parameter.unit)
+    return keep, tuple(names), tuple(labels), tuple(units)
+
+
+def _label(parameter: Parameter, name: str, noun: str) -> str:
+    """The name of one value for a person, as in 'gap of slider 2'."""
+    number, stem = name.removeprefix(parameter.name).strip(), parameter.stem.replace("_", " ")
+    return f"{stem} of {noun} {number}" if parameter.per_joint else f"{stem} {number}".strip()

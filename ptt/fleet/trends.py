@@ -1,0 +1,252 @@
+"""What moves from run to run: one machine's values as level, drifts and jumps, chosen one by one on all runs together.
+
+Each run says about p values x that its rows' sum of squares is x I x - 2 h x (`ptt.fleet.task.Told`). A machine that
+stays as it is has one x = a for all runs; a value that drifts adds b (t - t0), one that jumps c [t >= t1]. Both are
+least squares over runs with the full matrices, so that what a run cannot tell apart (a homing offset from the
+tracker's z) weighs nothing, and one slider that moves is not said as a third of it on each. Generalised least squares,
+forward selection with Bonferroni's bound on what was tried.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+ALPHA = 0.01  # chance that a machine on which nothing moves is said to move
+MOST = 8  # movements that are looked for on one machine
+MEDIAN = 0.37  # degrees of freedom that a squared median is worth beside a mean of squares, normal rows
+RIDGE = 1e-9  # of the strongest direction: below it a value is not told by any run
+
+
+@dataclass(frozen=True)
+class Series:
+    """One machine's runs.
+
+    Attributes:
+        names: (p) of the values.
+        days: (n,) when each run was measured, days.
+        information: (n, p, p), in usual sizes; zero where a run's model has no such value.
+        score: (n, p).
+    """
+
+    names: tuple[str, ...]
+    days: np.ndarray
+    information: np.ndarray
+    score: np.ndarray
+
+
+@dataclass(frozen=True)
+class Movement:
+    """One value that moves.
+
+    Attributes:
+        place: its number among the names.
+        kind: 'drift' or 'jump'.
+        day: of a jump, the first run behind it; of a drift the middle of the runs.
+        before: of a jump, the last run before it; NaN of a drift.
+        size: usual sizes a day (drift) or usual sizes (jump).
+        std: of the size; wider where runs scatter by more than their rows say.
+        p_value: after multiplicity.
+    """
+
+    place: int
+    kind: Literal["drift", "jump"]
+    day: float
+    before: float
+    size: float
+    std: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Moves:
+    """What moves on one machine.
+
+    Attributes:
+        movements: in the order in which they were found.
+        values: (n, p) usual sizes, what each run says of each value with the others where the runs together put them.
+        std: (n, p) of these; infinite where a run says nothing.
+        course: (n, p) usual sizes, level, drifts and jumps.
+        scatter: times their stated errors by which runs scatter, at least one.
+    """
+
+    movements: tuple[Movement, ...]
+    values: np.ndarray
+    std: np.ndarray
+    course: np.ndarray
+    scatter: float
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A way in which one value may move.
+
+    Attributes:
+        place: its number.
+        kind: 'drift' or 'jump'.
+        course: (n,) how it would move, per unit of its size.
+        day: as of `Movement`.
+        before: as of `Movement`.
+    """
+
+    place: int
+    kind: Literal["drift", "jump"]
+    course: np.ndarray
+    day: float
+    before: float = float("nan")
+
+
+def movements(series: Series, alpha: float = ALPHA) -> Moves:
+    """Find what moves.
+
+    Args:
+        series: one machine's runs, by date.
+        alpha: chance of a false word on a machine on which nothing moves.
+
+    Returns:
+        What moves, and each run's values.
+    """
+    candidates = _candidates(series)
+    chosen: list[Candidate] = []
+    tried = max(len(candidates), 1)
+    found: list[float] = []
+    for _ in range(MOST):
+        best = _best(series, chosen, candidates)
+        if best is None or best[1] * tried > alpha:
+            break
+        chosen.append(best[0])
+        found.append(min(best[1] * tried, 1.0))
+    return _told(series, chosen, found)
+
+
+def _candidates(series: Series) -> list[Candidate]:
+    """Every value with a line, and with a step before each run but the first."""
+    days, own = series.days, []
+    line = days - days.mean()
+    for place in range(len(series.names)):
+        told = series.information[:, place, place] > 0.0
+        if told.sum() < 3 or np.ptp(days[told]) == 0.0:
+            continue
+        own.append(Candidate(place, "drift", line, float(days.mean())))
+        for day in np.unique(days[told])[1:]:
+            before = float(days[told & (days < day)].max())
+            own.append(Candidate(place, "jump", (days >= day).astype(float), float(day), before))
+    return own
+
+
+def _best(
+    series: Series, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
+) -> tuple[Candidate, float] | None:
+    """The candidate that takes most of what the chosen ones leave, and its chance before multiplicity."""
+    _, inverse, rest = _solve(series, chosen)
+    best, most = None, -np.inf
+    for candidate in candidates:
+        place, course = candidate.place, candidate.course
+        cross = _cross(series, candidate, chosen)
+        information = float((course**2) @ series.information[:, place, place])
+        left = information - float(cross @ inverse @ cross)
+        if left <= RIDGE * information:
+            continue
+        score = abs(float(course @ rest[:, place])) / np.sqrt(left)
+        # The time of a jump is searched: a unit of twice the log likelihood for each e-fold of places, twice.
+        rank = score**2 - (2.0 * np.log(max(len(np.unique(series.days)) - 1, 1)) if candidate.kind == "jump" else 0.0)
+        if rank > most:
+            most, best = rank, (candidate, score)
+    if best is None:
+        return None
+    candidate, score = best
+    _, _, after = _solve(series, [*chosen, candidate])  # what it does not take is what it has to be judged by
+    wide, few = max(
+        _scatter(series, after, len(chosen) + 1), _own_scatter(series, after, candidate.place, candidate.course)
+    )
+    return candidate, float(2.0 * (stats.norm.sf(score) if wide <= 1.0 else stats.t.sf(score / wide, few)))
+
+
+def _solve(series: Series, chosen: Sequence[Candidate]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Levels and sizes of the chosen, the inverse of their normal matrix, and each run's score about them, (n, p)."""
+    count = len(series.names)
+    size = count + len(chosen)
+    normal, right = np.zeros((size, size)), np.zeros(size)
+    normal[:count, :count] = series.information.sum(axis=0)
+    right[:count] = series.score.sum(axis=0)
+    for number, (place, course) in enumerate((each.place, each.course) for each in chosen):
+        at = count + number
+        normal[at, :count] = normal[:count, at] = np.einsum("n,np->p", course, series.information[:, place])
+        right[at] = course @ series.score[:, place]
+        for other, beside in enumerate(chosen):
+            normal[at, count + other] = (course * beside.course) @ series.information[:, place, beside.place]
+    inverse = np.linalg.pinv(normal, rcond=RIDGE, hermitian=True)
+    values = inverse @ right
+    course = _course(series, values, chosen)
+    return values, inverse, series.score - np.einsum("npq,nq->np", series.information, course)
+
+
+def _course(series: Series, values: np.ndarray, chosen: Sequence[Candidate]) -> np.ndarray:
+    course = np.tile(values[: len(series.names)], (len(series.days), 1))
+    for size, each in zip(values[len(series.names) :], chosen, strict=True):
+        course[:, each.place] += size * each.course
+    return course
+
+
+def _cross(
+    series: Series, candidate: Candidate,
+    chosen: Sequence[Candidate],
+) -> np.ndarray:  # fmt: skip
+    place, course = candidate.place, candidate.course
+    levels = np.einsum("n,np->p", course, series.information[:, place])
+    sizes = [float((course * each.course) @ series.information[:, place, each.place]) for each in chosen]
+    return np.concatenate([levels, sizes])
+
+
+def _scatter(series: Series, rest: np.ndarray, moves: int) -> tuple[float, float]:
+    """By how much more than stated the runs scatter, and the degrees of freedom that tell it.
+
+    Birge's ratio by the median: what moves and is not found yet is in few directions, and must not hide itself.
+    """
+    own = np.einsum("npp->np", series.information)
+    told = own > 0.0
+    rank = sum(_rank(information) for information in series.information)
+    freedom = rank - _rank(series.information.sum(axis=0)) - moves
+    if freedom < 1:
+        return 1.0, np.inf
+    ratio = float(np.median(rest[told] ** 2 / own[told])) / float(stats.chi2.median(1)) * rank / freedom
+    return float(np.sqrt(max(ratio, 1.0))), MEDIAN * freedom
+
+
+def _rank(information: np.ndarray) -> int:
+    """Directions that rows know better than their usual size."""
+    strength = np.linalg.eigvalsh(information)
+    return int((strength > max(1.0, RIDGE * strength[-1])).sum())
+
+
+def _own_scatter(series: Series, rest: np.ndarray, place: int, course: np.ndarray) -> tuple[float, float]:
+    """The same of one value beside its movement: a slider that homes anew for each run scatters more than others."""
+    own = series.information[:, place, place]
+    told = own > 0.0
+    freedom = int(told.sum()) - 2
+    if freedom < 1:
+        return 1.0, np.inf
+    ways = np.stack([np.ones(int(told.sum())), course[told]], axis=1) * np.sqrt(own[told])[:, None]
+    left = rest[told, place] / np.sqrt(own[told])
+    left = left - ways @ np.linalg.lstsq(ways, left, rcond=None)[0]
+    return float(np.sqrt(max((left**2).sum() / freedom, 1.0))), float(freedom)
+
+
+def _told(series: Series, chosen: Sequence[Candidate], chances: Sequence[float]) -> Moves:
+    values, inverse, rest = _solve(series, chosen)
+    scatter, _ = _scatter(series, rest, len(chosen))
+    course = _course(series, values, chosen)
+    own = np.einsum("npp->np", series.information)
+    count = len(series.names)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        seen = np.where(own > 0.0, course + rest / own, np.nan)
+        std = np.where(own > 0.0, scatter / np.sqrt(own), np.inf)
+    moves = []
+    for number, each in enumerate(chosen):
+        wide = max(scatter, _own_scatter(series, rest, each.place, each.course)[0])
+        error = wide * float(np.sqrt(max(inverse[count + number, count + number], 0.0)))
+        size = float(values[count + number])
+        moves.append(Movement(each.place, each.kind, each.day, each.before, size, error, chances[number]))
+    return Moves(tuple(moves), seen, std, course, scatter)

@@ -1,0 +1,43 @@
+"""One machine of a fleet as text: run by run, what moves, what somebody should look at."""
+
+from ptt.fleet.alarms import amount
+from ptt.fleet.overview import Standing
+from ptt.fleet.store import shown
+
+
+def format_machine(machine: Standing) -> str:
+    """One machine as a person reads it.
+
+    Args:
+        machine: how it stands.
+
+    Returns:
+        Several lines.
+    """
+    lines = [shown(machine.machine), "", f"{'date':<10}  {'verdict':<16}  {'error um':>8}  {'noise um':>8}  file"]
+    for past in machine.past:
+        figures = "  ".join(
+            "       -" if value is None else f"{value:8.1f}" for value in (past.error_um, past.noise_um)
+        )
+        lines.append(f"{past.date.date().isoformat()}  {past.verdict or 'waiting':<16}  {figures}  {shown(past.file)}")
+    if machine.moves is not None:
+        lines += ["", f"{'value':<44}  {'first':>16}  {'last':>16}"]
+        plain = [place for place, label in enumerate(machine.names.labels) if "." not in label.rpartition(" ")[2]]
+        for place in plain:
+            label = machine.names.labels[place]
+            usual, unit = float(machine.names.usual[place]), machine.names.units[place]
+            ends = [
+                amount(
+                    float(machine.moves.values[row, place]) * usual, unit, float(machine.moves.std[row, place]) * usual
+                )
+                for row in (0, -1)
+            ]
+            lines.append(f"{label:<44}  {ends[0]:>16}  {ends[1]:>16}")
+        if left := len(machine.names.labels) - len(plain):
+            lines.append(f"and {left} values of curves: --json has them")
+    if machine.alarms:
+        lines += ["", *(f"{alarm.words}" for alarm in machine.alarms)]
+    last = machine.last
+    if last is not None and last.words:
+        lines += ["", f"the run of {last.date.date().isoformat()}:", last.words]
+    return "\n".join(lines)

@@ -1,0 +1,112 @@
+"""One run: check the set-up, diagnose or recheck it, and say what its rows tell of the parameters."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ptt.diagnosis.long import choose_diagnosis
+from ptt.effects.registry import make_effect, parse_key
+from ptt.errors import PttError
+from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms
+from ptt.fleet.again import recheck_run
+from ptt.fleet.runs import Opened, open_task, read_task
+from ptt.fleet.task import Outcome, Task
+from ptt.fleet.told import told_by
+from ptt.judge.history import record
+from ptt.judge.ladder.climb import climb
+from ptt.machine import format_machine
+from ptt.model.model import Model, Term, write_model
+
+Tell = Callable[[str], None]
+
+
+def work(task: Task, tell: Tell | None = None) -> Outcome:
+    """Do what is to be done with one run.
+
+    Args:
+        task: the run.
+        tell: told what is being done.
+
+    Returns:
+        What came of it; data that cannot work are an outcome, 'failed', as well.
+    """
+    start, tell = time.perf_counter(), tell or (lambda what: None)
+    try:
+        outcome = _work(task, tell)
+    except PttError as error:
+        outcome = Outcome(task.run, task.machine, "nothing", "failed", str(error), 0.0)
+    except (
+        Exception
+    ) as error:  # what nobody foresaw in one run must not stop the others; it is told, `--again` tries it
+        words = f"unexpected {type(error).__name__}: {error}"
+        outcome = Outcome(task.run, task.machine, "nothing", "failed", words, 0.0)
+    return replace(outcome, seconds=time.perf_counter() - start)
+
+
+def _work(task: Task, tell: Tell) -> Outcome:
+    tell("check")
+    table, check = read_task(task)
+    if check.sure:
+        return Outcome(task.run, task.machine, "check", "setup", str(check), 0.0, check=check.to_dict())
+    opened = open_task(task, table)
+    outcome = (_first if task.solved is None else _again)(task, opened, tell)
+    return replace(outcome, check=check.to_dict())
+
+
+def _first(task: Task, opened: Opened, tell: Tell) -> Outcome:
+    """Diagnose, add what is suggested, and keep that as the model."""
+    model, problem, known = opened.model, opened.problem, opened.known
+    found = choose_diagnosis(problem.table.rows)(model, problem, known, progress=tell)
+    tell("add")
+    solved, fitted, noise = _add(model, opened, [step[0] for step in found.suggested], task)
+    return Outcome(
+        task.run, task.machine, "diagnosis", found.verdict, found.words, 0.0, _left(fitted, problem), None, noise,
+        diagnosis=found.to_dict(), solved=solved, refit=solved, told=told_by(fitted),
+    )  # fmt: skip
+
+
+def _again(task: Task, opened: Opened, tell: Tell) -> Outcome:
+    """Recheck, and where there is new physics add it to the model; the values of this run are told in any case."""
+    model, problem = opened.model, opened.problem
+    tell("recheck")
+    again = recheck_run(model, problem, opened.known, tell)
+    tell("refit")
+    solved, fitted = None, fit(_testable(model, opened), problem)
+    if again.added:
+        solved, fitted, _ = _add(model, opened, again.added, task)
+    refit = solved or format_machine(write_model(fitted.model, [task.run]))
+    return Outcome(
+        task.run, task.machine, "recheck", again.verdict, again.words, 0.0, again.now_um, again.expected_um,
+        1e3 * fitted.noise.total, recheck=again.result, solved=solved, refit=refit, told=told_by(fitted),
+    )  # fmt: skip
+
+
+def _add(model: Model, opened: Opened, keys: list[str], task: Task) -> tuple[str, FitResult, float]:
+    """The model with effects added, as TOML with its history; its last fit; the noise floor in um."""
+    effects = [make_effect(opened.known, *parse_key(key)) for key in keys]
+    ladder = climb(model, opened.problem, effects)
+    sources: list[dict[str, Any]] = [{"file": task.file, "sha256": task.run}]
+    written = record(ladder, "add" if keys else "fit", sources, date=task.date)
+    fitted = ladder.steps[-1].fitted
+    if not keys and not model.terms:
+        fitted = residual_of(model, opened.problem)
+    return format_machine(written), fitted, float(ladder.noise_um["total"])
+
+
+def _testable(model: Model, opened: Opened) -> Model:
+    """The model with what this run says nothing of held as it was, and shapes too, so that sizes can be compared."""
+    view = opened.problem.view
+    return replace(model, terms=tuple(hold(t) if t.effect.needs(view) else _shaped(t) for t in model.terms))
+
+
+def _shaped(term: Term) -> Term:
+    searched = {parameter.stem for parameter in term.effect.parameters if parameter.role == "searched"}
+    return replace(term, fixed=term.fixed | searched)
+
+
+def _left(fitted: FitResult, opened: Any) -> float:
+    rows = opened.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    return float(rms(fitted.residual, rows)["total"])

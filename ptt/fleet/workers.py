@@ -1,0 +1,133 @@
+"""Everything new in a store worked on by other processes, here or on other machines: dask.distributed carries it.
+
+Workers get a run's readings and the machine's models by message and hand back what came of it; the store is opened by
+the submitting process alone, so a worker needs neither the folder nor duckdb, and one that dies takes nothing with it:
+its run is given to another, and goes back to the queue if that is lost as often as the scheduler bears.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from ptt.errors import InputError
+from ptt.fleet.owner import owner
+from ptt.fleet.queue import claim, keep, next_task, release, waiting
+from ptt.fleet.run import Done, Progress
+from ptt.fleet.store import Store
+from ptt.fleet.task import Outcome, Task
+
+AHEAD = 2  # machines in hand for each worker, so that none waits for the submitting process
+PATIENCE = "30s"  # for a scheduler to answer
+
+
+def run_on_workers(
+    store: Store,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    work: Callable[[Task], Outcome] | None = None,
+) -> Done:
+    """Work on every run that waits, each as one task; runs of one machine follow each other.
+
+    Args:
+        store: the store.
+        scheduler: address of a running one; None starts one here.
+        workers: how many processes to start here; None for two.
+        progress: told what is being done, how many runs are done of how many.
+        work: what is done with one run; None for `ptt.fleet.work.work`.
+
+    Returns:
+        What was done.
+
+    Raises:
+        InputError: distributed is missing, or no scheduler answers.
+    """
+    do = work or _work()
+    tell, done = progress or (lambda what, count, of: None), Done()
+    with owner(store.workers) as name, cluster(scheduler, workers) as client:
+        total = sum(waiting(store).values())
+        try:
+            _distribute(store, name, client, do, done, lambda what: tell(what, done.runs, total))
+        finally:
+            release(store, name)
+    done.elsewhere = max(0, sum(waiting(store).values()) - len(done.lost))
+    return done
+
+
+def _work() -> Callable[[Task], Outcome]:
+    from ptt.fleet.work import work
+
+    return work
+
+
+@contextmanager
+def cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
+    """A client of a running scheduler, or of processes that are started here and end with it.
+
+    Args:
+        scheduler: address; None starts one.
+        workers: how many processes to start; None for two.
+
+    Yields:
+        `distributed.Client`.
+
+    Raises:
+        InputError: distributed is missing, or no scheduler answers.
+    """
+    try:
+        from distributed import Client, LocalCluster
+    except ModuleNotFoundError:
+        raise InputError("workers need the package distributed", fix="pip install 'ptt[fleet]'") from None
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=PATIENCE)
+        except (OSError, ValueError) as error:
+            fix = "start one: dask scheduler; dask worker ADDRESS"
+            raise InputError(f"no scheduler answers ({error})", where=scheduler, fix=fix) from None
+        with client:
+            yield client
+        return
+    # One thread each: the sums are numpy's, and threads of one process would wait for each other.
+    local = LocalCluster(n_workers=workers or 2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1")
+    with local, Client(local) as client:
+        yield client
+
+
+def _distribute(
+    store: Store, name: str, client: Any, work: Callable[[Task], Outcome], done: Done, tell: Callable[[str], None]
+) -> None:
+    from distributed import as_completed
+
+    doing: dict[Any, Task] = {}
+    running = as_completed([])
+    given_up: dict[str, list[str]] = {}
+
+    def submit(machine: str) -> bool:
+        task = next_task(store, machine, given_up.get(machine, []))
+        if task is None:
+            release(store, name, machine)
+            return False
+        future = client.submit(work, task, pure=False)
+        doing[future] = task
+        running.add(future)
+        return True
+
+    def fill() -> None:
+        room = AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+        while len(doing) < room and (machine := claim(store, name)) is not None:
+            submit(machine)
+
+    fill()
+    for future in running:
+        task = doing.pop(future)
+        tell(f"{task.machine}, {task.date[:10]}")
+        if future.status == "finished":
+            outcome = future.result()
+            if keep(store, outcome):
+                done.count(outcome.verdict)
+        else:  # its workers died one after the other: whatever kills them must not end the rest
+            done.lost.append(f"{task.machine}, {task.file}")
+            given_up.setdefault(task.machine, []).append(task.run)
+        future.release()
+        submit(task.machine)
+        fill()

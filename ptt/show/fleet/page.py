@@ -1,0 +1,58 @@
+"""The report on a fleet: one HTML file without scripts or addresses, pictures inside."""
+
+from datetime import datetime
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ptt.files import write_text
+from ptt.fleet.overview import Overview, Standing
+from ptt.show.fleet.pictures import draw_fleet, draw_machine
+from ptt.show.report.pictures import data_uri
+
+VERDICTS = ("failed", "setup", "new", "unknown", "changed", "missing", "same", "nothing-missing", "waiting")
+
+
+def write_page(overview: Overview, out: str | Path) -> None:
+    """Write the page; it appears whole or not at all.
+
+    Args:
+        overview: how the fleet stands.
+        out: HTML file.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    write_text(out, render(overview))
+
+
+def render(overview: Overview) -> str:
+    """The page as HTML; names and words are anybody's text, so all of it is escaped."""
+    environment = Environment(
+        loader=PackageLoader("ptt.show.fleet"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    machines = sorted(overview.machines, key=_urgency)
+    verdicts = [verdict_of(machine) for machine in machines]
+    return environment.get_template("fleet.html").render(
+        machines=machines,
+        counts=[(verdict, verdicts.count(verdict)) for verdict in VERDICTS if verdict in verdicts],
+        runs=sum(len(machine.past) for machine in machines),
+        verdict_of=verdict_of,
+        fleet=[data_uri(png) for png in draw_fleet(machines)],
+        pictures={machine.machine: data_uri(png) for machine in machines if (png := draw_machine(machine)) is not None},
+        style=Markup(environment.loader.get_source(environment, "fleet.css")[0]),  # type: ignore[union-attr]
+        written=datetime.now().date().isoformat(),
+    )
+
+
+def verdict_of(machine: Standing) -> str:
+    """The last verdict, or that the machine waits."""
+    return machine.last.verdict or "waiting" if machine.last else "waiting"
+
+
+def _urgency(machine: Standing) -> tuple[int, int, str]:
+    """Machines that somebody should look at first come first."""
+    return (-len(machine.alarms), VERDICTS.index(verdict_of(machine)) if verdict_of(machine) in VERDICTS else 0,
+            machine.machine)  # fmt: skip

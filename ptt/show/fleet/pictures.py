@@ -1,0 +1,137 @@
+"""Pictures of a fleet: everybody's error by month, and of one machine the error and the values that move."""
+
+from collections.abc import Sequence
+from datetime import date, datetime
+from io import BytesIO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.figure import Figure
+
+from ptt.effects.phrases import SHOWN
+from ptt.fleet.overview import Standing
+from ptt.fleet.store import shown
+from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
+
+MOST = 6  # values drawn of one machine, the ones that move first
+NAME = 28  # signs of a name that fit beside a picture
+ROWS = 60  # machines in one picture of the whole fleet
+
+
+def draw_fleet(machines: Sequence[Standing]) -> list[bytes]:
+    """Each machine's error over time as a strip of colour, PNG by PNG."""
+    told = [machine for machine in machines if _errors(machine)]
+    return [_strips(told[start : start + ROWS]) for start in range(0, len(told), ROWS)]
+
+
+def draw_machine(machine: Standing) -> bytes | None:
+    """One machine's error and values by date as PNG; None where nothing was measured twice."""
+    errors = _errors(machine)
+    if len(errors) < 2:
+        return None
+    places = _worth_drawing(machine)
+    figure = Figure(figsize=(9.0, 2.2 * (1 + -(-len(places) // 2))), layout="constrained")
+    grid = figure.add_gridspec(1 + -(-len(places) // 2), 2)
+    _draw_error(figure.add_subplot(grid[0, :]), machine)
+    for number, place in enumerate(places):
+        _draw_value(figure.add_subplot(grid[1 + number // 2, number % 2]), machine, place)
+    return _png(figure)
+
+
+def _strips(machines: Sequence[Standing]) -> bytes:
+    figure = Figure(figsize=(9.0, 1.2 + 0.22 * len(machines)), layout="constrained")
+    panel = figure.add_subplot()
+    every = [(day, error, row) for row, machine in enumerate(machines) for day, error in _errors(machine)]
+    days, errors, rows = (np.array(part) for part in zip(*every, strict=True))
+    drawn = panel.scatter(
+        days,
+        rows,
+        c=errors,
+        s=60,
+        marker="s",
+        cmap="viridis",
+        norm="log" if errors.min() > 0 else None,
+    )
+    alarmed = [(row, machine) for row, machine in enumerate(machines) if machine.alarms]
+    if alarmed:
+        last = [_errors(machine)[-1][0] for _, machine in alarmed]
+        panel.scatter(
+            last, [row for row, _ in alarmed], s=130, marker="o", facecolors="none", edgecolors=ORANGE, linewidths=2.0,
+            label="alarm",
+        )  # fmt: skip
+        figure.legend(loc="outside lower center", frameon=False, fontsize=9)
+    panel.set_yticks(range(len(machines)), [_short(machine.machine) for machine in machines], fontsize=8)
+    panel.set_ylim(len(machines) - 0.5, -0.5)
+    panel.grid(axis="x", alpha=0.3)
+    _date_axis(panel)
+    figure.colorbar(drawn, label="error left with the model, um")
+    return _png(figure)
+
+
+def _draw_error(panel: Axes, machine: Standing) -> None:
+    days, errors = zip(*_errors(machine), strict=True)
+    panel.plot(days, errors, "o-", color=BLUE, label="error left with the model")
+    noise = [(_day(past.date), past.noise_um) for past in machine.past if past.noise_um is not None]
+    if noise:
+        panel.plot([day for day, _ in noise], [each for _, each in noise], "--", color=DARK, label="noise")
+    panel.set_ylim(bottom=0.0)
+    panel.set_ylabel("um")
+    panel.legend(fontsize=8, frameon=False)
+    _date_axis(panel)
+
+
+def _draw_value(panel: Axes, machine: Standing, place: int) -> None:
+    moves, names = machine.moves, machine.names
+    assert moves is not None
+    factor, unit = SHOWN.get(names.units[place], (1.0, names.units[place]))
+    factor *= float(names.usual[place])
+    moving = any(movement.place == place for movement in moves.movements)
+    told = np.isfinite(moves.std[:, place])
+    panel.errorbar(
+        machine.days[told], moves.values[told, place] * factor,
+        moves.std[told, place] * factor, fmt="o", color=ORANGE if moving else BLUE, ecolor=PALE, markersize=4,
+    )  # fmt: skip
+    panel.plot(machine.days, moves.course[:, place] * factor, color=DARK, linewidth=1.0)
+    panel.set_title(names.labels[place], fontsize=9)
+    panel.set_ylabel(unit)
+    _date_axis(panel)
+
+
+def _worth_drawing(machine: Standing) -> list[int]:
+    """Values that move, then the largest in usual sizes of those that are known."""
+    if machine.moves is None:
+        return []
+    moving = list(dict.fromkeys(movement.place for movement in machine.moves.movements))
+    sure = np.abs(machine.moves.values[-1]) / machine.moves.std[-1]
+    size = np.where(sure > 3.0, np.abs(machine.moves.values[-1]), 0.0)
+    rest = [int(place) for place in np.argsort(-size) if size[place] > 0.0 and place not in moving]
+    return [*moving, *rest][:MOST]
+
+
+def _errors(machine: Standing) -> list[tuple[float, float]]:
+    return [(_day(past.date), past.error_um) for past in machine.past if past.error_um is not None]
+
+
+def _day(when: datetime) -> float:
+    """Days since 1970, which is how matplotlib counts dates."""
+    return float((when.date() - date(1970, 1, 1)).days)
+
+
+def _short(name: str) -> str:
+    text = shown(name).replace("$", r"\$")  # matplotlib takes what is between two of them for mathematics
+    return text if len(text) <= NAME else f"{text[: NAME - 1]}…"
+
+
+def _date_axis(panel: Axes) -> None:
+    locator = AutoDateLocator(maxticks=8)
+    panel.xaxis.set_major_locator(locator)
+    panel.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()

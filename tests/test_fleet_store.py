@@ -1,0 +1,284 @@
+"""The store: nothing twice, nothing lost, whoever is killed and however many work at once."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ptt.commands.main import app
+from ptt.errors import InputError
+from ptt.files import sha256
+from ptt.fleet.database import transaction
+from ptt.fleet.queue import claim, keep, next_task, waiting
+from ptt.fleet.readings import columns_to_table, read_columns, write_readings
+from ptt.fleet.run import run_all
+from ptt.fleet.store import add_machine, add_run, create_store, date_of, open_store, read_date
+from ptt.fleet.task import Outcome
+from ptt.run.table import make_table, read_table, table_to_frame, write_table
+
+ROOT = Path(__file__).resolve().parents[1]
+MACHINE = ROOT / "data" / "sealed_one" / "machine.toml"
+NASTY = 'mill "3"\'; DROP TABLE runs; -- <script>\n$x$ 机床'
+
+
+def table(seed: int, rows: int = 20):
+    random = np.random.default_rng(seed)
+    target = random.uniform(-50.0, 50.0, (rows, 3))
+    return make_table(
+        target, target + 250.0, target + 1e-3 * random.normal(size=(rows, 3)), temp_c=random.normal(20.0, 1.0, rows),
+        name=np.array([f"p,{i}" if i % 2 else "" for i in range(rows)]), run=np.arange(rows) // 12,
+    )  # fmt: skip
+
+
+def fill(folder: Path, machines: int = 2, runs: int = 3):
+    store = create_store(folder)
+    for machine in range(machines):
+        name = f"m{machine}"
+        add_machine(store, name, MACHINE)
+        for number in range(runs):
+            path = folder.parent / f"{name}-2026-{number + 1:02d}-05.csv"
+            write_table(table(100 * machine + number), path)
+            add_run(store, name, path, read_table(path), None, ordered=False, units_said=False)
+    return store
+
+
+def outcome(task, solved: bool = True) -> Outcome:
+    made = task.drawing if solved and task.solved is None else None
+    did = "diagnosis" if task.solved is None else "recheck"
+    return Outcome(task.run, task.machine, did, "same", task.date, 0.01, 5.0, solved=made)
+
+
+def test_readings_come_back_bit_for_bit(tmp_path):
+    path = tmp_path / "a.csv"
+    given = table(1)
+    given.measured[3] = np.nan  # a reading that was not observed
+    write_table(given, path)
+    whole = read_table(path)
+    write_readings(whole, NASTY, "abc", tmp_path / "a.parquet")
+    back = columns_to_table(read_columns(tmp_path / "a.parquet"), whole.source, whole.run_sha256[0])
+    assert table_to_frame(back).equals(table_to_frame(whole))
+    for name in ("target", "command", "measured", "temp_c", "run", "line", "role", "name"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(whole, name), err_msg=name)
+    assert (back.run_label, back.run_sha256, back.source) == (whole.run_label, whole.run_sha256, whole.source)
+
+
+def test_a_real_run_and_an_arms_run_come_back_too(tmp_path):
+    whole = read_table(ROOT / "data" / "experiment1.csv")
+    write_readings(whole, "m", "abc", tmp_path / "b.parquet")
+    back = columns_to_table(read_columns(tmp_path / "b.parquet"), whole.source, "x")
+    assert table_to_frame(back).equals(table_to_frame(whole).drop(columns=list(whole.extra)))
+    arm = make_table(None, np.zeros((4, 6)) + 0.1, np.ones((4, 3)), joint_prefix="q")
+    write_readings(arm, "m", "abc", tmp_path / "c.parquet")
+    back = columns_to_table(read_columns(tmp_path / "c.parquet"), "c", "x")
+    assert back.joint_prefix == "q" and back.command.shape == (4, 6) and np.isnan(back.target).all()
+
+
+def test_the_same_run_twice_is_one_run_and_its_file_is_kept_unchanged(tmp_path):
+    store, path = create_store(tmp_path / "s"), tmp_path / "a 2026-03-15.csv"
+    write_table(table(1), path)
+    add_machine(store, NASTY, MACHINE)
+    one = add_run(store, NASTY, path, read_table(path), None, ordered=False, units_said=False)
+    two = add_run(store, NASTY, path, read_table(path), None, ordered=False, units_said=False)
+    rows = store.ask("SELECT * FROM runs")
+    assert (one.new, two.new, len(rows)) == (True, False, 1)
+    assert sha256(store.folder / rows[0]["kept"]) == sha256(path) == rows[0]["run"]
+    assert rows[0]["machine"] == NASTY and rows[0]["date"].date().isoformat() == "2026-03-15"
+    add_machine(store, "other", MACHINE)
+    with pytest.raises(InputError, match="is a run of 'mill"):
+        add_run(store, "other", path, read_table(path), None, ordered=False, units_said=False)
+
+
+def test_a_machine_needs_a_drawing_once_and_keeps_it(tmp_path):
+    store = create_store(tmp_path / "s")
+    with pytest.raises(InputError, match="--model"):
+        add_machine(store, "a", None)
+    with pytest.raises(InputError, match="no name"):
+        add_machine(store, "  ", MACHINE)
+    add_machine(store, "a", MACHINE)
+    assert add_machine(store, "a", None).machine == add_machine(store, "a", MACHINE).machine
+    other = tmp_path / "other.toml"
+    other.write_text(MACHINE.read_text().replace("300.0", "301.0"))
+    with pytest.raises(InputError, match="is not the drawing"):
+        add_machine(store, "a", other)
+
+
+def test_a_folder_that_holds_something_else_is_not_made_a_store(tmp_path):
+    (tmp_path / "mine.txt").write_text("x")
+    with pytest.raises(InputError, match="not an empty folder"):
+        create_store(tmp_path)
+    with pytest.raises(InputError, match="no fleet's store"):
+        open_store(tmp_path)
+    (tmp_path / "fleet.duckdb").write_text("not a database, but long enough to be looked into " * 400)
+    with pytest.raises(InputError, match="cannot be opened"):
+        open_store(tmp_path)
+
+
+def test_dates_are_read_from_a_name_or_said(tmp_path):
+    path = tmp_path / "run_20260315_b.csv"
+    path.write_text("x")
+    assert date_of(path)[0].isoformat() == "2026-03-15T00:00:00"
+    assert read_date("2026-03-15T10:00:00+02:00").isoformat() == "2026-03-15T08:00:00"
+    with pytest.raises(InputError, match="--date"):
+        read_date("15.3.")
+
+
+def test_runs_are_worked_on_by_date_once_and_the_first_makes_the_model(tmp_path):
+    store, seen = fill(tmp_path / "s"), []
+
+    def work(task, tell):
+        seen.append((task.machine, task.date[:10], task.solved is None))
+        return outcome(task)
+
+    done = run_all(store, work=work)
+    assert done.runs == 6 and waiting(store) == {}
+    for machine in ("m0", "m1"):
+        own = [(day, first) for name, day, first in seen if name == machine]
+        assert own == [(f"2026-0{month}-05", month == 1) for month in range(1, 4)]
+    assert run_all(store, work=work).runs == 0 and len(seen) == 6
+
+
+def test_a_run_interrupted_goes_on_where_it_was(tmp_path):
+    store, seen = fill(tmp_path / "s"), []
+
+    def work(task, tell):
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+        seen.append(task.run)
+        return outcome(task)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_all(store, work=work)
+    assert sum(waiting(store).values()) == 4 and not store.ask("SELECT * FROM claims")
+    seen.clear()
+    run_all(store, work=lambda task, tell: seen.append(task.run) or outcome(task))
+    assert len(set(seen)) == 4
+
+
+def test_what_came_of_a_run_is_written_once(tmp_path):
+    store = fill(tmp_path / "s", 1, 1)
+    task = next_task(store, "m0")
+    assert keep(store, outcome(task)) and not keep(store, outcome(task))
+    assert len(store.ask("SELECT * FROM outcomes")) == 1
+
+
+WORKER = """
+import sys, time
+sys.path.insert(0, {here!r})
+from test_fleet_store import outcome
+from ptt.fleet.run import run_all
+from ptt.fleet.store import open_store
+def work(task, tell):
+    print(task.run, flush=True)
+    time.sleep({pause})
+    return outcome(task)
+print('done', run_all(open_store({store!r}), work=work).runs, flush=True)
+"""
+
+
+def start(store, pause: float) -> subprocess.Popen:
+    code = WORKER.format(here=str(Path(__file__).parent), store=str(store.folder), pause=pause)
+    return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+
+
+def test_two_processes_at_once_share_the_work_and_one_that_is_killed_costs_nothing(tmp_path):
+    store = fill(tmp_path / "s", machines=3, runs=3)
+    killed, other = start(store, 0.15), start(store, 0.15)
+    begun = [killed.stdout.readline() for _ in range(2)]
+    os.kill(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    told, _ = other.communicate(timeout=60)
+    assert other.returncode == 0
+    last = start(store, 0.0)
+    rest, _ = last.communicate(timeout=60)
+    assert waiting(store) == {} and len(store.ask("SELECT * FROM outcomes")) == 9
+    own = [line for line in told.splitlines() if len(line) == 64]
+    assert own and all(begun)
+    assert len(own) == len(set(own))
+    assert len(own) + sum(len(line) == 64 for line in rest.splitlines()) <= 9
+
+
+def test_a_store_that_somebody_else_keeps_open_is_waited_for_then_told(tmp_path):
+    store = create_store(tmp_path / "s")
+    code = f"import duckdb, time; c = duckdb.connect({str(store.file)!r}); print('open', flush=True); time.sleep(30)"
+    holder = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout.readline() == "open\n"
+        with pytest.raises(InputError, match="in use by another program"), transaction(store.file, patience=0.3):
+            pass
+    finally:
+        holder.kill()
+        holder.communicate()
+    assert store.ask("SELECT count(*) AS n FROM runs") == [{"n": 0}]
+
+
+def test_a_claim_of_a_dead_process_is_taken_over(tmp_path):
+    store = fill(tmp_path / "s", 1, 1)
+    with transaction(store.file) as connection:
+        connection.execute("INSERT INTO claims VALUES ('m0', 'somebody', NULL)")
+    store.workers.mkdir()
+    assert claim(store, "me") == "m0"  # nobody of that name lives
+
+
+def test_anybodys_sql_reads_the_store(tmp_path):
+    store = fill(tmp_path / "s", 2, 2)
+    run_all(store, work=lambda task, tell: outcome(task))
+    connection = duckdb.connect(str(store.file), read_only=True)
+    try:
+        joined = connection.execute(
+            f"SELECT r.machine, count(*) FROM read_parquet('{store.folder}/readings/*.parquet', union_by_name = true) "
+            "p JOIN runs r ON r.run = p.run_sha256 JOIN outcomes o ON o.run = r.run GROUP BY ALL ORDER BY ALL"
+        ).fetchall()
+    finally:
+        connection.close()
+    assert joined == [("m0", 40), ("m1", 40)]
+
+
+def invoke(*args: object):
+    return CliRunner().invoke(app, ["fleet", *(str(each) for each in args)])
+
+
+def test_the_command_line_says_and_does_all_that(tmp_path, monkeypatch):
+    monkeypatch.setattr("ptt.fleet.work.work", lambda task, tell: outcome(task))
+    store, path = tmp_path / "s", tmp_path / "a.csv"
+    write_table(table(1), path)
+    assert invoke("init", store).exit_code == 0
+    assert invoke("init", store).exit_code == 2
+    assert "--model" in invoke("add", store, "a", path).stderr
+    added = invoke("add", store, NASTY, path, "--model", MACHINE, "--date", "2026-03-15", "--json")
+    assert json.loads(added.stdout)["runs"][0]["new"] is True
+    assert json.loads(invoke("show", store, "--json").stdout)["machines"][0]["verdict"] is None
+    assert json.loads(invoke("run", store, "--json").stdout)["runs"] == 1
+    assert json.loads(invoke("run", store, "--json").stdout)["runs"] == 0
+    machine = json.loads(invoke("show", store, "--json").stdout)["machines"][0]
+    assert {"machine", "runs", "last", "verdict", "error_um", "alarms"} <= set(machine)
+    assert (machine["machine"], machine["runs"], machine["error_um"]) == (NASTY, 1, 5.0)
+    assert "\n" not in invoke("show", store).stdout.splitlines()[1].replace("\\n", "")
+    out = tmp_path / "r.html"
+    assert invoke("report", store, "--out", out).exit_code == 0
+    page = out.read_text()
+    assert "<script" not in page and "&lt;script&gt;" in page and "http" not in page.replace("http-equiv", "")
+    assert invoke("show", store, "nobody").exit_code == 2
+    assert invoke("run", store, "--workers", "1", "--scheduler", "x").exit_code == 2
+
+
+def test_without_duckdb_the_way_to_get_it_is_told(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    result = invoke("init", tmp_path / "s")
+    assert result.exit_code == 2 and "pip install 'ptt[fleet]'" in result.stderr
+
+
+def test_a_failed_run_waits_again_only_when_asked(tmp_path):
+    store = fill(tmp_path / "s", 1, 2)
+    failed = lambda task, tell: Outcome(task.run, task.machine, "nothing", "failed", "no", 0.0)  # noqa: E731
+    assert run_all(store, work=failed).verdicts == {"failed": 2}
+    assert run_all(store, work=failed).runs == 0
+    from ptt.fleet.queue import again
+
+    assert again(store) == 2 and sum(waiting(store).values()) == 2

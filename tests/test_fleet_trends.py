@@ -1,0 +1,113 @@
+"""What moves over runs: drifts and jumps are named on the value that moves, and on a sound machine nothing is."""
+
+from datetime import date
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from ptt.fleet.alarms import Names, of_movement, unlike
+from ptt.fleet.trends import Series, movements
+
+COUNT, ROWS, DAYS = 5, 120, 30.4
+
+
+def series(random, runs=12, drift=None, jump=None, scatter=0.0, understated=1.0) -> Series:
+    """Runs by rows: three values whose sum no row tells (sliders beside a tracker's z), and two that are told alone.
+
+    Readings are drawn row by row and summed up here, so nothing of the estimate is used.
+    """
+    days = np.arange(runs) * DAYS + random.uniform(-3.0, 3.0, runs)
+    blind = np.eye(COUNT)
+    blind[:3, :3] -= 1.0 / 3.0
+    start, information, score = random.normal(size=COUNT), [], []
+    for day in days:
+        now = start + scatter * random.normal(size=COUNT)
+        if drift:
+            now[drift[0]] += drift[1] * day
+        if jump and day >= days[jump[1]]:
+            now[jump[0]] += jump[2]
+        rows = 10.0 * random.normal(size=(ROWS, COUNT)) @ blind
+        readings = rows @ now + understated * random.normal(size=ROWS)
+        information.append(rows.T @ rows)
+        score.append(rows.T @ readings)
+    return Series(tuple(f"v{i}" for i in range(COUNT)), days, np.array(information), np.array(score))
+
+
+def test_on_sound_machines_nothing_moves():
+    random = np.random.default_rng(1)
+    worse = [
+        bool(
+            movements(
+                series(random, int(random.integers(2, 14)), understated=float(random.choice([1.0, 2.0])))
+            ).movements
+        )
+        for _ in range(300)
+    ]
+    # One percent is promised; 300 draws of it show 9 or fewer in 99.9 of 100.
+    assert sum(worse) <= stats.binom.ppf(0.999, 300, 0.01)
+
+
+def test_runs_that_scatter_by_more_than_their_rows_say_are_not_drifts():
+    random = np.random.default_rng(2)
+    worse = [bool(movements(series(random, 8, scatter=0.1)).movements) for _ in range(150)]
+    assert sum(worse) <= stats.binom.ppf(0.999, 150, 0.02)
+
+
+@pytest.mark.parametrize("place", [0, 1, 4])
+def test_a_drift_is_named_on_its_own_value_alone_with_its_slope(place):
+    random, pulls = np.random.default_rng(3 + place), []
+    for _ in range(40):
+        slope = float(random.choice([-1.0, 1.0])) * 6e-4
+        found = movements(series(random, drift=(place, slope))).movements
+        assert [(each.place, each.kind) for each in found[:1]] == [(place, "drift")]
+        pulls.append((found[0].size - slope) / found[0].std)
+    assert abs(np.mean(pulls)) < 4.0 / np.sqrt(40) and 0.6 < np.std(pulls) < 1.4
+
+
+def test_a_jump_is_dated_between_two_runs_and_a_drift_beside_it_is_found_too():
+    random = np.random.default_rng(7)
+    found = movements(given := series(random, drift=(1, 6e-4), jump=(4, 7, 0.1))).movements
+    jump = next(each for each in found if each.kind == "jump")
+    assert (jump.place, jump.before, jump.day) == (4, given.days[6], given.days[7])
+    assert abs(jump.size - 0.1) < 4.0 * jump.std
+    assert [each.place for each in found if each.kind == "drift"] == [1]
+
+
+def test_a_drift_of_one_slider_among_three_is_worth_what_a_line_through_differences_says():
+    """Scipy's line through the differences of two sliders, which the tracker's z does not touch, has the same slope."""
+    given = series(np.random.default_rng(11), drift=(1, 1e-3))
+    found = movements(given).movements[0]
+    each = [
+        np.linalg.lstsq(info, score, rcond=1e-9)[0] for info, score in zip(given.information, given.score, strict=True)
+    ]
+    line = stats.linregress(given.days, [value[1] - 0.5 * (value[0] + value[2]) for value in each])
+    assert abs(found.size - line.slope) < 3.0 * line.stderr
+
+
+def words(kind: str, slope: float, usual: float) -> str:
+    given = (
+        series(np.random.default_rng(5), drift=(4, slope))
+        if kind == "drift"
+        else series(np.random.default_rng(5), jump=(4, 6, slope))
+    )
+    moves = movements(given)
+    names = Names(given.names, [f"play of slider {i}" for i in range(COUNT)], ["mm"] * COUNT, np.full(COUNT, usual))
+    alarm = of_movement(moves.movements[0], moves, names, given.days)
+    return "" if alarm is None else alarm.words
+
+
+def test_alarms_say_pace_unit_and_the_day_on_which_the_usual_size_is_passed():
+    text = words("drift", 1e-3, 0.1)
+    assert text.startswith("play of slider 4 ") and " um a month" in text
+    jumped = words("jump", 0.4, 0.1)
+    assert "jumped by +4" in jumped or "jumped by +3" in jumped
+    assert str(date(1970, 1, 1).year) in jumped
+
+
+def test_a_machine_unlike_its_sisters_is_named_and_no_other():
+    random = np.random.default_rng(4)
+    values = {f"m{i}": (float(random.normal(20.0, 2.0)), 0.5) for i in range(30)}
+    assert not unlike(values)
+    assert list(unlike(values | {"m7": (55.0, 0.5)})) == ["m7"]
+    assert not unlike({name: values[name] for name in list(values)[:4]} | {"m7": (55.0, 0.5)})  # too few to tell
