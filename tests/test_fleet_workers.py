@@ -1,0 +1,78 @@
+"""Workers: a real scheduler and two real processes; one is killed in the middle, and nothing is lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from test_fleet_store import fill, outcome
+
+from ptt.errors import InputError
+from ptt.fleet.queue import waiting
+from ptt.fleet.workers import cluster, run_on_workers
+
+HERE = Path(__file__).parent
+PYTHONPATH = os.pathsep.join([str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
+
+
+def start(module: str, *options: str) -> subprocess.Popen:
+    command = [sys.executable, "-m", f"distributed.cli.{module}", "--no-dashboard", *options]
+    environment = {**os.environ, "PYTHONPATH": PYTHONPATH, "OMP_NUM_THREADS": "1"}
+    return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    """Address of a scheduler, and its two workers."""
+    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
+    processes = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))]
+    for _ in range(2):
+        processes.append(start("dask_worker", "--scheduler-file", str(file), "--no-nanny", "--nthreads", "1"))
+    try:
+        while not file.exists():
+            time.sleep(0.05)
+        import json
+
+        yield json.loads(file.read_text())["address"], processes[1:]
+    finally:
+        for process in reversed(processes):
+            process.kill()
+            process.wait()
+
+
+def slow(task):
+    """What a worker does with a run here."""
+    time.sleep(0.1)
+    return outcome(task)
+
+
+def test_a_worker_that_is_killed_in_the_middle_costs_nothing(running, tmp_path):
+    address, workers = running
+    store, told = fill(tmp_path / "s", machines=4, runs=2), []
+    with cluster(address, None) as client:
+        client.wait_for_workers(2, timeout=60)
+
+    def tell(what, done, of):
+        if done == 2 and not told:
+            os.kill(workers[0].pid, signal.SIGKILL)
+            told.append(of)
+
+    done = run_on_workers(store, address, progress=tell, work=slow)
+    assert (done.runs, done.lost, done.elsewhere, told) == (8, [], 0, [8])
+    assert waiting(store) == {} and len(store.ask("SELECT * FROM outcomes")) == 8
+    days = store.ask("SELECT machine, words FROM outcomes ORDER BY finished")
+    for machine in {row["machine"] for row in days}:
+        own = [row["words"] for row in days if row["machine"] == machine]
+        assert own == sorted(own)
+    assert run_on_workers(store, address, work=slow).runs == 0
+
+
+def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
+    store = fill(tmp_path / "s", 1, 1)
+    monkeypatch.setattr("ptt.fleet.workers.PATIENCE", "0.5s")
+    with pytest.raises(InputError, match="no scheduler answers"):
+        run_on_workers(store, "tcp://127.0.0.1:9", work=slow)
+    assert waiting(store) == {"m0": 1}
