@@ -159,7 +159,7 @@ def where_it_fails(problem: "Problem", residual: np.ndarray) -> WhereItFails:
     payload = np.zeros(len(size)) if moves.payload_kg is None else np.asarray(moves.payload_kg, dtype=float)
     return WhereItFails(
         worst_region(problem.target[seen], size[seen]),
-        rows_by_size(problem, residual, seen)[:WORST],
+        rows_by_size(problem, residual, seen, WORST),
         tuple(part_of(name, values[seen], unit) for name, values in views.items()),
         tuple(part for part in sides if part.rows),
         by_level(payload[seen], size[seen], "kg"),
@@ -250,25 +250,29 @@ def by_quarter(size: np.ndarray) -> tuple[Part, ...]:
     return tuple(part_of(word, values) for word, values in parts if len(values))
 
 
-def rows_by_size(problem: "Problem", residual: np.ndarray, chosen: np.ndarray) -> tuple[WorstRow, ...]:
+def rows_by_size(
+    problem: "Problem", residual: np.ndarray, chosen: np.ndarray, most: int | None = None
+) -> tuple[WorstRow, ...]:
     """Name chosen rows, the largest error first.
 
     Args:
         problem: n rows.
         residual: (n, 3) mm.
         chosen: (n,) bool.
+        most: how many are wanted; None for all.
 
     Returns:
         The rows.
     """
-    size, table = np.linalg.norm(residual, axis=1), problem.table
-    order = sorted(np.flatnonzero(chosen), key=lambda row: -size[row])
+    size, table, target = np.linalg.norm(residual, axis=1), problem.table, problem.target
+    rows = np.flatnonzero(chosen)
+    order = rows[np.argsort(-size[rows], kind="stable")][:most]
     return tuple(
         WorstRow(
             table.run_label[table.run[row]],
             int(table.line[row]),
             str(table.name[row]),
-            _triple(problem.target[row]),
+            _triple(target[row]),
             _triple(residual[row]),
             float(size[row]),
         )

@@ -1,12 +1,13 @@
 """How large the unknowns of a fit may be before the rows speak: learned from the rows, one size for each parameter."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from ptt.fitting.evidence import NARROWEST, WIDEST, learn
 from ptt.fitting.layout import Layout
-from ptt.fitting.whitened import System
+from ptt.fitting.whitened import Total
 from ptt.run.noise import Noise
 
 FRAME = 1.0  # prior variance of frames and mounts, which stand near where they belong: their usual sizes are wide
@@ -14,6 +15,14 @@ TURNS = 4  # of learning sizes beside the scatter of the rows
 SAME = 0.05  # change of a log variance below which the scatter counts as settled
 PLENTY = 100.0  # degrees of freedom that a stated noise counts for at most: a model may miss more than noise
 SEARCHED = 100.0  # prior variance of what is searched: ten usual sizes hold it where the rows see nothing of it
+
+
+class Summed(Protocol):
+    """A linearised problem, whole or in chunks."""
+
+    def sums(self, kept: np.ndarray) -> Total:
+        """J^T J, J^T r, r^T r and the number of coordinates of the rows that count."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,7 @@ def usual_prior(layout: Layout) -> Prior:
 
 
 def learn_prior(
-    system: System, kept: np.ndarray, layout: Layout, unknowns: np.ndarray, noise: Noise, start: Prior
+    system: Summed, kept: np.ndarray, layout: Layout, unknowns: np.ndarray, noise: Noise, start: Prior
 ) -> Prior:
     """Learn how large each group of unknowns is, where a fit stands.
 
@@ -71,14 +80,14 @@ def learn_prior(
     """
     if "free" not in layout.kinds:
         return start
-    residual, jacobian = system.stacked(kept)
-    values = residual + jacobian @ unknowns
-    gram, side, square = jacobian.T @ jacobian, jacobian.T @ values, float(values @ values)
+    gram, slope, left, count = system.sums(kept)
+    side = slope + gram @ unknowns  # of the readings, not of what is left of them
+    square = left + float(unknowns @ (slope + side))
     fixed = np.array([kind != "free" for kind in layout.kinds])
     scales, wider = start.scales, start.widening
     for _ in range(TURNS):
         found = learn(
-            gram / wider, side / wider, square / wider, len(values), layout.group,
+            gram / wider, side / wider, square / wider, count, layout.group,
             freedom=min(3.0 * noise.freedom, PLENTY), start=scales, wide=FRAME,
             floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),
         )  # fmt: skip

@@ -6,9 +6,12 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ptt.effects.sudden import Sudden
+from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.evidence import inverse
 from ptt.fitting.gauss_newton import DONE, Equations, descend
 from ptt.fitting.layout import Layout, lay_out
+from ptt.fitting.long import LongEvaluator
 from ptt.fitting.outliers import inside, linear_residual
 from ptt.fitting.prior import Prior, learn_prior, usual_prior
 from ptt.fitting.result import FitResult
@@ -48,11 +51,9 @@ def fit(
         The fit; what kept it from converging is in its status.
     """
     noise = noise or problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
-    layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
-    evaluate = Evaluator(layout, problem, noise, coarse=coarse)
-    unknowns = np.clip(layout.start(), layout.lower, layout.upper)
-    kept = _without_outliers(evaluate(unknowns), problem, layout, noise) if robust else problem.used.copy()
-    status, prior, settled = "nothing to fit", usual_prior(layout), False
+    begun = _begin_long if problem.table.rows > LONG else _begin
+    evaluate, unknowns, kept, prior = begun(model, problem, noise, robust, coarse)
+    layout, status, settled = evaluate.layout, "nothing to fit", False
     for attempt in range(1 + ROUNDS):
         before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior)
         if settled and _near(before, prior):
@@ -110,14 +111,37 @@ def _near(one: Prior, other: Prior) -> bool:
     return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
 
 
-def _equations(evaluate: Evaluator, kept: np.ndarray, prior: Prior) -> Equations:
+def _begin(
+    model: Model, problem: Problem, noise: Noise, robust: bool, coarse: bool
+) -> tuple[Evaluator, np.ndarray, np.ndarray, Prior]:
+    """Equations, where to start, rows that count, and sizes."""
+    layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
+    evaluate = Evaluator(layout, problem, noise, coarse=coarse)
+    unknowns = np.clip(layout.start(), layout.lower, layout.upper)
+    kept = _without_outliers(evaluate(unknowns), problem, layout, noise) if robust else problem.used.copy()
+    return evaluate, unknowns, kept, usual_prior(layout)
+
+
+def _begin_long(
+    model: Model, problem: Problem, noise: Noise, robust: bool, coarse: bool
+) -> tuple[LongEvaluator, np.ndarray, np.ndarray, Prior]:
+    """The same for a long run: it starts where stretches of it end, near enough to tell gross errors at once."""
+    if any(isinstance(term.effect, Sudden) and not len(term.theta) for term in model.terms):
+        model = replace(model, terms=tuple(open_terms(model.terms, problem, noise)))  # its moment may lie between them
+    few = fit(model, take(problem, sample_stretches(problem, SAMPLE)), robust=robust, noise=noise, coarse=coarse)
+    layout = lay_out(model, problem, few.layout.terms)
+    evaluate = LongEvaluator(layout, problem, noise)
+    kept = inside(evaluate(few.unknowns).residual, problem.used, problem, noise) if robust else problem.used.copy()
+    return evaluate, few.unknowns, kept, few.prior
+
+
+def _equations(evaluate: Evaluator | LongEvaluator, kept: np.ndarray, prior: Prior) -> Equations:
     """Normal equations of the rows that count and of the prior."""
 
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        residual, jacobian = evaluate(unknowns).stacked(kept)
+        gram, side, square, _ = evaluate(unknowns).sums(kept)
         pull = prior.weight * unknowns
-        normal = jacobian.T @ jacobian + np.diag(prior.weight)
-        return normal, jacobian.T @ residual - pull, float(residual @ residual + unknowns @ pull)
+        return gram + np.diag(prior.weight), side - pull, float(square + unknowns @ pull)
 
     return equations
 
@@ -138,17 +162,17 @@ def _without_outliers(system: System, problem: Problem, layout: Layout, noise: N
 
 
 def _result(
-    model: Model, problem: Problem, evaluate: Evaluator, unknowns: np.ndarray, prior: Prior, kept: np.ndarray,
-    status: str,
+    model: Model, problem: Problem, evaluate: Evaluator | LongEvaluator, unknowns: np.ndarray, prior: Prior,
+    kept: np.ndarray, status: str,
 ) -> FitResult:  # fmt: skip
     layout, noise, system = evaluate.layout, evaluate.noise, evaluate(unknowns)
-    residual, _ = system.stacked(kept)
+    information, _, chi2, count = system.sums(kept)
     empty = np.zeros((0, 0))
     result = FitResult(
         model, layout, unknowns, empty, empty, system.prediction, system.residual @ np.linalg.inv(noise.whitener).T,
         problem.used & ~kept, noise, 0.0, 1, 0, empty, prior, evaluate.calls, status,
     )  # fmt: skip
-    return conclude(result, unknowns, system.information(kept), float(residual @ residual), len(residual))
+    return conclude(result, unknowns, information, chi2, count)
 
 
 def conclude(fitted: FitResult, unknowns: np.ndarray, information: np.ndarray, chi2: float, count: float) -> FitResult:

@@ -12,6 +12,8 @@ from ptt.run.frames import rotation
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, apply_frames
 
+Total = tuple[np.ndarray, np.ndarray, float, int]  # J^T J, J^T r, r^T r, number of coordinates
+
 
 @dataclass(frozen=True)
 class System:
@@ -47,10 +49,14 @@ class System:
         base = self.base_jacobian.reshape(3 * len(self.base_jacobian), width)
         return np.concatenate([residual, self.base_residual.ravel()]), np.concatenate([jacobian, base])
 
+    def sums(self, kept: np.ndarray) -> Total:
+        """J^T J, J^T r, r^T r and the number of coordinates of the rows that count and the base reflectors."""
+        residual, jacobian = self.stacked(kept)
+        return jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual), len(residual)
+
     def information(self, kept: np.ndarray) -> np.ndarray:
         """J^T J of the rows that count, (u, u) in usual sizes."""
-        _, jacobian = self.stacked(kept)
-        return jacobian.T @ jacobian
+        return self.sums(kept)[0]
 
 
 class Evaluator:

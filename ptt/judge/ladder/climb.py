@@ -9,6 +9,8 @@ import numpy as np
 
 from ptt.effects import Effect
 from ptt.errors import ModelError
+from ptt.fitting.chunks import LONG
+from ptt.fitting.long import hidden_residual
 from ptt.fitting.report import FitReport, report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, hold, residual_of, rms
@@ -198,7 +200,11 @@ def _measure(
         run = residual_of if kind == "given" else fit
         fits.append(run(rung, problem, noise=noise))
         # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
-        held_out.append(_held_out(rung if kind == "given" else fits[-1].model, kind, problem, fits[-1].noise, hidden))
+        if problem.table.rows > LONG:
+            held_out.append(_judged(hidden_residual(fits[-1], problem, hidden), problem, hidden))
+        else:
+            given = rung if kind == "given" else fits[-1].model
+            held_out.append(_held_out(given, kind, problem, fits[-1].noise, hidden))
         done += len(hidden) + 1
     tell("report", total, total)
     rows = problem.used & ~fits[-1].outliers
@@ -220,14 +226,25 @@ def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: S
     """Residual of every row from a fit that did not see it, (n, 3) mm; NaN where its frame was hidden with it."""
     residual = np.full_like(problem.measured, np.nan)
     for part in hidden:
-        rest = problem.masked(part)
-        visible = np.bincount(problem.frame[rest.used], minlength=max(problem.frames, 1))
-        judged = part & ((visible >= FRAME_ROWS)[problem.frame] | (problem.frames == 0) | (problem.base is not None))
+        rest, judged = problem.masked(part), _seen_beside(part, problem)
         if rest.used.sum() < FRAME_ROWS:
             continue
         fitted = residual_of(model, rest, noise) if kind == "given" else fit(model, rest, noise=noise, lean=True)
         residual[judged] = fitted.residual[judged]
     return residual
+
+
+def _judged(residual: np.ndarray, problem: Problem, hidden: Sequence[np.ndarray]) -> np.ndarray:
+    """Residuals of hidden rows, NaN where their frame was hidden with them."""
+    judged = np.any([_seen_beside(part, problem) for part in hidden], axis=0)
+    return np.where(judged[:, None], residual, np.nan)
+
+
+def _seen_beside(part: np.ndarray, problem: Problem) -> np.ndarray:
+    """Rows of a hidden part whose frame enough other readings show, (n,) bool."""
+    visible = np.bincount(problem.frame[problem.used & ~part], minlength=max(problem.frames, 1))
+    told = (visible >= FRAME_ROWS)[problem.frame] | (problem.frames == 0) | (problem.base is not None)
+    return np.asarray(part & told)
 
 
 def _fall(before: np.ndarray, after: np.ndarray, rows: np.ndarray, problem: Problem) -> float:

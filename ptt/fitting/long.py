@@ -1,0 +1,195 @@
+"""The fit's equations for a long run: only the Jacobian's sums are kept, chunk by chunk, and three numbers a row.
+
+A Jacobian of all rows takes hundreds of bytes a row and parameter while it is made; sums over chunks take none. A chunk
+is entered as the one before left it (`ptt.fitting.chunks`), so sums and residuals are those of the whole to rounding.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial, reduce
+
+import numpy as np
+import torch
+
+from ptt.fitting.chunks import CHUNK, cut, map_chunks, numbers
+from ptt.fitting.gauss_newton import bounded_step
+from ptt.fitting.layout import Layout
+from ptt.fitting.result import FitResult
+from ptt.fitting.whitened import System, Total, build_system
+from ptt.model.chain import Prediction
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+
+@dataclass(eq=False)
+class LongSystem:
+    """Whitened residual of all rows at one point, and sums of whatever rows are asked for.
+
+    Attributes:
+        residual: measured less predicted, (n, 3) in units of noise; NaN where not observed.
+        prediction: what the model says, frames left aside.
+        evaluate: where it comes from.
+        unknowns: (u,) where it is.
+    """
+
+    residual: np.ndarray
+    prediction: Prediction
+    evaluate: "LongEvaluator"
+    unknowns: np.ndarray
+    _known: tuple[np.ndarray, Total] | None = field(default=None, repr=False)
+
+    def sums(self, kept: np.ndarray) -> Total:
+        """J^T J, J^T r, r^T r and the number of coordinates of the rows that count and the base reflectors."""
+        if self._known is None or not np.array_equal(self._known[0], kept):
+            *_, total = self.evaluate.pass_over(self.unknowns, kept)
+            self._known = kept.copy(), total
+        return self._known[1]
+
+    def information(self, kept: np.ndarray) -> np.ndarray:
+        """J^T J of the rows that count, (u, u) in usual sizes."""
+        return self.sums(kept)[0]
+
+
+class LongEvaluator:
+    """Builds the system at given unknowns in one pass over all chunks, and remembers the last one."""
+
+    def __init__(self, layout: Layout, problem: Problem, noise: Noise, *, size: int = CHUNK) -> None:
+        self.layout, self.problem, self.noise = layout, problem, noise
+        self.calls = 0
+        self.kept = problem.used
+        self._chunks = cut(problem, size)
+        self._system: LongSystem | None = None
+
+    def __call__(self, unknowns: np.ndarray) -> LongSystem:
+        """The system at these unknowns, (u,) in usual sizes."""
+        if self._system is None or not np.array_equal(self._system.unknowns, unknowns):
+            residual, prediction, total = self.pass_over(unknowns, self.kept)
+            self._system = LongSystem(residual, prediction, self, unknowns.copy(), (self.kept.copy(), total))
+        return self._system
+
+    def pass_over(self, unknowns: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, Prediction, Total]:
+        """Residual, prediction and sums of the rows that count, in one pass."""
+        self.calls += 1
+        self.kept = kept  # the next points are asked for with the same rows
+        work = partial(_sum_chunk, self.layout, self.noise.whitener, unknowns, kept)
+        residuals, predictions, total = [], [], None
+        for residual, prediction, part in map_chunks(work, self._chunks):
+            residuals.append(residual)
+            predictions.append(prediction)
+            total = part if total is None else add_totals(total, part)
+        base = self._base(unknowns)
+        assert total is not None
+        return np.concatenate(residuals), _joined(predictions), total if base is None else add_totals(total, base)
+
+    def parts(self, unknowns: np.ndarray, kept: np.ndarray, part: np.ndarray, parts: int) -> list[Total]:
+        """Sums over each part of the rows that count, then over the rows of none and the base reflectors.
+
+        Args:
+            unknowns: (u,) in usual sizes.
+            kept: rows that count, (n,) bool.
+            part: (n,) int, -1 for rows of none.
+            parts: how many there are.
+        """
+        work = partial(_sum_parts, self.layout, self.noise.whitener, unknowns, kept, part, parts)
+        found: list[Total] | None = None
+        for own in map_chunks(work, self._chunks):
+            found = own if found is None else [add_totals(a, b) for a, b in zip(found, own, strict=True)]
+        base = self._base(unknowns)
+        assert found is not None
+        return found if base is None else [*found[:-1], add_totals(found[-1], base)]
+
+    def moved(self, unknowns: np.ndarray, steps: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """Residual of all rows, each with its part's step taken, to first order.
+
+        Args:
+            unknowns: (u,) in usual sizes.
+            steps: (parts, u).
+            part: (n,) int; rows of none, -1, stay.
+
+        Returns:
+            (n, 3) in units of noise.
+        """
+        work = partial(_move_chunk, self.layout, self.noise.whitener, unknowns, steps, part)
+        return np.concatenate(list(map_chunks(work, self._chunks)))
+
+    def _base(self, unknowns: np.ndarray) -> Total | None:
+        if self.problem.base is None or not self.layout.frames:
+            return None
+        system = build_system(self.layout, self._chunks[0](), self.noise.whitener, unknowns)
+        return system.sums(np.zeros(len(system.residual), dtype=bool))
+
+
+def add_totals(one: Total, other: Total) -> Total:
+    """Sums over the rows of both."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2], one[3] + other[3]
+
+
+def _sum_chunk(
+    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, kept: np.ndarray, chunk: Problem
+) -> tuple[np.ndarray, Prediction, Total]:
+    system = build_system(layout, chunk, whitener, unknowns)
+    return system.residual, system.prediction, _rows_alone(system).sums(kept[numbers(chunk)])
+
+
+def _sum_parts(
+    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, kept: np.ndarray, part: np.ndarray, parts: int,
+    chunk: Problem,
+) -> list[Total]:  # fmt: skip
+    system, rows = _rows_alone(build_system(layout, chunk, whitener, unknowns)), numbers(chunk)
+    return [system.sums(kept[rows] & (part[rows] == index)) for index in (*range(parts), -1)]
+
+
+def _move_chunk(
+    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, steps: np.ndarray, part: np.ndarray, chunk: Problem
+) -> np.ndarray:
+    system, own = build_system(layout, chunk, whitener, unknowns), part[numbers(chunk)]
+    change = np.einsum("ncu,nu->nc", system.jacobian, steps[own])
+    return np.where((own >= 0)[:, None], system.residual - change, system.residual)
+
+
+def _rows_alone(system: System) -> System:
+    """The system without base reflectors, which every chunk sees and only one may count."""
+    width = system.jacobian.shape[-1]
+    return System(system.residual, system.jacobian, np.zeros((0, 3)), np.zeros((0, 3, width)), system.prediction)
+
+
+def _joined(parts: list[Prediction]) -> Prediction:
+    """Predictions one behind the other; a geometry that is the same in all rows stays one row."""
+    geometry = [part.geometry for part in parts]
+    same = all(len(each) == 1 for each in geometry)
+    spread = [each.expand(len(part.q), -1) for each, part in zip(geometry, parts, strict=True)]
+    return Prediction(
+        torch.cat([part.q for part in parts]), geometry[0] if same else torch.cat(spread),
+        torch.cat([part.p for part in parts]), torch.cat([part.reading for part in parts]),
+    )  # fmt: skip
+
+
+def hidden_residual(fitted: FitResult, problem: Problem, parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Residual of every row from a fit that did not see it: one step of Gauss-Newton away from the fit of all rows.
+
+    Args:
+        fitted: the fit of all rows.
+        problem: n rows.
+        parts: (n,) bool, rows that are hidden in turn.
+
+    Returns:
+        (n, 3) mm; rows of no part as fitted.
+    """
+    layout, prior, kept = fitted.layout, fitted.prior, problem.used & ~fitted.outliers
+    evaluate = LongEvaluator(layout, problem, fitted.noise)
+    part = np.full(len(kept), -1)
+    for index, rows in enumerate(parts):
+        part[rows] = index
+    own = evaluate.parts(fitted.unknowns, kept, part, len(parts))
+    total, steps = reduce(add_totals, own), np.zeros((len(parts), len(fitted.unknowns)))
+    for index in range(len(parts)):
+        normal = total[0] - own[index][0] + np.diag(prior.weight)
+        side = total[1] - own[index][1] - prior.weight * fitted.unknowns
+        steps[index] = bounded_step(
+            normal,
+            side,
+            np.minimum(layout.lower - fitted.unknowns, 0.0),
+            np.maximum(layout.upper - fitted.unknowns, 0.0),
+        )
+    moved = evaluate.moved(fitted.unknowns, steps, part)
+    return moved @ np.linalg.inv(fitted.noise.whitener).T
