@@ -1,5 +1,6 @@
 """Workers: a real scheduler and two real processes; one is killed in the middle, and nothing is lost."""
 
+import json
 import os
 import signal
 import subprocess
@@ -29,13 +30,11 @@ def running(tmp_path_factory):
     """Address of a scheduler, and its two workers."""
     file = tmp_path_factory.mktemp("dask") / "scheduler.json"
     processes = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))]
-    for _ in range(2):
-        processes.append(start("dask_worker", "--scheduler-file", str(file), "--no-nanny", "--nthreads", "1"))
+    options = ("--scheduler-file", str(file), "--no-nanny", "--nthreads", "1")
+    processes += [start("dask_worker", *options) for _ in range(2)]
     try:
         while not file.exists():
             time.sleep(0.05)
-        import json
-
         yield json.loads(file.read_text())["address"], processes[1:]
     finally:
         for process in reversed(processes):
