@@ -173,7 +173,7 @@ class Fuzzer:
         self.base, self.place, self.logs = root / "base", root / "place", root / "logs"
         for each in (self.base, self.logs):
             each.mkdir(parents=True)
-        make_inputs(self.base)
+        make_inputs(self.base, lambda words: fork_words(words, self.base, self.logs).code)
         self._known: dict[str, str] = {}
 
     def _fresh(self) -> None:

@@ -1,8 +1,7 @@
 """Sound inputs that the fuzzer starts from, small enough for thousands of cases, and the commands that use them."""
 
 import json
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -114,11 +113,12 @@ COMMANDS: tuple[tuple[list[str], tuple[str, ...], str, int], ...] = (
 )  # fmt: skip
 
 
-def make_inputs(place: Path) -> None:
+def make_inputs(place: Path, run: Callable[[list[str]], int]) -> None:
     """Write the sound inputs into a folder, each by the commands themselves where one makes it.
 
     Args:
         place: an empty folder.
+        run: runs a command line in it and returns the exit code.
     """
     (place / "machine.toml").write_text(BENCH)
     (place / "model.toml").write_text(BENCH + FITTED)
@@ -128,17 +128,16 @@ def make_inputs(place: Path) -> None:
     _targets(place / "targets.csv")
     _scale_log().to_csv(place / "scale.csv", index=False)
     _axis_runs().to_csv(place / "axis.csv", index=False)
-    for seed, name in ((3, "run.csv"), (4, "also.csv")):
-        _ptt(place, "simulate", "rig.toml", "targets.csv", "--seed", str(seed), "--out", name)
-    _ptt(place, *PREDICT, "--model", "model.toml", "--out", "sliders.csv")
-    _ptt(place, "train", "run.csv", "--machine", "model.toml", "--out", "comp")
+    for words in (
+        ["simulate", "rig.toml", "targets.csv", "--seed", "3", "--out", "run.csv"],
+        ["simulate", "rig.toml", "targets.csv", "--seed", "4", "--out", "also.csv"],
+        [*PREDICT, "--model", "model.toml", "--out", "sliders.csv"],
+        ["train", "run.csv", "--machine", "model.toml", "--out", "comp"],
+    ):
+        if run(words):
+            raise RuntimeError(f"{words} fails on sound inputs")
     found = {"depends_on": [{"residual": "slider 2", "on": "b2", "share": 0.4, "p_value": 1e-5, "period_mm": 5.0}]}
     (place / "found.json").write_text(json.dumps(found))
-
-
-def _ptt(place: Path, *words: str) -> None:
-    code = "import sys; from ptt.commands.main import run_alone; run_alone(sys.argv[1], sys.argv[2:])"
-    subprocess.run([sys.executable, "-c", code, *words], cwd=place, check=True, capture_output=True)
 
 
 def _targets(path: Path) -> None:

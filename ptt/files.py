@@ -246,6 +246,8 @@ def require_plain(target: Path, path: str | Path) -> None:
     """
     if target.is_dir():
         raise InputError("is a folder, not a file", where=str(path), fix="name a file in it")
+    if target.is_symlink():
+        raise InputError("is a link that leads to itself", where=str(path), fix="name a file")
     if target.exists() and not target.is_file():
         raise InputError("is a device, not a file", where=str(path), fix="name a file")
 

@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import importlib.util
+import inspect
 import re
 import sys
 import warnings
@@ -172,6 +173,8 @@ def _guard_methods(cls: type[Effect], where: str) -> None:
         own = cls.__dict__.get(name)
         if own is not None and not callable(own):
             raise InputError(f"{name} of {cls.name} is no function", where=where, fix=f"write def {name}(self, ...)")
+        if inspect.iscoroutinefunction(own):
+            raise InputError(f"{name} of {cls.name} is async", where=where, fix=f"write def {name}(self, ...)")
         if own is not None:
             setattr(cls, name, _guarded(own, f"{name} of {cls.name} fails", where))
 

@@ -13,9 +13,8 @@ from ptt.run.readers.numbers import read_cells, refuse_beyond
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
 from ptt.run.readers.stamps import read_seconds
 from ptt.run.readers.text import DELIMITERS, RawText, cell_counts, is_number, read_text, split_line
-from ptt.run.readers.titles import UNIT_OF_WORD, is_unit_row, meaning_of, normalise
+from ptt.run.readers.titles import LONGEST_TITLE, UNIT_OF_WORD, is_unit_row, meaning_of, normalise
 
-LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60
 MOST_TITLES = 2_000
 
 

@@ -10,6 +10,8 @@ import unicodedata
 from ptt.run.readers.columns import Meaning, canonical, dimension_of
 from ptt.run.readers.words import FRENCH, GERMAN
 
+LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60. What takes it apart is not linear
+
 _UNIT_WORDS = {
     "mm": ("mm", "毫米", "millimeter", "millimetre", "millimeters", "millimetres"),
     "um": ("um", "μm", "µm", "微米", "micron", "microns", "micrometer"),
@@ -108,6 +110,8 @@ def meaning_of(title: str) -> Meaning | None:
         Quantity and unit (None where unstated). The quantity of a bare coordinate is `x`, `y` or `z` and that of a bare
         `b2` or `q2` ends on `_bare`: the other columns decide whether it is a command. None where not understood.
     """
+    if len(title) > LONGEST_TITLE:
+        return None
     known = canonical(title.strip())
     if known:
         return known

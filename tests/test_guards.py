@@ -1,0 +1,368 @@
+"""What is refused before anything is computed, and what is kept when something goes wrong on the way."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from ptt import files
+from ptt.commands.main import run
+from ptt.commands.outputs import kind_of
+from ptt.correct.training.notes import check_notes
+from ptt.effects.registry import library
+from ptt.errors import HostError, InputError, MachineError, TableError
+from ptt.files import parse_toml, temporary, write_text
+from ptt.judge.iso.figures import read_axis_figures
+from ptt.machine import ThreePttSpec, parse_machine
+from ptt.run.backlash.scale import read_scale_log
+from ptt.run.readers.columns import GREATEST
+from ptt.run.table import read_table
+
+ROOT = Path(__file__).resolve().parents[1]
+MACHINE = ROOT / "data" / "machine.toml"
+HEAD = "x_cmd,y_cmd,z_cmd,payload_kg,x_meas,y_meas,z_meas"
+RUN = f"{HEAD}\n1,2,3,0,1.1,2,3\n2,2,3,0,2.1,2,3\n"
+BARE = '[machine]\nkind = "three-ptt"\nbase_radius_mm = 200\nplatform_radius_mm = 100\nlink_length_mm = 300\n'
+BARE += "slider_travel_mm = [150, 420]\n"
+QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def put(place: Path, text: str, name: str = "run.csv") -> Path:
+    path = place / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def place(tmp_path):
+    put(tmp_path, RUN)
+    put(tmp_path, "x_cmd,y_cmd,z_cmd\n40,2,3\n-40,30,9\n", "targets.csv")
+    put(tmp_path, BARE, "machine.toml")
+    put(tmp_path, 'machine = "machine.toml"\n[drive]\nhoming_mm = [0.1, 0, 0]\n', "rig.toml")
+    put(tmp_path, "years of work", "thesis.tex")
+    (tmp_path / "way.toml").symlink_to("machine.toml")
+    (tmp_path / "way.csv").symlink_to("run.csv")
+    os.link(tmp_path / "machine.toml", tmp_path / "hard.toml")
+    return tmp_path
+
+
+# Every verb with a file for its output, and its inputs.
+WRITERS = [
+    ("add run.csv backlash --model machine.toml --out {}", "run.csv machine.toml way.toml hard.toml way.csv"),
+    ("remove run.csv backlash --model machine.toml --out {}", "run.csv machine.toml"),
+    ("fit run.csv --model machine.toml --out {}", "run.csv machine.toml way.toml"),
+    ("report run.csv --model machine.toml --out {}", "run.csv machine.toml"),
+    ("simulate rig.toml targets.csv --out {}", "rig.toml targets.csv"),
+    ("simulate rig.toml targets.csv --out new.csv --truth {}", "rig.toml targets.csv run.csv new.csv"),
+    ("predict targets.csv --model machine.toml --out {}", "targets.csv machine.toml run.csv way.csv"),
+    ("plan machine.toml --out {}", "machine.toml run.csv"),
+    ("plan machine.toml --candidates targets.csv --out {}", "targets.csv"),
+    ("train run.csv --machine machine.toml --out {}", "run.csv machine.toml"),
+    ("check run.csv --model machine.toml --out-run {}", "run.csv machine.toml way.csv"),
+    ("check run.csv --model machine.toml --out-model {}", "run.csv machine.toml hard.toml"),
+    ("diagnose run.csv --model machine.toml --measure-next {}", "run.csv machine.toml"),
+    ("export --model machine.toml --to klipper --out {}", "machine.toml way.toml"),
+    ("dexterity machine.toml --plot {}", "machine.toml"),
+]
+
+
+@pytest.mark.parametrize(("words", "ontos"), WRITERS, ids=lambda value: value[:40])
+def test_outputs_never_go_onto_inputs_or_files_of_another_kind(words, ontos, place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    before = {each.name: each.read_bytes() for each in place.iterdir()}
+    other = [] if "export" in words else ["thesis.tex"]
+    for onto in [*ontos.split(), *other]:
+        assert run(words.format(onto).split()) == 2
+        said = capsys.readouterr()
+        assert said.err.startswith("error: ") and len(said.err.splitlines()) == 1 and not said.out
+        assert onto in said.err or "new.csv" in onto
+    assert {each.name: each.read_bytes() for each in place.iterdir()} == before
+
+
+@pytest.mark.parametrize("words", [words for words, _ in WRITERS if "DIR" not in words and "train" not in words][:9])
+def test_an_output_that_is_a_folder_is_named_as_such(words, place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    (place / "folder").mkdir()
+    assert run(words.format("folder").split()) == 2
+    assert "folder: is a folder, not a file" in capsys.readouterr().err
+
+
+def test_kinds_of_files_are_told_by_what_they_begin_with(place):
+    write_text(place / "a.html", "<!doctype html>\n<p>x")
+    (place / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    kinds = {name: kind_of(place / name) for name in ("run.csv", "targets.csv", "machine.toml", "a.html", "a.png")}
+    assert kinds == {"run.csv": "readings", "targets.csv": "table", "machine.toml": "machine", "a.html": "page",
+                     "a.png": "picture"}  # fmt: skip
+    assert (kind_of(place / "rig.toml"), kind_of(place / "thesis.tex")) == ("rig", "other")
+    wide = put(place, "", "wide.csv")
+    wide.write_bytes(RUN.encode("utf-16"))
+    assert kind_of(wide) == "readings"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the administrator may make a device")
+def test_a_device_is_not_replaced(tmp_path):
+    try:
+        os.mknod(tmp_path / "null", 0o020666, os.makedev(1, 3))
+    except OSError:
+        pytest.skip("no devices in this container")
+    with pytest.raises(InputError, match="is a device, not a file"):
+        write_text(tmp_path / "null", "x")
+    assert (tmp_path / "null").is_char_device()
+
+
+def test_a_file_beyond_the_limit_is_said_and_the_old_one_stays(tmp_path):
+    path = put(tmp_path, "old", "out.txt")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
+    try:
+        with pytest.raises(HostError, match=r"out\.txt: cannot be written \(File too large\)") as caught:
+            write_text(path, "x" * 10_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert caught.value.exit_code == 1
+    assert path.read_text() == "old" and [each.name for each in tmp_path.iterdir()] == ["out.txt"]
+
+
+@pytest.mark.parametrize(
+    ("end", "code", "said"),
+    [(">&-", 1, "standard output is closed"), (">/dev/full", 1, "No space left on device"), ("2>&-", 0, "")],
+)
+def test_a_closed_or_full_output_is_no_silence(end, code, said):
+    done = subprocess.run(
+        f"{sys.executable} -m ptt.commands.main --version --json {end}",
+        shell=True,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == code and said in done.stderr and "Traceback" not in done.stderr
+    assert code or json.loads(done.stdout)["ptt"]
+
+
+def test_the_dead_are_swept_and_the_living_left(tmp_path):
+    target = tmp_path / "out.txt"
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    mine = temporary(target)
+    theirs = mine.replace(f".{os.getpid()}.", f".{dead.pid}.")
+    for name in (f"{mine}abc", f"{theirs}abc", ".out.txt.notes"):
+        put(tmp_path, "half", name)
+    write_text(target, "whole")
+    assert {each.name for each in tmp_path.iterdir()} == {"out.txt", f"{mine}abc", ".out.txt.notes"}
+
+
+def test_ctrl_c_while_writing_leaves_nothing_half_written(place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+
+    def interrupted(handle):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files.os, "fsync", interrupted)
+    before = sorted(each.name for each in place.iterdir())
+    assert run(["simulate", "rig.toml", "targets.csv", "--out", "new.csv"]) == 130
+    assert capsys.readouterr().err == "error: interrupted\n"
+    assert sorted(each.name for each in place.iterdir()) == before
+
+
+LOG = "slider,command_turns,scale_mm\n"
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "said"),
+    [
+        (read_scale_log, LOG + "1,0,0\n1,1\n1,2,10\n", r"row 3: 2 cells where 3 are expected"),
+        (read_scale_log, LOG + "1,0,0\n1,1,5,7\n", r"row 3: 4 cells where 3"),
+        (read_scale_log, LOG + '1,0,0\n"1,1,5\n1,2,10\n', r"row 3: a quote is opened and not closed"),
+        (read_scale_log, LOG + "1,0,0\n1,1,1e300\n", r"row 3, column scale_mm: 1e300 is beyond any machine"),
+        (read_scale_log, LOG.replace("slider", "scale_mm"), "no rows"),
+        (read_axis_figures, "direction,target_mm,measured_mm\nup,0,0\nup,50\n", r"row 3: 2 cells where 3"),
+        (read_axis_figures, "direction,target_mm,measured_mm\nup,0,0\nup,1e99,0\n", r"row 3.*beyond any machine"),
+        (read_table, RUN + "3,2,3,0,1\n", r"row 4: 5 cells where 7"),
+        (read_table, RUN + '3,2,3,0,1,2,"3\n4,2,3,0,1,2,3\n', r"row 4: a quote is opened and not closed"),
+        (read_table, RUN + "3,2,3,0,1e150,2,3\n", r"row 4, column x_meas: 1e150 is beyond any machine"),
+        (read_table, RUN + f"3,2,3,0,{'9' * 400},2,3\n", r"row 4, column x_meas: not a number|beyond any machine"),
+    ],
+)
+def test_rows_are_whole_and_numbers_bounded(read, text, said, tmp_path):
+    with pytest.raises(TableError, match=said) as caught:
+        read(put(tmp_path, text), **({"lead_mm": 5.0} if read is read_scale_log else {}))
+    assert len(str(caught.value)) < 600
+
+
+@QUICK
+@given(exponent=st.floats(10.0, 307.0), sign=st.sampled_from([-1.0, 1.0]), column=st.integers(0, 6))
+def test_what_no_machine_can_mean_is_refused_by_cell(tmp_path, exponent, sign, column):
+    cells = ["3", "2", "3", "0", "1", "2", "3"]
+    cells[column] = repr(sign * 10.0**exponent)
+    with pytest.raises(TableError, match=rf"row 4, column {HEAD.split(',')[column]}: .* beyond any machine"):
+        read_table(put(tmp_path, RUN + ",".join(cells) + "\n"))
+    assert GREATEST["length"] < 1e10
+
+
+CELLS = st.one_of(
+    st.text(max_size=200), st.sampled_from(["nan", "1e5", '"', "1,2", "\u202e", "9" * 500, "1_0", "0x1", "١٢"])
+)
+
+
+@QUICK
+@given(cell=CELLS, column=st.integers(0, 6), title=st.booleans())
+def test_any_text_in_a_cell_is_read_or_refused_in_one_bounded_line(tmp_path, cell, column, title):
+    lines = [line.split(",") for line in (RUN + "3,2,3,0,1,2,3").splitlines()]
+    lines[0 if title else 3][column] = cell
+    path = tmp_path / "run.csv"
+    path.write_bytes("\n".join(",".join(line) for line in lines).encode("utf-8", "replace"))
+    try:
+        table = read_table(path)
+    except TableError as error:
+        assert len(str(error)) < 700 and str(error).isprintable()
+        assert cell[:80] not in str(error) or len(cell) < 80  # at most 60 characters are quoted
+    else:
+        assert np.isfinite(table.target).all()
+
+
+@pytest.mark.parametrize("text", ["x " * 15_000, "x" * 30_000, "[" * 30_000, "a/" * 15_000])
+@pytest.mark.parametrize("where", ["title", "cell", "comment"])
+def test_long_titles_and_cells_take_a_bounded_time(text, where, tmp_path):
+    body = {
+        "title": RUN.replace("payload_kg", text),
+        "cell": RUN + f"3,2,3,{text},1,2,3\n",
+        "comment": f"# {text}\n{RUN}",
+    }
+    path = put(tmp_path, body[where])
+    started = time.process_time()
+    try:
+        read_table(path)
+    except TableError as error:
+        assert len(str(error)) < 500
+    assert time.process_time() - started < 1.0  # 5.4 s before
+
+
+KEYS = [*ThreePttSpec.model_fields, "colour"]
+VALUES = st.recursive(
+    st.one_of(
+        st.booleans(), st.integers(), st.floats(), st.text(max_size=80), st.sampled_from([1e308, 1e-308, 10**400])
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4), st.dictionaries(st.sampled_from(["a", "b"]), inner, max_size=2)
+    ),
+    max_leaves=6,
+)
+
+
+def toml_of(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml_of, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml_of(item)}" for key, item in value.items()) + "}"
+    return json.dumps(value) if isinstance(value, str) else repr(value)
+
+
+@QUICK
+@given(key=st.sampled_from(KEYS), value=VALUES)
+def test_any_value_of_any_key_is_taken_or_refused_by_its_key(key, value):
+    kept = [line for line in BARE.splitlines() if not line.startswith(f"{key} =")]
+    try:
+        machine = parse_machine("\n".join([*kept, f"{key} = {toml_of(value)}"]) + "\n").machine
+    except MachineError as error:
+        assert len(str(error)) < 700 and str(error).isprintable()
+    else:
+        assert np.isfinite(getattr(machine, "link_length_mm"))  # noqa: B009
+
+
+@pytest.mark.parametrize(
+    "text", ["a = " + "[" * 5000 + "]" * 5000, "a." * 3000 + "b = 1", "a = " + "9" * 5000, "a = 1e400"]
+)
+def test_deep_and_endless_toml_is_refused(text):
+    with pytest.raises(InputError) as caught:
+        parse_toml(text, "m.toml")
+    assert str(caught.value).startswith("m.toml") and len(str(caught.value)) < 300
+
+
+NOTES = {
+    "format": 1,
+    "sha256": {"model.toml": "a", "rbf.safetensors": "b"},
+    "trained_on": [{"file": "run.csv", "sha256": "c"}],
+    "heldout_rms_um": {"physics": {"x": 1.0, "y": 1.0, "z": 1.0, "total": 1.7}},
+    "rbf": {"centres": 8, "spread": 1.0, "learned": [True, True, False], "share": 0.5, "inputs": "tool"},
+}  # fmt: skip
+
+
+PATHS = ["format", "sha256", "trained_on", "heldout_rms_um", "heldout_rms_um.physics", "heldout_rms_um.physics.total"]
+
+
+@QUICK
+@given(
+    path=st.sampled_from([*PATHS, "rbf", "rbf.learned", "rbf.centres"]).map(lambda text: text.split(".")), value=VALUES
+)
+def test_notes_of_a_compensator_are_of_their_kind_or_refused_by_key(path, value):
+    notes = json.loads(json.dumps(NOTES))
+    assert check_notes(notes, "comp") == NOTES
+    holder = notes
+    for key in path[:-1]:
+        holder = holder[key]
+    holder[path[-1]] = value
+    try:
+        kept = check_notes(notes, "comp")
+    except InputError as error:
+        assert f"compensator.json, {'.'.join(path)}" in str(error) and len(str(error)) < 500
+    else:
+        assert type(kept["format"]) is int and isinstance(kept["sha256"], dict)
+
+
+OWN = (ROOT / "benchmarks" / "fuzz_inputs.py").read_text().split("OWN = '''")[1].split("'''")[0]
+EYE = "torch.eye(3, 2, dtype=torch.float64)"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"pull"', "3", "name 3 is no name"),
+        ("count=2", "count=0", "count = 0, not a whole number"),
+        ("count=2", "count=10**9", "not a whole number from 1 to"),
+        ("1e-4", 'float("nan")', "usual size nan"),
+        ('mechanisms = ("three-ptt",)', "mechanisms = 3", "mechanisms = 3"),
+        ("requires = ()", 'requires = ("moon",)', "requires = "),
+        (f"height[:, None, None] * {EYE}", f"(height[:, None, None] * {EYE}).float()", "float32 of shape"),
+        (EYE, "torch.eye(3, 2, dtype=torch.float32).to(torch.complex64)", "complex"),
+        (EYE, "torch.eye(3, 3, dtype=torch.float64)", r"float64 of shape \(\d+, 3, 3\)"),
+        (EYE, f"float('nan') * {EYE}", "holds nan"),
+        ("return height", "import sys; sys.exit(); return height", "it ends the program"),
+        (
+            "return height",
+            "raise ValueError('no')\n        return height",
+            r"line 20: basis of pull fails: ValueError: no",
+        ),
+        ("import torch\n", "import sys; sys.exit(0)\n", "it ends the program"),
+        ("    def basis(", "    async def basis(", "is async"),
+    ],
+)
+def test_own_effects_of_the_wrong_form_are_refused_by_their_file(old, new, said, tmp_path):
+    path = put(tmp_path, OWN.replace(old, new, 1), "own.py")
+    with pytest.raises(InputError, match=said) as caught:
+        library(path)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_what_an_own_effect_prints_stays_off_standard_output(tmp_path, capsys):
+    text = OWN.replace("import torch\n", "import torch\nprint('hello')\n", 1).replace(
+        "return height", "print('x'); return height"
+    )
+    library(put(tmp_path, text, "own.py"))
+    assert capsys.readouterr().out == ""
+
+
+def test_version_says_what_figures_come_from(capsys):
+    assert run(["--version", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"ptt", "python", "torch", "numpy", "scipy", "pandas"} <= set(found) and found["torch"]
+    assert run(["--version"]) == 0 and capsys.readouterr().out.startswith("ptt ")

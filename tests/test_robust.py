@@ -1,0 +1,69 @@
+"""Nothing lost, nobody in: damaged inputs, kills, and the same result however the input is written."""
+
+import random
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+
+import fuzz
+import kill
+from fuzz_mutations import _harmless
+
+CASES = 16
+pytestmark = pytest.mark.xdist_group("robust")
+
+
+@pytest.fixture(scope="module")
+def fuzzer(tmp_path_factory):
+    fuzz.load_commands()
+    return fuzz.Fuzzer(tmp_path_factory.mktemp("fuzz") / "fuzz")
+
+
+def test_damaged_inputs_end_with_a_result_or_one_clear_line(fuzzer):
+    outcomes = [fuzzer.case(number, seed=5) for number in range(CASES)]
+    assert [(each.words, each.mutation, each.why) for each in outcomes if each.kind in fuzz.BAD] == []
+    assert {"ok", "refused"} <= {each.kind for each in outcomes}
+
+
+def test_the_judge_sees_what_is_broken(fuzzer, monkeypatch):
+    """A fuzzer that finds nothing has to be able to find something."""
+    words = ["compare", "run.csv", "--model", "model.toml", "--json"]
+    for bad, kind in (
+        (lambda _: 1 / 0, "internal"),
+        (lambda _: Path("machine.toml").write_text("gone") and 0, "broken"),
+        (lambda _: Path(".out.toml.tmp").write_text("half") and 0, "broken"),
+        (lambda _: print("NaN") or 0, "broken"),
+        (lambda _: 2, "unclear"),
+    ):
+        fuzzer._fresh()
+        monkeypatch.setattr(fuzz, "run_words", bad)
+        before = fuzz._digests(fuzzer.place)
+        ended = fuzz.fork_words(words, fuzzer.place, fuzzer.logs)
+        assert fuzz.judge(ended, fuzz.Mutation(""), words, "", before, fuzzer.place, None)[0] == kind
+
+
+def test_json_is_the_same_however_columns_stand_and_threads_run(fuzzer, monkeypatch):
+    words = ["compare", "run.csv", "--model", "model.toml", "--json"]
+    expected = fuzzer.sound(words)
+    plain = fuzz.run_words
+
+    def with_threads(line):
+        import torch
+
+        torch.set_num_threads(2)
+        return plain(line)
+
+    monkeypatch.setattr(fuzz, "run_words", with_threads)
+    rng = random.Random(0)
+    fuzzer._fresh()
+    while "permute" not in _harmless(fuzzer.place / "run.csv", rng).words:
+        fuzzer._fresh()
+    assert fuzz.fork_words(words, fuzzer.place, fuzzer.logs).out == expected
+
+
+def test_a_killed_verb_leaves_the_old_or_the_new(fuzzer, tmp_path):
+    found = kill.sweep(tmp_path / "kill", 4, 1, ["predict"], tell=False, base=fuzzer.base)
+    assert [each for each in found if each.found != "whole"] == []
