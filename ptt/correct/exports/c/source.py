@@ -145,6 +145,7 @@ def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
         table(name, values, note=note) for name, (values, note) in tables.items() if name in always + _used(parts)
     )
     text += define("PTT_SIDE", mechanism.side) + define("PTT_ABOVE", 1.0 if mechanism.above else -1.0)
+    text += define("PTT_SHORT_MOVE", 1)
     text += define("PTT_NEAR", NEAR_RATIO) + define("PTT_PLATFORM_KG", spec.platform_mass_kg)
     text += define("PTT_PLATFORM_MM", spec.platform_radius_mm) + define("PTT_BASE_MM", spec.base_radius_mm)
     return text + define("PTT_LINK_MM", spec.link_length_mm)
@@ -229,8 +230,10 @@ def _nodes(network: GaussianRbf) -> str:
     weights = network.weights.detach().numpy()
     if not len(centres):  # C has no empty arrays: a node of no weight
         centres, widths, weights = np.zeros((1, network.inputs)), np.ones(1), np.zeros((1, 3))
-    text = define("PTT_CENTRES", len(centres)) + table("ptt_centre", centres.T)
-    text += table("ptt_sharp", -0.5 / widths**2) + table("ptt_weight", weights)
+    sharp = -0.5 / widths**2
+    text = define("PTT_CENTRES", len(centres)) + table("ptt_sharp", sharp, note="-1/(2 width^2)")
+    text += table("ptt_level", sharp * (centres**2).sum(axis=1)) + table("ptt_toward", -2.0 * sharp * centres.T)
+    text += table("ptt_weight", weights)
     slope, threshold = network.slope.detach().numpy(), network.threshold.detach().numpy()
     return text + table("ptt_slope", slope) + table("ptt_threshold", threshold) + "\n"
 
