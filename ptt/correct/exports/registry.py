@@ -18,7 +18,7 @@ FORMATS: tuple[Format, ...] = (
     Format("marlin", f"{_ROOM}.marlin", (THREE_PTT,), "M665 and M666 of Marlin"),
     Format("siemens", f"{_ROOM}.siemens", (THREE_PTT, SERIAL), "$AA_ENC_COMP, one compensation table an axis", True),
     Format("urdf", f"{_ROOM}.urdf", (SERIAL,), "joint origins of the calibrated arm"),
-    Format("table", f"{_ROOM}.table", (THREE_PTT, SERIAL), "CSV grid of corrections over the workspace", True),
+    Format("table", f"{_ROOM}.table", (THREE_PTT,), "CSV grid of corrections over the workspace", True),
 )
 
 

@@ -1,0 +1,146 @@
+"""A CSV grid of corrections over the workspace, with the error of interpolating in it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.interpolate import RegularGridInterpolator
+from scipy.spatial import cKDTree
+
+from ptt.correct.compensate import compensate
+from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
+from ptt.correct.exports.whole import write_all
+from ptt.errors import InputError
+from ptt.mechanisms import build_mechanism
+from ptt.run.table import make_table
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+CELLS = 20  # along the longest side, where no step is given
+MOST = 2_000_000  # points: more is a mistyped step
+WHY = {
+    "payload": "a table is of one load, and this one of none",
+    "temperature": "a table is of one temperature, and this one of the reference",
+    "speed": "a table is of a machine that stands still",
+}
+SIDE = "a table does not know from which side a joint comes"
+
+
+def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+    """Write corrections of the slider commands on a grid of tool positions, for trilinear interpolation.
+
+    The grid covers the box of the workspace. Places that cannot be sent repeat the nearest place that can.
+
+    Args:
+        compensator: physics, and a network where there is one.
+        out: CSV to write.
+        options: with the step, mm.
+
+    Returns:
+        What came of it.
+
+    Raises:
+        InputError: a step that makes no table.
+    """
+    ground = survey(compensator, options)
+    still = _still(ground)
+    axes = _axes(ground, options.step)
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    shift = _corrections(still, places)
+    there = np.isfinite(shift).all(axis=1)
+    shift = shift[there][cKDTree(places[there]).query(places)[1]]  # cells at the edge have corners beyond it
+    apart = _interpolation(still, axes, shift, there)
+    head = [*head_lines(compensator, options), *_explained(axes, apart)]
+    text = "".join(f"# {line}\n" for line in head) + "x_mm,y_mm,z_mm,db1_mm,db2_mm,db3_mm,sent\n"
+    rows = np.column_stack([places, shift, there])
+    text += "".join(",".join(_cell(value) for value in row) + "\n" for row in rows)
+    written = write_all({out: text})
+    q = ground.nominal + _interpolate(axes, shift, ground.targets)
+    holds, cannot = holdings(ground, _cannot(compensator))
+    return Exported(written, holds, cannot, error_left(ground, q), tuple(head[-2:]))
+
+
+def _cannot(compensator: "Compensator") -> dict[str, str]:
+    why = {}
+    for term in compensator.model.terms:
+        needs = [WHY[need] for need in term.effect.requires if need in WHY]
+        if term.effect.reverses:
+            why[term.effect.key] = SIDE
+        elif needs:
+            why[term.effect.key] = needs[0]
+    return why
+
+
+def _still(ground: Ground) -> "Compensator":
+    """The model without what a table cannot hold."""
+    compensator = ground.compensator
+    model = compensator.model
+    for key in _cannot(compensator):
+        model = model.without(key)
+    return replace(compensator, model=model)
+
+
+def _axes(ground: Ground, step: float | None) -> list[np.ndarray]:
+    """Places along x, y and z: whole steps about the origin that reach over the workspace."""
+    low, high = ground.targets.min(axis=0), ground.targets.max(axis=0)
+    width = float((high - low).max()) / CELLS if step is None else step
+    first, last = np.floor(low / width).astype(int), np.ceil(high / width).astype(int)
+    count = int(np.prod(last - first + 1.0))
+    if count > MOST or width > float((high - low).min()):
+        size = " x ".join(f"{value:.0f}" for value in high - low)
+        fix = f"the workspace is {size} mm: try {width * 2 if count > MOST else float((high - low).min()) / 4:.3g}"
+        raise InputError(f"a step of {width:g} mm makes a table of {count} places", where="--step", fix=fix)
+    return [width * np.arange(begin, end + 1) for begin, end in zip(first, last, strict=True)]
+
+
+def _corrections(still: "Compensator", places: np.ndarray) -> np.ndarray:
+    """Command less the drawing's, (n, 3) mm; NaN where nothing can be sent."""
+    correction, inside = network_parts(still, places)
+    commands = compensate(still.model, make_table(places), correction=correction, inside=inside)
+    nominal = build_mechanism(still.model.file.machine).inverse(torch.as_tensor(places)).numpy()
+    return np.asarray(np.where(commands.sent[:, None], commands.q - nominal, np.nan))
+
+
+def _interpolate(axes: Sequence[np.ndarray], shift: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Trilinear interpolation, (n, 3) mm."""
+    values = shift.reshape(*(len(axis) for axis in axes), 3)
+    return np.asarray(RegularGridInterpolator(tuple(axes), values, bounds_error=False)(places))
+
+
+def _interpolation(
+    still: "Compensator", axes: Sequence[np.ndarray], shift: np.ndarray, there: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far interpolated and exact corrections are apart amid whole cells, and amid those at the edge, um."""
+    middles = [0.5 * (axis[1:] + axis[:-1]) for axis in axes]
+    places = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 3)
+    off = _interpolate(axes, shift, places)
+    apart = 1e3 * np.abs(off - _corrections(still, places)).max(axis=1)
+    whole = _interpolate(axes, np.repeat(there[:, None], 3, axis=1).astype(float), places)[:, 0] == 1.0
+    known = np.isfinite(apart)
+    return apart[known & whole], apart[known & ~whole]
+
+
+def _explained(axes: Sequence[np.ndarray], apart: tuple[np.ndarray, np.ndarray]) -> list[str]:
+    sizes = " x ".join(str(len(axis)) for axis in axes)
+    step = axes[0][1] - axes[0][0]
+    return [
+        "db: what to add to the drawing's slider heights at x, y, z of the base frame; sent 0: the nearest place",
+        f"{sizes} places {step:g} mm apart, z runs fastest; no payload, reference temperature, no reversal",
+        f"trilinear interpolation: amid whole cells off by {_off(apart[0])}; at the edge by {_off(apart[1])}",
+    ]
+
+
+def _off(apart: np.ndarray) -> str:
+    if not len(apart):
+        return "nothing known"
+    return f"{np.sqrt((apart**2).mean()):.3g} um rms, {apart.max():.3g} um at most, a slider, {len(apart)} cells"
+
+
+def _cell(value: float) -> str:
+    return f"{value:.7g}"

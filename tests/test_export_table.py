@@ -1,0 +1,76 @@
+"""The grid of corrections: its entries are those of `ptt predict`, and it is off by no more than it says."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from ptt.correct.compensate import compensate
+from ptt.correct.exports.format import Options
+from ptt.correct.exports.table import write
+from ptt.correct.training.compensator import Compensator
+from ptt.effects.links import LinkLength
+from ptt.effects.reversal import Backlash
+from ptt.effects.structure import ColumnBend
+from ptt.effects.towers import TowerTilt
+from ptt.errors import InputError
+from ptt.machine import MachineFile
+from ptt.model.model import Model, Term
+from ptt.run.table import make_table
+
+
+def _model(file: MachineFile) -> Model:
+    values = {
+        LinkLength(): [0.3, -0.2, 0.1],
+        TowerTilt(): [2e-3, -1e-3, 1e-3, 3e-3, -2e-3, 1e-3],
+        Backlash(): [0.04, 0.05, 0.06],
+        ColumnBend(): [2e-3, 1e-3, 1e-5, 2e-5],
+    }
+    model = Model(file)
+    for effect, numbers in values.items():
+        model = model + Term(effect, torch.tensor(numbers, dtype=torch.float64))
+    return model
+
+
+def test_entries_and_the_error_between_them(bench: MachineFile, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    model = _model(bench)
+    result = write(Compensator(model, None, {}), path, Options(step=25.0))
+    assert set(result.holds) == {"link-length", "tower-tilt"}
+    assert {item.effect for item in result.cannot_hold} == {"backlash", "column-bend"}
+    assert result.error_um.model < 1.0 < result.error_um.format < 0.2 * result.error_um.drawing
+    grid = pd.read_csv(path, comment="#")
+    places = grid[["x_mm", "y_mm", "z_mm"]].to_numpy()
+    there = grid["sent"].to_numpy() == 1
+    still = model.without("backlash").without("column-bend")
+    sent, drawn = compensate(still, make_table(places)), compensate(Model(bench), make_table(places))
+    both = there & drawn.sent
+    shift = grid[["db1_mm", "db2_mm", "db3_mm"]].to_numpy()
+    np.testing.assert_allclose((drawn.q + shift)[both], sent.q[both], rtol=0.0, atol=1e-6)
+    assert both.sum() > 500
+    # Amid cells that nobody chose, the linear rule is off by about what the head says.
+    text = path.read_text()
+    found = re.search(r"off by ([\d.e-]+) um rms, ([\d.e-]+) um at most", text)
+    assert found is not None
+    lookup = {tuple(place): value for place, value in zip(places[there].round(6), shift[there], strict=True)}
+    random, off = np.random.default_rng(1), []
+    for corner in places[there][random.choice(int(there.sum()), 200)]:
+        corners = [corner + 25.0 * np.array([i, j, k]) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+        values = [lookup.get(tuple(place.round(6))) for place in corners]
+        if any(value is None for value in values):
+            continue
+        middle = make_table((corner + 12.5)[None])
+        exact = compensate(still, middle).q - compensate(Model(bench), middle).q
+        off.append(1e3 * np.abs(np.mean(values, axis=0) - exact).max())
+    assert 0.5 * float(found[1]) < np.sqrt(np.mean(np.square(off))) < 2.0 * float(found[1])
+    assert max(off) <= 1.001 * float(found[2])
+
+
+def test_a_step_that_makes_no_table_is_refused_with_a_better_one(bench: MachineFile, tmp_path: Path) -> None:
+    for step in (0.01, 5000.0):
+        with pytest.raises(InputError, match="try"):
+            write(Compensator(_model(bench), None, {}), tmp_path / "t.csv", Options(step=step))
+    assert not list(tmp_path.iterdir())
