@@ -391,7 +391,7 @@ OWN_CHANGES: tuple[tuple[str, tuple[str, ...]], ...] = (
                        "raise StopIteration", "raise RecursionError('deep')", "return torch.empty(0)", "assert False")),
     ("import torch\n", ("import sys; sys.exit(0)\n", "import no_such\n", "raise SystemExit(3)\n",
     "print('x')\nimport torch\n",
-                        "import torch\ntorch.set_default_dtype(torch.float32)\n", "raise KeyboardInterrupt\n", "(\n",
+                        "import torch\ntorch.set_default_dtype(torch.float32)\n", "(\n",
                         "import torch, numpy\nnumpy.sqrt(-1.0)\n", "import os\nos.chdir('/')\nimport torch\n")),
     ("def basis(self, view, shape)", ("def basis(self)", "def base(self, view, shape)",
     "def basis(self, view, shape, more)",

@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -137,7 +138,7 @@ def test_a_file_beyond_the_limit_is_said_and_the_old_one_stays(tmp_path):
 )
 def test_a_closed_or_full_output_is_no_silence(end, code, said):
     done = subprocess.run(
-        f"{sys.executable} -m ptt.commands.main --version --json {end}",
+        f"{sys.executable} -m ptt --version --json {end}",
         shell=True,
         cwd=ROOT,
         capture_output=True,
@@ -366,3 +367,25 @@ def test_version_says_what_figures_come_from(capsys):
     found = json.loads(capsys.readouterr().out)
     assert {"ptt", "python", "torch", "numpy", "scipy", "pandas"} <= set(found) and found["torch"]
     assert run(["--version"]) == 0 and capsys.readouterr().out.startswith("ptt ")
+
+
+def test_ctrl_c_while_the_program_is_loaded_is_one_line_too(monkeypatch, capsys):
+    from ptt.__main__ import main
+
+    class Loading:
+        def __getattr__(self, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "ptt.commands.main", Loading())
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130 and capsys.readouterr().err == "error: interrupted\n"
+
+
+def test_what_was_tested_can_be_had_again():
+    pinned = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    names = {line.split("==")[0].lower() for line in pinned}
+    assert all(line.count("==") == 1 for line in pinned)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    needed = {text.split(">")[0].lower() for text in project["dependencies"]}
+    assert needed <= names and project["license"]
