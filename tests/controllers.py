@@ -85,15 +85,20 @@ def linuxcnc(ini: Path, height: float, p: np.ndarray, *, start=(1, 1, 1)) -> np.
     turned = re.search(r"G10 L2 P1 R(\S+)", ini.read_text())
     angle = math.radians(float(turned[1])) if turned else 0.0
     x, y = p[:, 0] * math.cos(angle) - p[:, 1] * math.sin(angle), p[:, 0] * math.sin(angle) + p[:, 1] * math.cos(angle)
-    towers = [(0.0, radius), (-math.sqrt(3) / 2 * radius, -radius / 2), (math.sqrt(3) / 2 * radius, -radius / 2)]
+    joints = lineardelta(radius, rod, np.column_stack([x, y, p[:, 2]]))
     columns = []
-    for joint, (tx, ty) in enumerate(towers):
-        place = p[:, 2] + np.sqrt(rod**2 - (tx - x) ** 2 - (ty - y) ** 2)
+    for joint, place in enumerate(joints.T):
         section = config[f"JOINT_{joint}"]
         assert section["COMP_FILE_TYPE"] == "0"
         trims = triplets(ini.parent / section["COMP_FILE"])
         columns.append(place + screw(trims, place, start[joint]) + height)
     return np.column_stack(columns)
+
+
+def lineardelta(radius: float, rod: float, p: np.ndarray) -> np.ndarray:
+    """Joints of LinuxCNC's lineardeltakins, (n, 3) mm."""
+    towers = [(0.0, radius), (-math.sqrt(3) / 2 * radius, -radius / 2), (math.sqrt(3) / 2 * radius, -radius / 2)]
+    return np.column_stack([p[:, 2] + np.sqrt(rod**2 - (tx - p[:, 0]) ** 2 - (ty - p[:, 1]) ** 2) for tx, ty in towers])
 
 
 def triplets(path: Path) -> np.ndarray:

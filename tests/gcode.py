@@ -8,11 +8,11 @@ import numpy as np
 
 
 def execute(text: str, offset=(0.0, 0.0, 0.0), *, sag: float = 2e-4) -> list[dict]:
-    """Moves in machine coordinates: `path` (m, 3) mm without its first point, `line`, `rapid`, `feed`, `e`."""
+    """Moves in machine coordinates: `path` (m, 3) mm without its first point, and what else their lines say."""
     place, offset, absolute, centre_absolute, unit, plane, motion, feed = (
         np.array(offset, dtype=float), np.array(offset, dtype=float), True, False, 1.0, 17, None, None,
     )  # fmt: skip
-    moves, e = [], 0.0
+    moves, e, known = [], 0.0, [False] * 3
     for number, line in enumerate(text.splitlines(), 1):
         clean = re.sub(r"\([^)]*\)|;.*|%", "", line).replace(" ", "")
         words = re.findall(r"([A-Z])([-+]?[0-9.]+)?", clean.upper())
@@ -31,12 +31,12 @@ def execute(text: str, offset=(0.0, 0.0, 0.0), *, sag: float = 2e-4) -> list[dic
         for axis, letter in enumerate("XYZ"):
             if letter in value:
                 zero = 0.0 if 53 in codes else offset[axis] if absolute else place[axis]
-                end[axis] = zero + unit * value[letter]
+                end[axis], known[axis] = zero + unit * value[letter], True
         if motion in (0, 1):
             path = end[None]
         else:
             path = _arc(place, end, plane, motion, value, unit, offset if centre_absolute else None, sag)
-        moves.append({"path": path, "line": number, "rapid": motion == 0, "feed": feed, "e": e})
+        moves.append({"path": path, "line": number, "rapid": motion == 0, "feed": feed, "e": e, "known": list(known)})
         place = end
     return moves
 

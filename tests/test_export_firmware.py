@@ -137,7 +137,9 @@ def test_what_a_format_cannot_hold_is_counted(name: str, tmp_path: Path) -> None
     out = tmp_path / ("out.ini" if name == "linuxcnc" else "out")
     result = export(name, compensator(FILE, **ALL), out)
     left = missed(FILE, sliders(name, FILE, out), everything=True)
-    assert left == pytest.approx(result.error_um.format, rel=0.35)
+    # Stated for sliders that arrive from either side by lot; from one place to another they more often go together,
+    # and then play moves the tool less.
+    assert 0.6 * result.error_um.format < left < 1.15 * result.error_um.format
     assert result.error_um.model < 3.0 < left < 0.5 * result.error_um.drawing
     cannot = {item.effect for item in result.cannot_hold}
     assert cannot | set(result.holds) == {key.replace("_", "-") for key in ALL} and not cannot & set(result.holds)
@@ -171,6 +173,15 @@ def test_no_other_figures_of_klipper_miss_less(tmp_path: Path) -> None:
         for move in (-0.1, 0.1):
             value = float(figure[2]) + move
             assert left(text[: figure.start(2)] + f"{value:.6f}" + text[figure.end(2) :]) > best
+
+
+def test_lineardeltakins_is_what_linuxcnc_has() -> None:
+    """Debian's linuxcnc-uspace brings LinuxCNC's own kinematics as a Python module."""
+    theirs = pytest.importorskip("lineardeltakins", reason="LinuxCNC's Python module lineardeltakins is not installed")
+    theirs.set_geometry(100.25, 301.5)
+    place = np.random.default_rng(4).uniform(-90.0, 90.0, (50, 3))
+    wanted = [theirs.inverse(*row) for row in place.tolist()]
+    np.testing.assert_allclose(controllers.lineardelta(100.25, 301.5, place), wanted, atol=1e-10)
 
 
 def test_a_bare_drawing_is_said_exactly(tmp_path: Path) -> None:

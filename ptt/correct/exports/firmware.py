@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SHAPE = "all towers stand upright at one radius, and their sliders have no tables"
 WORSE = 1.0  # um: less than this is no reason to refuse a format that says a little less than the drawing
-HINTS = {"lead-scale": "divide each slider's way per turn by 1 + its lead error instead, and export again without it"}
+HINTS = {"lead-scale": "divide each slider's steps per mm by 1 + its scale instead, and export again without it"}
 
 Printed = Callable[[Delta, Ground], tuple[list[str], Delta]]
 
