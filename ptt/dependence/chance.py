@@ -3,7 +3,9 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy import fft, special, stats
+from scipy import fft, special
+
+from ptt.run.tails import chi2_isf
 
 EULER = 0.5772156649015329
 GATE = 0.02  # chance at which slow power counts as more than white
@@ -73,7 +75,7 @@ def slow_excess(left: np.ndarray, slow: int, removed: np.ndarray | None = None) 
     if quick <= 0.0:
         return np.zeros(slow)
     excess = float(power[:slow].sum()) / quick
-    if excess < stats.chi2.isf(GATE, slow - taken.sum()):
+    if excess < chi2_isf(GATE, slow - taken.sum()):
         return np.zeros(slow)
     falling = 1.0 / np.arange(1, slow + 1) ** 2
     above = excess - (1.0 - taken).sum()

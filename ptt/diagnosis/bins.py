@@ -1,11 +1,11 @@
 """Bins: what the rest of a long run follows, from sums over all of its rows."""
 
 import numpy as np
-from scipy import stats
 
 from ptt.dependence.contexts import context_views
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
+from ptt.run.tails import chi2_sf
 
 BINS = 32
 CHANCE = 1e-3  # over all variables together
@@ -38,7 +38,7 @@ def follow_in_all_rows(
     for name, code in codes.items():
         took, freedom = _between(code, rest)
         share = (took - freedom) / np.square(rest).sum()
-        if share > WORTH and stats.chi2.sf(took, freedom) * len(codes) < CHANCE:
+        if share > WORTH and chi2_sf(took, freedom) * len(codes) < CHANCE:
             found.append((name, float(share)))
     return sorted(found, key=lambda item: -item[1])
 

@@ -1,9 +1,9 @@
 """Gross errors: readings that neither the present model nor any effect that might be missing can explain."""
 
 import numpy as np
-from scipy import stats
 
 from ptt.fitting.outliers import linear_residual
+from ptt.run.tails import chi2_isf, chi2_median, poisson_sf
 
 CHANCE = 1e-3  # chance that a table of sound readings loses one
 TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be its own are kept
@@ -77,8 +77,8 @@ def stand_out(left: np.ndarray, rows: np.ndarray, least: float = 1.0) -> np.ndar
         (n,) bool.
     """
     squared = np.square(left).sum(axis=1)
-    width = max(least, float(np.median(squared[rows])) / float(stats.chi2.median(3))) if rows.any() else 1.0
-    return rows & (squared > TAIL * width * stats.chi2.isf(CHANCE / max(int(rows.sum()), 1), 3))
+    width = max(least, float(np.median(squared[rows])) / chi2_median(3)) if rows.any() else 1.0
+    return rows & (squared > TAIL * width * chi2_isf(CHANCE / max(int(rows.sum()), 1), 3))
 
 
 def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, travel: np.ndarray) -> np.ndarray:
@@ -114,7 +114,7 @@ def _crowded(far: np.ndarray, used: np.ndarray, travel: np.ndarray) -> np.ndarra
     for column in travel.T:
         order = rows[np.argsort(column[rows], kind="stable")]
         pairs = far[order[1:]] & far[order[:-1]]
-        if stats.poisson.sf(pairs.sum() - 1, expected) < CROWD:
+        if poisson_sf(pairs.sum() - 1, expected) < CROWD:
             crowded[order[1:][pairs]] = True
             crowded[order[:-1][pairs]] = True
     return crowded

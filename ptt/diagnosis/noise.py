@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.memory import WHITE
@@ -15,6 +14,7 @@ from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.problem import Problem
+from ptt.run.tails import f_cdf
 
 MOST_REPEATS = 300.0  # degrees of freedom that repeats may claim: they see less than what varies between poses
 STATED = 100.0  # degrees of freedom of a figure that somebody states
@@ -110,7 +110,7 @@ def outdone(given: Noise, left: Noise) -> bool:
         return False
     whitener = given.whitener
     least = float(np.linalg.eigvalsh(whitener @ left.covariance @ whitener.T)[0])
-    return bool(3.0 * stats.f.cdf(least, left.freedom / 3.0, given.freedom) < AT_ODDS)
+    return bool(3.0 * f_cdf(least, left.freedom / 3.0, given.freedom) < AT_ODDS)
 
 
 def _after_a_knock(left: Noise) -> Noise:

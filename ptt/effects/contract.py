@@ -13,6 +13,7 @@ from ptt.effects.base import Effect, flatten, linear_size, sizes
 from ptt.effects.bench import PER_ROW, bare, take
 from ptt.effects.case import Case, Differentiate, make_case
 from ptt.effects.phrases import compose
+from ptt.mechanisms.derivatives import by_input
 
 UNITS = ("1", "mm", "rad", "s", "K", "kg", "N", "Nmm")
 CONTEXTS = ("payload", "temperature", "time", "speed", "direction")
@@ -173,7 +174,7 @@ def check_basis(case: Case) -> str:
 
 
 def check_input(case: Case) -> str:
-    """Derivative by the stage's input under torch.func, as the composed model takes it."""
+    """Derivative by the stage's input as derived by torch, as the composed model takes it."""
     name = {"geometry": "q", "structure": "p", "metrology": "p"}.get(case.effect.stage)
     if name is None:
         return ""
@@ -187,7 +188,7 @@ def check_input(case: Case) -> str:
     def shift(value: Tensor) -> Tensor:
         return case.shift(case.view.at(**{name: value}))
 
-    exact = torch.func.vmap(lambda t: torch.func.jvp(shift, (x,), (t,))[1])(directions)
+    exact = by_input(shift, x).permute(2, 0, 1)
     for column, direction in zip(exact, directions, strict=True):
         broken = _compare(column, [shift(x + h * direction), shift(x - h * direction)], h)
         if broken:

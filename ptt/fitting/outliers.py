@@ -1,11 +1,12 @@
 """Gross errors: rows so far off that no noise explains them."""
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg
 
 from ptt.fitting.stretches import confirmed_by_pose, in_a_row, shifted_stretches
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
+from ptt.run.tails import chi2_isf, chi2_median, chi2_ppf
 
 CHANCE = 1e-3  # chance that a sound table of readings loses one row to the rule
 EXCEPTIONS = 1.0 / 12.0  # share of rows beyond which far rows are no exceptions: trackers lose far fewer readings
@@ -57,10 +58,10 @@ def _limit(squared: np.ndarray, exceptions: float = 0.5) -> float:
     bulk = count - max(1, int(np.ceil(exceptions * count)))
     if bulk < 1:
         return np.inf
-    wide = np.sort(squared)[bulk - 1] / stats.chi2.ppf((bulk - 0.5) / count, 3)
+    wide = np.sort(squared)[bulk - 1] / chi2_ppf((bulk - 0.5) / count, 3)
     width = max(1.0, float(wide), float(np.median(squared)) / MEDIAN)
     tail = 1.0 + (TAIL - 1.0) * min(width - 1.0, 1.0)
-    return float(stats.chi2.isf(CHANCE / count, 3)) * width * tail
+    return float(chi2_isf(CHANCE / count, 3)) * width * tail
 
 
 def linear_residual(
@@ -108,4 +109,4 @@ def _distances(whitened: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, floa
     return squared, max(1.0, float(np.median(squared[used])) / MEDIAN)
 
 
-MEDIAN = float(stats.chi2.median(3))
+MEDIAN = chi2_median(3)

@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from ptt.mechanisms.derivatives import by_input
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEG_SLOTS, LEGS, ThreePtt
@@ -26,12 +27,11 @@ def sensitivity(mechanism: Mechanism, q: Tensor, geometry: Tensor) -> tuple[Tens
     whole = geometry.expand(len(q), -1)
     inputs = torch.cat([q, whole], dim=1)
     k = q.shape[1]
-    directions = torch.eye(inputs.shape[1], dtype=q.dtype)[:, None, :].expand(-1, len(q), -1)
 
     def forward(x: Tensor) -> Tensor:
         return mechanism.forward(x[:, :k], x[:, k:])
 
-    columns = torch.func.vmap(lambda t: torch.func.jvp(forward, (inputs,), (t,))[1])(directions).permute(1, 2, 0)
+    columns = by_input(forward, inputs)
     return forward(inputs), columns[..., :k], columns[..., k:]
 
 

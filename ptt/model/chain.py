@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ptt.effects import Effect
 from ptt.effects.base import linear_size, shape_of
+from ptt.mechanisms.derivatives import by_input, by_parameters
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
@@ -105,9 +106,9 @@ def components(terms: Shifts, view: View) -> dict[str, Tensor]:
 
 
 def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
-    """Predict, with exact derivatives by forward mode along the chain.
+    """Predict, with exact derivatives along the chain.
 
-    Each effect is differentiated by its own parameters (its basis, or torch.func where it is not linear); what comes
+    Each effect is differentiated by its own parameters (its basis, or by torch where it is not linear); what comes
     before reaches what comes after through the row-wise derivative of each stage by its input.
 
     Args:
@@ -204,7 +205,7 @@ def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Te
         Shift (n, out) and derivative (n, out, P); zero columns for 'given' parameters.
     """
     if type(effect).shift is not Effect.shift:
-        return effect.shift(theta, view), torch.func.jacfwd(lambda x: effect.shift(x, view))(theta)
+        return effect.shift(theta, view), by_parameters(lambda x: effect.shift(x, view), theta)
     linear = linear_size(effect, view.joints)
     shape = shape_of(effect, theta, view.joints)
     basis = effect.basis(view, shape)
@@ -220,7 +221,7 @@ def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Te
         def along(values: Tensor, stem: str = parameter.stem) -> Tensor:
             return effect.basis(view, {**shape, stem: values}) @ theta[:linear]
 
-        columns.append(torch.func.jacfwd(along)(shape[parameter.stem]))
+        columns.append(by_parameters(along, shape[parameter.stem]))
     return basis @ theta[:linear], torch.cat(columns, dim=-1)
 
 
@@ -238,7 +239,4 @@ def _by_input(terms: Shifts, stage: str, x: Tensor, see: Callable[[Tensor], View
     def total(value: Tensor) -> Tensor:
         return torch.stack([effect.shift(theta, see(value)) for effect, theta in here]).sum(dim=0)
 
-    count = x.shape[1]
-    directions = torch.eye(count, dtype=x.dtype)[:, None, :].expand(count, *x.shape)
-    columns = torch.func.vmap(lambda t: torch.func.jvp(total, (x,), (t,))[1])(directions)
-    return columns.permute(1, 2, 0)
+    return by_input(total, x)

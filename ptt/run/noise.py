@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
 
 from ptt.run.holdout import pose_groups
 from ptt.run.same_pose import number_alike, number_rows
+from ptt.run.tails import chi2_isf
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
@@ -107,7 +107,7 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
             return None
         covariance = deviation.T @ deviation / freedom
         scale = _spread_robustly(deviation, group[kept])
-        far = ((deviation / scale) ** 2).max(axis=1) > stats.chi2.isf(1e-3 / len(values), 1)
+        far = ((deviation / scale) ** 2).max(axis=1) > chi2_isf(1e-3 / len(values), 1)
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False

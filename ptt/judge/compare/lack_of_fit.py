@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from ptt.run.noise import ENOUGH, first_of_copies, repeat_groups
 from ptt.run.problem import Problem
+from ptt.run.tails import f_sf
 
 AXES = ("x", "y", "z")
 
@@ -61,6 +61,6 @@ def lack_of_fit_of(problem: Problem, residual: np.ndarray, fitted: int = 0) -> L
     pure = np.square(values - mean[group]).sum(axis=0) / freedom[1]
     lack = (np.square(mean) * size[:, None]).sum(axis=0) / freedom[0]
     ratio = lack / np.maximum(pure, 1e-300)
-    chance = min(1.0, 3.0 * float(stats.f.sf(ratio, *freedom).min()))
+    chance = min(1.0, 3.0 * float(f_sf(ratio, *freedom).min()))
     x, y, z = (float(value) for value in ratio)
     return LackOfFit((x, y, z), chance, freedom)

@@ -1,0 +1,59 @@
+"""Exact derivatives by reverse mode.
+
+Torch's forward mode loads torch's compiler, and sympy with it, at the first product of a number and a dual number. That
+takes longer than all the rest of a command; reverse mode does without.
+"""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+Function = Callable[[Tensor], Tensor]
+
+
+def by_parameters(function: Function, theta: Tensor) -> Tensor:
+    """Derivative of a function of a few parameters.
+
+    The gradient g = J^T u of the values weighted by u is linear in u: its derivatives by u are the columns of J.
+
+    Args:
+        function: (P,) -> (...).
+        theta: where, (P,).
+
+    Returns:
+        (..., P).
+    """
+    with torch.enable_grad():
+        inputs = theta.detach().clone().requires_grad_(True)
+        values = function(inputs)
+        if not values.requires_grad or not len(theta):
+            return values.new_zeros(*values.shape, len(theta)).detach()
+        weights = torch.zeros_like(values, requires_grad=True)
+        # The sum is weighted here: weights handed to `grad` would have their shapes compared by sympy.
+        (pulled,) = torch.autograd.grad((values * weights).sum(), inputs, create_graph=True)
+        return torch.stack([_gradient(each, weights) for each in pulled], dim=-1)
+
+
+def by_input(function: Function, x: Tensor) -> Tensor:
+    """Derivative, row by row, of a function that treats every row by itself.
+
+    Args:
+        function: (n, m) -> (n, out).
+        x: where, (n, m).
+
+    Returns:
+        (n, out, m).
+    """
+    with torch.enable_grad():
+        inputs = x.detach().clone().requires_grad_(True)
+        values = function(inputs)
+        return torch.stack([_gradient(column.sum(), inputs) for column in values.unbind(dim=-1)], dim=-2)
+
+
+def _gradient(value: Tensor, inputs: Tensor) -> Tensor:
+    """Gradient of one number; zero where it does not depend on the inputs."""
+    if not value.requires_grad:
+        return torch.zeros_like(inputs).detach()
+    (found,) = torch.autograd.grad(value, inputs, retain_graph=True, allow_unused=True)
+    return torch.zeros_like(inputs).detach() if found is None else found

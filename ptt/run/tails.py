@@ -1,0 +1,41 @@
+"""Tails and quantiles of the distributions that decide, from scipy.special: scipy.stats takes seconds to load."""
+
+import numpy as np
+from scipy import special
+
+Values = np.ndarray | float
+
+
+def chi2_sf(x: Values, freedom: Values) -> np.ndarray:
+    """Chance that chi-squared of so many degrees of freedom exceeds x."""
+    return np.asarray(special.chdtrc(freedom, np.maximum(x, 0.0)))
+
+
+def chi2_isf(chance: Values, freedom: Values) -> np.ndarray:
+    """What chi-squared exceeds with this chance."""
+    return np.asarray(special.chdtri(freedom, chance))
+
+
+def chi2_ppf(share: Values, freedom: Values) -> np.ndarray:
+    """What chi-squared stays below with this chance."""
+    return np.asarray(2.0 * special.gammaincinv(np.asarray(freedom) / 2.0, share))
+
+
+def chi2_median(freedom: float) -> float:
+    """Median of chi-squared."""
+    return float(chi2_ppf(0.5, freedom))
+
+
+def f_sf(x: Values, above: Values, below: Values) -> np.ndarray:
+    """Chance that a ratio of two mean squares, of so many degrees of freedom each, exceeds x."""
+    return np.asarray(special.fdtrc(above, below, np.maximum(x, 0.0)))
+
+
+def f_cdf(x: Values, above: Values, below: Values) -> np.ndarray:
+    """Chance that a ratio of two mean squares stays below x."""
+    return np.asarray(special.fdtr(above, below, np.maximum(x, 0.0)))
+
+
+def poisson_sf(count: float, expected: float) -> float:
+    """Chance that more than so many happen where so many are expected."""
+    return 1.0 if count < 0 else float(special.pdtrc(np.floor(count), expected))
