@@ -2,8 +2,6 @@
 
 import numpy as np
 import numpy.typing as npt
-from scipy.cluster.vq import ClusterError, kmeans2
-from scipy.spatial import cKDTree
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -49,6 +47,8 @@ def inertia(points: FloatArray, centres: FloatArray) -> float:
     Returns:
         The sum, in squared units of the points.
     """
+    from scipy.spatial import cKDTree
+
     distance, _ = cKDTree(centres).query(points)
     return float(np.sum(np.square(distance)))
 
@@ -75,6 +75,8 @@ def farthest_points(points: FloatArray, count: int) -> FloatArray:
 
 
 def _one_start(points: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+    from scipy.cluster.vq import ClusterError, kmeans2
+
     # An empty cluster would leave a centre that stands for no point; spread-out points have none to lose.
     try:
         centres, _ = kmeans2(points, count, iter=ITERATIONS, minit="++", missing="raise", seed=rng)

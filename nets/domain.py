@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,7 +46,9 @@ class Domain:
     high: FloatArray
 
     @cached_property
-    def _tree(self) -> cKDTree:
+    def _tree(self) -> "cKDTree":
+        from scipy.spatial import cKDTree
+
         return cKDTree(self.points)
 
     @property
@@ -102,5 +107,7 @@ def measure_domain(points: FloatArray) -> Domain:
 def _typical_spacing(points: FloatArray) -> float:
     if len(points) < 2:
         return 0.0
+    from scipy.spatial import cKDTree
+
     distance, _ = cKDTree(points).query(points, k=[2])
     return float(np.quantile(distance[:, 0], SPACING_QUANTILE))

@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -68,6 +67,8 @@ def nearest_widths(centres: FloatArray, factor: float, neighbours: int = 2) -> F
     """
     if len(centres) < 2:
         return np.full(len(centres), factor)
+    from scipy.spatial import cKDTree
+
     ranks = range(2, min(neighbours, len(centres) - 1) + 2)  # rank 1 is the centre itself
     distance, _ = cKDTree(centres).query(centres, k=list(ranks))
     return factor * np.sqrt(np.mean(np.square(distance), axis=1))

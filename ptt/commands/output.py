@@ -84,14 +84,16 @@ def progress() -> Iterator[Progress]:
     Yields:
         tell(what, done, of): what is being done, how much of how much.
     """
+    if not sys.stderr.isatty():  # nobody watches, so no bar has to be loaded
+        yield lambda what, done, of: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}")
-    watched = console.is_terminal
-    with Bar(*columns, TimeElapsedColumn(), console=console, transient=True, disable=not watched) as bar:
+    with Bar(*columns, TimeElapsedColumn(), console=console, transient=True) as bar:
         task = bar.add_task("reading", total=None)
 
         def tell(what: str, done: int, of: int) -> None:

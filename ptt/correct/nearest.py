@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from ptt.correct.newton import MISSED, ROUNDS, least_move
@@ -63,6 +62,8 @@ def find_ways(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, sent: np.nd
     """
     goal = wanted[~sent]
     if sent.any():
+        from scipy.spatial import cKDTree
+
         index = np.flatnonzero(sent)[cKDTree(wanted[sent].numpy()).query(goal.numpy())[1]]
         begin, near = wanted[index], nominal[index]
     else:

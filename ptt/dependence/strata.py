@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 LARGEST_RATIO = 1e4
 ENOUGH = 30  # degrees of freedom within poses that tell slow error from a pose's own
@@ -34,6 +33,8 @@ class Poses:
     def mean(self, columns: np.ndarray) -> np.ndarray:
         """Means over poses, (n, m) -> (g, m)."""
         rows = len(self.number)
+        from scipy import sparse
+
         member = sparse.csr_matrix((np.ones(rows, columns.dtype), (self.number, np.arange(rows))))
         return np.asarray((member @ columns) / self.size[:, None], dtype=columns.dtype)
 

@@ -1,11 +1,14 @@
 """Smooth shapes along an axis, with the constant and the linear part taken out: bending modes of a natural spline."""
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.interpolate import CubicSpline
 from torch import Tensor
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 KNOTS = 17  # sixteen pieces: what bends within a twentieth of the range is damage of a spot, not a screw or a rail
 SHAPES = KNOTS - 2
@@ -14,13 +17,15 @@ COARSE_SHAPES = 6
 
 
 @lru_cache(maxsize=1)
-def _modes() -> CubicSpline:
+def _modes() -> "CubicSpline":
     """Natural splines that share no bending energy, the softest first, each as high as it is usual.
 
     Sum of squares of their coefficients is the bending energy, as in a smoothing spline, whose curves have a slope that
     wanders at random along the axis (Wahba, Spline Models for Observational Data, 1990). The first is one high; the
     k-th then is about 1/k^2 high.
     """
+    from scipy.interpolate import CubicSpline
+
     knots = np.linspace(0.0, 1.0, KNOTS)
     bend = CubicSpline(knots, np.eye(KNOTS), bc_type="natural")(knots, 2)
     hats = (4.0 * np.eye(KNOTS) + np.eye(KNOTS, k=1) + np.eye(KNOTS, k=-1)) / 6.0  # integral of products, times 1/h
@@ -82,6 +87,8 @@ def from_coarse() -> tuple[np.ndarray, np.ndarray]:
     Returns:
         Smooth (SHAPES, COARSE_SHAPES) and straight (2, COARSE_SHAPES) coefficients of each older shape, exact.
     """
+    from scipy.interpolate import CubicSpline
+
     coarse, knots = np.linspace(-1.0, 1.0, COARSE), np.linspace(-1.0, 1.0, KNOTS)
     orthogonal, triangle = np.linalg.qr(np.vander(coarse, COARSE_SHAPES + 2, increasing=True))
     shapes = (orthogonal * np.sign(np.diag(triangle)))[:, 2:]

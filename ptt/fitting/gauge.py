@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from scipy.optimize import linprog
 
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, lay_out
@@ -108,6 +107,8 @@ def _fewest(values: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarra
     limits = np.block([[free, -np.eye(count)], [-free, -np.eye(count)]])
     toll = np.concatenate([np.zeros(directions), np.ones(count)])
     bounds = [(None, None)] * directions + [(0.0, None)] * count
+    from scipy.optimize import linprog
+
     found = linprog(toll, A_ub=limits, b_ub=np.concatenate([-values, values]), bounds=bounds)
     if not found.success:
         return values, np.ones(count, dtype=bool)

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from ptt.run.frames import rotation_vector
 from ptt.run.problem import Problem
 
 WORTH_MM = 1.0  # of way, root mean square: less is what any set-up takes, and no machine is built off by more unseen
@@ -97,7 +97,7 @@ def _taken(problem: Problem) -> list[dict[str, Any]]:
         runs = np.unique(problem.table.run[here])
         in_base = all(frame.source == "base" for frame in problem.stated_in)
         label = problem.table.run_label[runs[0]] if len(runs) == 1 else SHARED
-        turn = Rotation.from_matrix(problem.rotation[index]).as_rotvec(degrees=True)
+        turn = np.degrees(rotation_vector(problem.rotation[index]))
         found.append(
             {
                 "run": label,

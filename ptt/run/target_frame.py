@@ -11,12 +11,11 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile, TargetsSpec
 from ptt.mechanisms import build_mechanism
-from ptt.run.frames import align
+from ptt.run.frames import align, rotation_vector
 from ptt.run.table import Table
 
 LIMIT = 5.0  # mm, median: corrections of commands are far smaller, swapped axes and other machines far larger
@@ -56,7 +55,7 @@ class RunFrame:
     @property
     def turn_deg(self) -> np.ndarray:
         """Rotation vector, (3,) degrees."""
-        return np.asarray(np.degrees(Rotation.from_matrix(self.rotation).as_rotvec()))
+        return np.degrees(rotation_vector(self.rotation))
 
     def into_base(self, target: np.ndarray) -> np.ndarray:
         """Targets (n, 3) mm as stated -> in the base frame."""
@@ -166,6 +165,8 @@ def stated_frame(spec: TargetsSpec) -> RunFrame:
         return RunFrame("unknown")
     if not any(spec.origin_mm) and not any(spec.turn_deg):
         return RunFrame()
+    from scipy.spatial.transform import Rotation
+
     turn = Rotation.from_rotvec(np.radians(spec.turn_deg)).as_matrix()
     return RunFrame("stated", turn, np.array(spec.origin_mm))
 

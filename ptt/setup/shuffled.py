@@ -3,8 +3,6 @@
 from itertools import permutations, product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
 
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many
@@ -71,6 +69,8 @@ def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple
 
     Source: Besl and McKay, IEEE PAMI 14(2), 1992.
     """
+    from scipy.spatial import cKDTree
+
     shift, tree = b.mean(axis=0) - turn @ a.mean(axis=0) if free else np.zeros(3), cKDTree(a)
     nearest = np.zeros(len(b), dtype=int)
     for _ in range(ROUNDS):
@@ -83,6 +83,8 @@ def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple
     if np.median(left) > LEAVES:
         return np.inf, nearest, turn
     cost = np.linalg.norm(((b - shift) @ turn)[:, None] - a[None], axis=2)
+    from scipy.optimize import linear_sum_assignment
+
     order = linear_sum_assignment(cost)[1]
     return _root_mean_square(align_many(a[order][None], b[None], free)[2][0]), order, turn
 
@@ -107,6 +109,8 @@ def _crowded(a: np.ndarray, left: float) -> bool:
     unique = np.unique(np.round(a, 3), axis=0)
     if len(unique) < LEAST:
         return True
+    from scipy.spatial import cKDTree
+
     nearest = cKDTree(unique).query(unique, k=2)[0][:, 1]
     return bool(np.median(nearest) < APART * left)
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from nets import GaussianRbf, NetsError, RbfSettings, RbfTraining, measure_domain, train_rbf
 from ptt.correct.training.physics import Physics
@@ -136,6 +135,8 @@ def _beside(places: np.ndarray) -> np.ndarray:
     none = np.zeros((1, 3))
     if len(places) < LEAST_POSES:  # copies must not pass for poses where there are too few
         return none
+    from scipy.spatial import cKDTree
+
     nearest = cKDTree(places).query(places, k=2)[0][:, 1]
     way = min(BESIDE, 0.5 * float(np.median(nearest)))
     return np.concatenate([none, way * np.eye(3), -way * np.eye(3)])

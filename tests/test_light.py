@@ -1,0 +1,69 @@
+"""What is worked out by hand so that commands start quickly is what scipy says, and what is heavy stays out."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from ptt.run import tails
+from ptt.run.frames import rotation_vector
+from ptt.run.travel import spline_slopes
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "data"
+HEAVY = (
+    "torch._dynamo",
+    "sympy",
+    "torch._inductor",
+    "scipy.stats",
+    "scipy.interpolate",
+    "scipy.optimize",
+    "matplotlib",
+)
+
+
+def test_tails_are_those_of_scipy_stats():
+    rng = np.random.default_rng(0)
+    x, k, m = rng.exponential(5.0, 500), rng.uniform(0.5, 40.0, 500), rng.uniform(0.5, 40.0, 500)
+    chance = 10.0 ** -rng.uniform(0.0, 15.0, 500)
+    np.testing.assert_array_equal(tails.chi2_sf(x, k), stats.chi2.sf(x, k))
+    np.testing.assert_array_equal(tails.chi2_isf(chance, k), stats.chi2.isf(chance, k))
+    np.testing.assert_array_equal(tails.chi2_ppf(1.0 - chance, k), stats.chi2.ppf(1.0 - chance, k))
+    np.testing.assert_array_equal(tails.f_sf(x, k, m), stats.f.sf(x, k, m))
+    np.testing.assert_array_equal(tails.f_cdf(x, k, m), stats.f.cdf(x, k, m))
+    assert [tails.poisson_sf(a, b) for a, b in zip(x - 2, k, strict=True)] == stats.poisson.sf(x - 2, k).tolist()
+    assert tails.chi2_median(3) == stats.chi2.median(3) and tails.chi2_sf(-1.0, 3.0) == 1.0
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-3, 1.0, 2.0, np.pi - 1e-6])
+def test_rotation_vectors_are_those_of_scipy(size):
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        axis = rng.normal(size=3)
+        turn = Rotation.from_rotvec(size * axis / np.linalg.norm(axis))
+        np.testing.assert_allclose(rotation_vector(turn.as_matrix()), turn.as_rotvec(), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("rows", [4, 5, 40])
+def test_slopes_are_those_of_scipys_spline(rows):
+    rng = np.random.default_rng(rows)
+    at, values = np.cumsum(rng.uniform(0.1, 3.0, rows)), rng.normal(size=(rows, 3))
+    np.testing.assert_allclose(spline_slopes(at, values), CubicSpline(at, values)(at, 1), rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("verb", ["compare", "check", "predict"])
+def test_what_is_heavy_stays_out(verb, tmp_path):
+    words = [verb, str(DATA / "sealed_one" / ("targets.csv" if verb == "predict" else "run.csv"))]
+    words += ["--model", str(DATA / "sealed_one" / "machine.toml")]
+    words += ["--out", str(tmp_path / "out.csv")] if verb == "predict" else []
+    code = (
+        f"import sys; from ptt.commands.main import run; assert run({words}) == 0\n"
+        f"print([m for m in {HEAVY} if m in sys.modules])"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert ended.stdout.splitlines()[-1] == "[]"
