@@ -1,0 +1,327 @@
+"""Effects of a 3-PTT as arithmetic on graph values: columns are legs, a vector is three such values."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ptt.correct.exports.graph import Graph, Value
+from ptt.effects import Effect
+from ptt.effects.base import sizes
+from ptt.effects.shapes import KNOTS, SHAPES, curve_pieces
+from ptt.machine import MachineFile
+from ptt.mechanisms.statics import GRAVITY
+from ptt.mechanisms.three_ptt import ThreePtt
+
+Vector = Sequence[Any]
+PIECES = KNOTS - 1
+
+
+def _none() -> list[Any]:
+    return [None, None, None]
+
+
+@dataclass
+class Place:
+    """Rows as effects see them, and what effects have added so far.
+
+    Attributes:
+        graph: the graph.
+        file: the machine.
+        mechanism: the drawing.
+        q: command, (n, 3) mm.
+        a: what the drives put out, (n, 3) mm.
+        p: the drawing's tool at the command, three (n, 1) mm; None where nobody asks.
+        payload: (n, 1) kg.
+        warmth: (n, 1) K.
+        drive: shift of the drives, (n, 3) mm.
+        centre: shift of the joint centres, three (n, 3) mm.
+        length: shift of the link lengths, (n, 3) mm.
+        platform: shift of the tool on the platform, three (n, 1) mm.
+        tool: shift of structure, three (n, 1) mm.
+    """
+
+    graph: Graph
+    file: MachineFile
+    mechanism: ThreePtt
+    q: Value
+    a: Value
+    p: Vector | None
+    payload: Value
+    warmth: Value
+    drive: Any = None
+    centre: list[Any] = field(default_factory=_none)
+    length: Any = None
+    platform: list[Any] = field(default_factory=_none)
+    tool: list[Any] = field(default_factory=_none)
+
+    @property
+    def home(self) -> np.ndarray:
+        """Heights at p = 0, (1, 3) mm."""
+        return np.asarray(self.mechanism.home().numpy()[None])
+
+    @property
+    def outward(self) -> np.ndarray:
+        """Radial directions, (3, 3)."""
+        return np.cross(self.aside, [0.0, 0.0, 1.0])
+
+    @property
+    def aside(self) -> np.ndarray:
+        """Tangential directions, (3, 3)."""
+        return np.asarray(self.mechanism.outer_axis.numpy())
+
+    def links(self) -> Vector:
+        """The drawing's link vectors, three (n, 3) mm."""
+        assert self.p is not None
+        foot, rail = self.mechanism.foot.numpy(), self.mechanism.rail.numpy()
+        return [self.p[x] - foot[None, :, x] - self.q * rail[None, :, x] for x in range(3)]
+
+    def weight(self) -> Value:
+        """Of platform and payload, (n, 1) N."""
+        spec = self.file.machine
+        assert spec.kind == "three-ptt"
+        return (self.payload + np.array([[spec.platform_mass_kg]])) * np.array([[GRAVITY]])
+
+    def move_drive(self, shift: Any) -> None:
+        """Add to the drives."""
+        self.drive = self.graph.value(shift) if self.drive is None else self.drive + shift
+
+    def move_centre(self, shift: Vector) -> None:
+        """Add to the joint centres."""
+        self.centre = [
+            self.graph.value(new) if old is None else old + new for old, new in zip(self.centre, shift, strict=True)
+        ]
+
+    def stretch(self, shift: Any) -> None:
+        """Add to the link lengths."""
+        self.length = self.graph.value(shift) if self.length is None else self.length + shift
+
+    def move_tool(self, shift: Vector) -> None:
+        """Add to where the tool is in space."""
+        self.tool = [old if new is None else new if old is None else old + new
+                     for old, new in zip(self.tool, shift, strict=True)]  # fmt: skip
+
+
+def spread(p: Value) -> Vector:
+    """(n, 3) as three (n, 1)."""
+    return [p.take(axis) for axis in range(3)]
+
+
+def cross(u: Vector, v: Vector) -> Vector:
+    """Cross product of vectors whose parts broadcast."""
+    return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+
+
+def dot(u: Vector, v: Vector) -> Any:
+    """Inner product of vectors whose parts broadcast."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def meet(graph: Graph, mechanism: ThreePtt, q: Value, grown: tuple[Vector, Any] | None) -> Vector:
+    """Tool of joint values, three (n, 1) mm; `grown` shifts centres and link lengths."""
+    foot, rail, link = mechanism.foot.numpy(), mechanism.rail.numpy(), mechanism.link.numpy()
+    centre = [q * rail[None, :, x] + foot[None, :, x] for x in range(3)]
+    length: Any = graph.value(link[None])
+    if grown is not None:
+        centre = [part + shift for part, shift in zip(centre, grown[0], strict=True)]
+        length = length + grown[1]
+    first, second, third = ([part.take(leg) for part in centre] for leg in range(3))
+    square = length * length
+    one, two, three = (square.take(leg) for leg in range(3))
+    e2, e3 = ([b - a for a, b in zip(first, other, strict=True)] for other in (second, third))
+    normal = cross(e2, e3)
+    d22, d23, d33, area = dot(e2, e2), dot(e2, e3), dot(e3, e3), dot(normal, normal)
+    along2, along3 = 0.5 * (d22 + (one - two)), 0.5 * (d33 + (one - three))
+    part2 = (along2 * d33 - along3 * d23) / area
+    part3 = (along3 * d22 - along2 * d23) / area
+    height = mechanism.side * ((one - part2 * along2 - part3 * along3) / area).sqrt()
+    return [first[x] + part2 * e2[x] + part3 * e3[x] + height * normal[x] for x in range(3)]
+
+
+def _minors(link: Vector) -> tuple[Vector, Any]:
+    """Cross products of the two other rows of each, three (n, 3), and the determinant (n, 1)."""
+    minor = cross([part.take(1, 2, 0) for part in link], [part.take(2, 0, 1) for part in link])
+    return minor, dot(link, minor).take(0)
+
+
+def _solve(rows: Vector, right: Any) -> Vector:
+    minor, volume = _minors(rows)
+    return [(right * part).sum() / volume for part in minor]
+
+
+def _pull(s: Place) -> Any:
+    link = s.links()
+    minor, volume = _minors(link)
+    return -(s.weight() * minor[2]) * dot(link, link).sqrt() / volume
+
+
+def _curve(s: Place, pieces: np.ndarray, ends: np.ndarray, q: Value) -> Value:
+    """A piecewise cubic of each leg, pieces (3, 16, 4), held beyond its range (3, 2)."""
+    graph = s.graph
+    place = (q - ends[None, :, 0]) / (ends[:, 1] - ends[:, 0])[None]
+    place = graph.node("Min", graph.node("Max", place, [[0.0]]), [[1.0]])
+    piece = graph.node("Min", graph.node("Floor", place * np.array([[float(PIECES)]])), [[PIECES - 1.0]])
+    offset = place - piece / np.array([[float(PIECES)]])
+    row = graph.node("Cast", piece + (PIECES * np.arange(3.0))[None], to=7)  # int64
+    parts = [graph.node("Gather", graph.constant(pieces[:, :, power].ravel()), row, axis=0) for power in range(4)]
+    return ((parts[0] * offset + parts[1]) * offset + parts[2]) * offset + parts[3]
+
+
+def _cut(effect: Effect, theta: np.ndarray) -> list[np.ndarray]:
+    return np.split(theta, np.cumsum(sizes(effect, 3))[:-1])
+
+
+def _pieces(curve: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    return np.stack([curve_pieces(curve.reshape(3, SHAPES)[leg], lines[leg]) for leg in range(3)])
+
+
+def _offset(s: Place, t: np.ndarray, effect: Effect) -> None:
+    s.move_drive(t[None, :3])
+
+
+def _lead(s: Place, t: np.ndarray, effect: Effect) -> None:
+    s.move_drive((s.q - s.home) * t[None])
+
+
+def _turn(s: Place, t: np.ndarray, effect: Effect) -> None:
+    phase = s.q * np.array([[2.0 * np.pi / t[6]]])
+    # Not every runtime has a cosine of doubles.
+    cosine = s.graph.node("Sin", phase + np.array([[0.5 * np.pi]]))
+    s.move_drive(cosine * t[None, :3] + s.graph.node("Sin", phase) * t[None, 3:6])
+
+
+def _screw_growth(s: Place, t: np.ndarray, effect: Effect) -> None:
+    s.move_drive(s.warmth * ((s.q - s.home) * t[None, :3] + t[None, 3:]))
+
+
+def _screw_map(s: Place, t: np.ndarray, effect: Effect) -> None:
+    curve, straight, low, high = _cut(effect, t)
+    s.move_drive(_curve(s, _pieces(curve, straight.reshape(3, 2)), np.stack([low, high], axis=1), s.q))
+
+
+def _axis(s: Place, t: np.ndarray, effect: Effect) -> None:
+    link, rail = s.links(), s.mechanism.rail.numpy()
+    minor, volume = _minors(link)
+    along = dot(link, [rail[None, :, x] for x in range(3)])
+    s.move_drive(-(s.weight() * minor[2]) * along / volume * t[None])
+
+
+def _position(s: Place, t: np.ndarray, effect: Effect) -> None:
+    shift = t[:3, None] * s.outward + t[3:, None] * s.aside
+    s.move_centre([shift[None, :, x] for x in range(3)])
+
+
+def _tilt(s: Place, t: np.ndarray, effect: Effect) -> None:
+    rail = s.mechanism.rail.numpy()
+    lean = t[:3, None] * np.cross(s.aside, rail) + t[3:, None] * np.cross(rail, s.outward)
+    s.move_centre([(s.a - s.home) * lean[None, :, x] for x in range(3)])
+
+
+def _guide(s: Place, t: np.ndarray, effect: Effect) -> None:
+    radial, tangential, straight, low, high = _cut(effect, t)
+    lines, ends = straight.reshape(3, 2, 2), np.stack([low, high], axis=1)
+    out = _curve(s, _pieces(radial, lines[:, 0]), ends, s.a)
+    along = _curve(s, _pieces(tangential, lines[:, 1]), ends, s.a)
+    s.move_centre([out * s.outward[None, :, x] + along * s.aside[None, :, x] for x in range(3)])
+
+
+def _length(s: Place, t: np.ndarray, effect: Effect) -> None:
+    s.stretch(t[None])
+
+
+def _joint(s: Place, t: np.ndarray, effect: Effect) -> None:
+    link, lengths = s.links(), 1.0 / s.mechanism.link.numpy()[None]
+    rail = s.mechanism.rail.numpy()
+    along = dot(link, [rail[None, :, x] for x in range(3)]).abs() * lengths
+    aside = dot(link, [s.aside[None, :, x] for x in range(3)]) * lengths
+    s.stretch(along * t[None, :3] + (1.0 - aside * aside).sqrt() * t[None, 3:])
+
+
+def _clearance(s: Place, t: np.ndarray, effect: Effect) -> None:
+    s.stretch(s.graph.node("Sign", _pull(s)) * (0.5 * t)[None])
+
+
+def _stretch(s: Place, t: np.ndarray, effect: Effect) -> None:
+    s.stretch(_pull(s) * t[None])
+
+
+def _turned(turn: Vector, arm: Vector) -> Vector:
+    once = cross(turn, arm)
+    return [a + 0.5 * b for a, b in zip(once, cross(turn, once), strict=True)]
+
+
+def _twist(s: Place, t: np.ndarray, effect: Effect) -> None:
+    spec = s.file.machine
+    assert spec.kind == "three-ptt"
+    link, axis = s.links(), [s.aside[None, :, x] for x in range(3)]
+    skewed = s.aside + t[:3, None] * s.outward + t[3:, None] * np.array([0.0, 0.0, 1.0])
+    skew = [skewed[None, :, x] for x in range(3)]
+    arm = [spec.platform_radius_mm * s.outward[None, :, x] for x in range(3)]
+    along = dot(link, axis)
+    rows = [link[x] - along * axis[x] for x in range(3)]
+    turn: Vector = [s.graph.constant([[0.0]]) for _ in range(3)]
+    moved, swung = link, arm
+    for count in range(2):
+        vector = [a + b for a, b in zip(_turned(turn, skew), skew, strict=True)]
+        step = _solve(rows, dot(moved, cross(axis, vector)))
+        turn = [a - b for a, b in zip(turn, step, strict=True)]
+        swung = list(_turned(turn, arm))
+        if count == 0:
+            centre = _solve(link, dot(link, swung))
+            moved = [link[x] + swung[x] - centre[x] for x in range(3)]
+    s.move_centre([-part for part in swung])
+    shift = _turned(turn, [np.array([[value]]) for value in spec.reflector_mm])
+    s.platform = [new if old is None else old + new for old, new in zip(s.platform, shift, strict=True)]
+
+
+def _bend(s: Place, t: np.ndarray, effect: Effect) -> None:
+    height = (s.a - s.home).sum() * np.array([[1.0 / 3.0]])
+    s.move_tool([s.payload * (t[x] + t[2 + x] * height) for x in (0, 1)] + [None])
+
+
+def _growth(s: Place, t: np.ndarray, effect: Effect) -> None:
+    spec = s.file.machine
+    assert spec.kind == "three-ptt"
+    angle = np.radians(spec.slider_azimuth_deg)
+    way = np.stack([np.cos(angle), np.sin(angle), np.zeros(3)]) * spec.base_radius_mm * t[0]
+    centre = [s.warmth * way[None, x] for x in range(3)]
+    grown = meet(s.graph, s.mechanism, s.a, (centre, s.warmth * np.array([[t[1] * spec.link_length_mm]])))
+    still = meet(s.graph, s.mechanism, s.a, None)
+    s.move_tool([a - b for a, b in zip(grown, still, strict=True)])
+
+
+@dataclass(frozen=True)
+class Known:
+    """How an effect adds itself.
+
+    Attributes:
+        add: to a place, with its parameters.
+        context: what it asks for beside the position.
+        drawn: whether it looks at the drawing's links.
+    """
+
+    add: Callable[[Place, np.ndarray, Effect], None]
+    context: tuple[str, ...] = ()
+    drawn: bool = False
+
+
+EFFECTS: dict[str, Known] = {
+    "homing-offset": Known(_offset),
+    "homing-slip": Known(_offset),
+    "lead-scale": Known(_lead),
+    "once-per-rev": Known(_turn),
+    "screw-growth": Known(_screw_growth, ("temperature",)),
+    "screw-error-map": Known(_screw_map),
+    "axis-compliance": Known(_axis, ("payload",), True),
+    "tower-position": Known(_position),
+    "tower-tilt": Known(_tilt),
+    "guide-straightness": Known(_guide),
+    "link-length": Known(_length),
+    "joint-offset": Known(_joint, (), True),
+    "joint-clearance": Known(_clearance, ("payload",), True),
+    "link-compliance": Known(_stretch, ("payload",), True),
+    "platform-twist": Known(_twist, (), True),
+    "column-bend": Known(_bend, ("payload",)),
+    "frame-growth": Known(_growth, ("temperature",)),
+}

@@ -1,0 +1,181 @@
+"""The static part of a model as an ONNX graph in float64: positions in, commands out; reversal is the caller's."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nets import GaussianRbf
+from ptt.correct.compensate import compensate
+from ptt.correct.exports.c.effects import AHEAD, parts_of
+from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.graph import Graph, Value
+from ptt.correct.exports.graph_effects import EFFECTS, Place, Vector, meet, spread
+from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.left import error_left, holdings, network_parts, survey
+from ptt.correct.exports.whole import write_all
+from ptt.correct.terms import split_terms
+from ptt.errors import InputError
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.run.table import make_table
+from ptt.run.target_frame import target_frames
+
+if TYPE_CHECKING:
+    from ptt.correct.training.compensator import Compensator
+
+ROUNDS = 7  # each shortens what is left a thousandfold, three hundredfold on a bad machine: rounding after five
+OPSET, IR = 17, 8  # of 2022: every runtime since reads them
+SIDE = "the way there decides it, and rows of a batch have none: the caller adds it"
+
+
+def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+    """Write the graph.
+
+    Inputs: p (n, 3) mm; where effects ask for them payload_kg (n, 1) and temp_c (n, 1). Outputs: b (n, 3) mm, and with
+    a network inside (n, 1), whether a row lies in its domain. A row out of reach is NaN; travel, singularities and the
+    size of a correction are not looked at.
+
+    Args:
+        compensator: physics, and a network where there is one.
+        out: file to write.
+        options: where the model came from, and at which loads errors are judged.
+
+    Returns:
+        What came of it.
+
+    Raises:
+        InputError: the package onnx is not there.
+    """
+    try:
+        import onnx
+    except ImportError:
+        raise InputError("needs the package onnx", where="--to onnx", fix="pip install 'ptt[export]'") from None
+    cannot = _cannot(compensator)
+    ground = survey(compensator, options)
+    held = compensator
+    for key in cannot:
+        held = replace(held, model=held.model.without(key))
+    model = build_graph(held, head_lines(compensator, options))
+    onnx.checker.check_model(model)
+    written = write_all({out: model.SerializeToString()})
+    correction, inside = network_parts(held, ground.nominal)
+    base = replace(held.model, file=ground.compensator.model.file)
+    q = compensate(base, ground.table, correction=correction, inside=inside).q
+    holds, left_out = holdings(ground, cannot)
+    return Exported(written, holds, left_out, error_left(ground, q))
+
+
+def _cannot(compensator: "Compensator") -> dict[str, str]:
+    own = parts_of(compensator.model).cannot or {}
+    why = {key: text for key, text in own.items() if text == AHEAD or "own" in text}
+    _, turning, _ = split_terms(compensator.model)
+    return why | {effect.key: SIDE for effect, _ in turning}
+
+
+def build_graph(compensator: "Compensator", head: list[str]) -> Any:
+    """Build the graph of a model.
+
+    Args:
+        compensator: with nothing but what a graph holds.
+        head: lines for its description.
+
+    Returns:
+        An onnx.ModelProto.
+    """
+    graph = Graph()
+    file = compensator.model.file
+    stated = Value(graph, "p")
+    place = _into_base(graph, stated, file)
+    steady, _, _ = split_terms(compensator.model, "none")
+    names = {effect.name for effect, _ in steady}
+    uses = {need for name in names for need in EFFECTS[name].context}
+    inside = None
+    asked = place
+    if compensator.network is not None:
+        step, inside = _network(graph, compensator.network, place)
+        asked = place + graph.node("Where", inside, step, np.zeros((1, 3)))
+    payload = Value(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
+    warmth = graph.constant([[0.0]])
+    if "temperature" in uses:
+        warmth = Value(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
+    b = _settle(graph, file, steady, asked, payload, warmth)
+    outputs = [("b", b, 3, 11)] + ([("inside", inside, 1, 9)] if inside is not None else [])  # 11 double, 9 bool
+    inputs = ["p", *(["payload_kg"] if "payload" in uses else []), *(["temp_c"] if "temperature" in uses else [])]
+    for name, value, _, _ in outputs:
+        graph.nodes.append(graph.helper.make_node("Identity", [value.name], [name]))
+    describe = graph.helper.make_tensor_value_info
+    body = graph.helper.make_graph(
+        graph.nodes, "ptt", [describe(name, 11, ["n", 3 if name == "p" else 1]) for name in inputs],
+        [describe(name, kind, ["n", width]) for name, _, width, kind in outputs], graph.constants,
+    )  # fmt: skip
+    opset = [graph.helper.make_opsetid("", OPSET)]
+    return graph.helper.make_model(
+        body, opset_imports=opset, ir_version=IR, producer_name="ptt", doc_string="\n".join(head)
+    )
+
+
+def _into_base(graph: Graph, stated: Value, file: MachineFile) -> Value:
+    (frame,) = target_frames(file, make_table(np.zeros((1, 3))))
+    return stated if frame.source == "base" else stated @ frame.rotation.T + frame.origin[None]
+
+
+def _network(graph: Graph, network: GaussianRbf, place: Value) -> tuple[Value, Value]:
+    """The network's step (n, 3) mm and whether a row is in its domain (n, 1)."""
+    domain = network.domain
+    x = (place - network.input_mean.numpy()[None]) / network.input_scale.numpy()[None]
+    square = (x * x).sum()
+    centres, sharp = network.centres.numpy(), -0.5 / network.widths.numpy() ** 2
+    power = square * sharp[None] + x @ (-2.0 * sharp * centres.T) + (sharp * (centres**2).sum(axis=1))[None]
+    node = graph.node("Exp", power)
+    slope, threshold = network.slope.detach().numpy(), network.threshold.detach().numpy()
+    step = node @ network.weights.detach().numpy() + x @ slope - threshold[None]
+    points = domain.points
+    apart = square + (points**2).sum(axis=1)[None] - 2.0 * (x @ points.T)
+    nearest = graph.node("ReduceMin", apart, axes=[1], keepdims=1)
+    room = graph.node("LessOrEqual", (x - (0.5 * (domain.low + domain.high))[None]).abs(), _half(domain)[None])
+    boxed = graph.node("Cast", room, to=11).sum()
+    near = graph.node("LessOrEqual", nearest, [[domain.reach**2]])
+    return step, graph.node("And", near, graph.node("GreaterOrEqual", boxed, [[2.5]]))
+
+
+def _half(domain: Any) -> np.ndarray:
+    return np.asarray(0.5 * (domain.high - domain.low) + domain.room)
+
+
+def _settle(graph: Graph, file: MachineFile, steady: Any, asked: Value, payload: Value, warmth: Value) -> Value:
+    """The closed inverse with the errors of the round before, round after round, (n, 3) mm."""
+    mechanism = build_mechanism(file.machine)
+    assert isinstance(mechanism, ThreePtt)
+    q = settled = _raise(mechanism, spread(asked), None)
+    if not steady:
+        return q
+    drawn = any(EFFECTS[effect.name].drawn for effect, _ in steady)
+    for _ in range(ROUNDS):
+        p = meet(graph, mechanism, q, None) if drawn else None
+        seen = Place(graph, file, mechanism, q, settled, p, payload, warmth)
+        for effect, theta in steady:
+            EFFECTS[effect.name].add(seen, theta.numpy(), effect)
+        goal = [
+            axis - shift if shift is not None else axis for axis, shift in zip(spread(asked), seen.tool, strict=True)
+        ]
+        settled = _raise(mechanism, goal, seen)
+        q = settled - seen.drive if seen.drive is not None else settled
+    return q
+
+
+def _raise(mechanism: ThreePtt, p: Vector, seen: Place | None) -> Value:
+    foot, rail, link = mechanism.foot.numpy(), mechanism.rail.numpy(), mechanism.link.numpy()
+    reach: list[Any] = [p[axis] - foot[None, :, axis] for axis in range(3)]
+    length: Any = link[None]
+    if seen is not None:
+        for axis in range(3):
+            for shift in (seen.centre[axis], seen.platform[axis]):
+                reach[axis] = reach[axis] if shift is None else reach[axis] - shift
+        length = length if seen.length is None else seen.length + length
+    along = sum((reach[axis] * rail[None, :, axis] for axis in range(1, 3)), reach[0] * rail[None, :, 0])
+    square = reach[0] * reach[0] + reach[1] * reach[1] + reach[2] * reach[2]
+    drop = (along * along - square + length * length).sqrt()
+    return along + drop if mechanism.above else along - drop
