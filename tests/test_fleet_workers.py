@@ -8,19 +8,31 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
-from test_fleet_store import fill, outcome
+import torch
+from test_fleet_store import MACHINE, fill, outcome
 
+from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError
+from ptt.fitting.chunks import summed_by
+from ptt.fitting.long import LongEvaluator
+from ptt.fitting.solve import fit
+from ptt.fleet.long import Spread
 from ptt.fleet.queue import waiting
 from ptt.fleet.workers import cluster, run_on_workers
+from ptt.machine import load_machine
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 
 HERE = Path(__file__).parent
 PYTHONPATH = os.pathsep.join([str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
 
 
 def start(module: str, *options: str) -> subprocess.Popen:
-    command = [sys.executable, "-m", f"distributed.cli.{module}", "--no-dashboard", *options]
+    command = [sys.executable, "-m", f"distributed.cli.{module}", "--dashboard-address", "127.0.0.1:0", *options]
     environment = {**os.environ, "PYTHONPATH": PYTHONPATH, "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
@@ -75,3 +87,35 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="no scheduler answers"):
         run_on_workers(store, "tcp://127.0.0.1:9", work=slow)
     assert waiting(store) == {"m0": 1}
+
+
+def test_a_long_run_on_workers_has_the_sums_of_one_process_also_when_one_dies(tmp_path):
+    problem = made(rows := 1200)
+    model = Model(problem.file) + make_effect(library(), "backlash")
+    fitted = fit(model, problem)
+    alone = LongEvaluator(fitted.layout, problem, fitted.noise, size=100)
+    here = alone(fitted.unknowns)
+    with cluster(None, 2) as client:
+        spread = Spread(client)
+        with summed_by(spread):
+            there = LongEvaluator(fitted.layout, problem, fitted.noise, size=100)
+            first = there(fitted.unknowns)
+            pids = client.run(os.getpid)
+            os.kill(next(iter(pids.values())), signal.SIGKILL)
+            again = there(fitted.unknowns + 1e-3)
+    assert rows == len(first.residual)
+    for one, other in zip(first.sums(problem.used), here.sums(problem.used), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-9 * np.abs(other).max())
+    moved = alone(fitted.unknowns + 1e-3)
+    for one, other in zip(again.sums(problem.used), moved.sums(problem.used), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-9 * np.abs(other).max())
+    np.testing.assert_allclose(again.residual, moved.residual, atol=1e-12)
+
+
+def made(rows: int):
+    """A run whose sliders turn round often."""
+    random = np.random.default_rng(2)
+    way = 283.0 + 40.0 * np.sin(np.cumsum(random.normal(size=(rows, 3)) * 0.1, axis=0))
+    file = load_machine(MACHINE)
+    p = build_mechanism(file.machine).forward(torch.as_tensor(way)).numpy()
+    return build_problem(file, make_table(p, way, p + 0.005 * random.normal(size=p.shape)))

@@ -8,7 +8,8 @@ needs no parameter), send each with its entry to a worker, and add what comes ba
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import pairwise
 from multiprocessing import get_all_start_methods, get_context
@@ -36,6 +37,7 @@ _OF_ROWS = (
 )  # fmt: skip
 
 Part = TypeVar("Part")
+Total = TypeVar("Total")
 Stretch = tuple[int, int]  # first row, and the row after the last
 
 
@@ -159,7 +161,64 @@ def map_chunks(work: Callable[[Problem], Part], chunks: Sequence[Callable[[], Pr
         _shared.clear()
 
 
+def map_sums(
+    work: Callable[[Problem, Any], tuple[Part, Total]], chunks: Sequence[Callable[[], Problem]], each: Sequence[Any],
+    add: Callable[[Total, Total], Total],
+) -> tuple[list[Part], Total]:  # fmt: skip
+    """Do the work on every chunk, keep what is its own, and add up what is everybody's.
+
+    Args:
+        work: from a chunk and what belongs to it to its own part and its share of the sum.
+        chunks: their makers.
+        each: what belongs to each of them.
+        add: two shares of a sum.
+
+    Returns:
+        The parts in order, and the sum.
+    """
+    if _engine:
+        return _engine[-1](work, chunks, each, add)
+    parts, total = list[Part](), None
+    for part, share in map_chunks(_Beside(work), [partial(_beside, *pair) for pair in zip(chunks, each, strict=True)]):
+        parts.append(part)
+        total = share if total is None else add(total, share)
+    assert total is not None
+    return parts, total
+
+
+@contextmanager
+def summed_by(engine: Callable[..., Any]) -> Iterator[None]:
+    """Have `map_sums` done elsewhere, such as by workers of a cluster.
+
+    Args:
+        engine: with the arguments and the result of `map_sums`.
+
+    Yields:
+        Nothing.
+    """
+    _engine.append(engine)
+    try:
+        yield
+    finally:
+        _engine.pop()
+
+
+_engine: list[Callable[..., Any]] = []
 _shared: list[Any] = []
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Work on a chunk beside which lies what belongs to it."""
+
+    work: Callable[..., Any]
+
+    def __call__(self, pair: Any) -> Any:
+        return self.work(*pair)
+
+
+def _beside(make: Callable[[], Problem], own: Any) -> Any:
+    return make(), own
 
 
 def _work_on(index: int) -> Any:

@@ -11,7 +11,7 @@ from functools import partial, reduce
 import numpy as np
 import torch
 
-from ptt.fitting.chunks import CHUNK, cut, map_chunks, numbers
+from ptt.fitting.chunks import CHUNK, cut, map_sums, stretches
 from ptt.fitting.gauss_newton import bounded_step
 from ptt.fitting.layout import Layout
 from ptt.fitting.result import FitResult
@@ -57,7 +57,7 @@ class LongEvaluator:
         self.layout, self.problem, self.noise = layout, problem, noise
         self.calls = 0
         self.kept = problem.used
-        self._chunks = cut(problem, size)
+        self._size, self._chunks = size, cut(problem, size)
         self._system: LongSystem | None = None
 
     def __call__(self, unknowns: np.ndarray) -> LongSystem:
@@ -71,15 +71,15 @@ class LongEvaluator:
         """Residual, prediction and sums of the rows that count, in one pass."""
         self.calls += 1
         self.kept = kept  # the next points are asked for with the same rows
-        work = partial(_sum_chunk, self.layout, self.noise.whitener, unknowns, kept)
-        residuals, predictions, total = [], [], None
-        for residual, prediction, part in map_chunks(work, self._chunks):
-            residuals.append(residual)
-            predictions.append(prediction)
-            total = part if total is None else add_totals(total, part)
+        work = partial(_sum_chunk, self.layout, self.noise.whitener, unknowns)
+        rows, total = map_sums(work, self._chunks, self._cut(kept), add_totals)
         base = self._base(unknowns)
-        assert total is not None
-        return np.concatenate(residuals), _joined(predictions), total if base is None else add_totals(total, base)
+        residual = np.concatenate([own for own, _ in rows])
+        return residual, _joined([own for _, own in rows]), total if base is None else add_totals(total, base)
+
+    def _cut(self, values: np.ndarray) -> list[np.ndarray]:
+        """What belongs to the rows of each chunk."""
+        return [values[first:last] for first, last in stretches(len(values), self._size)]
 
     def parts(self, unknowns: np.ndarray, kept: np.ndarray, part: np.ndarray, parts: int) -> list[Total]:
         """Sums over each part of the rows that count, then over the rows of none and the base reflectors.
@@ -90,12 +90,10 @@ class LongEvaluator:
             part: (n,) int, -1 for rows of none.
             parts: how many there are.
         """
-        work = partial(_sum_parts, self.layout, self.noise.whitener, unknowns, kept, part, parts)
-        found: list[Total] | None = None
-        for own in map_chunks(work, self._chunks):
-            found = own if found is None else [add_totals(a, b) for a, b in zip(found, own, strict=True)]
+        work = partial(_sum_parts, self.layout, self.noise.whitener, unknowns, parts)
+        pairs = list(zip(self._cut(kept), self._cut(part), strict=True))
+        _, found = map_sums(work, self._chunks, pairs, add_lists)
         base = self._base(unknowns)
-        assert found is not None
         return found if base is None else [*found[:-1], add_totals(found[-1], base)]
 
     def moved(self, unknowns: np.ndarray, steps: np.ndarray, part: np.ndarray) -> np.ndarray:
@@ -109,8 +107,8 @@ class LongEvaluator:
         Returns:
             (n, 3) in units of noise.
         """
-        work = partial(_move_chunk, self.layout, self.noise.whitener, unknowns, steps, part)
-        return np.concatenate(list(map_chunks(work, self._chunks)))
+        work = partial(_move_chunk, self.layout, self.noise.whitener, unknowns, steps)
+        return np.concatenate(map_sums(work, self._chunks, self._cut(part), max)[0])
 
     def _base(self, unknowns: np.ndarray) -> Total | None:
         if self.problem.base is None or not self.layout.frames:
@@ -124,27 +122,32 @@ def add_totals(one: Total, other: Total) -> Total:
     return one[0] + other[0], one[1] + other[1], one[2] + other[2], one[3] + other[3]
 
 
+def add_lists(one: list[Total], other: list[Total]) -> list[Total]:
+    """Sums over the rows of both, part by part."""
+    return [add_totals(a, b) for a, b in zip(one, other, strict=True)]
+
+
 def _sum_chunk(
-    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, kept: np.ndarray, chunk: Problem
-) -> tuple[np.ndarray, Prediction, Total]:
+    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, chunk: Problem, kept: np.ndarray
+) -> tuple[tuple[np.ndarray, Prediction], Total]:
     system = build_system(layout, chunk, whitener, unknowns)
-    return system.residual, system.prediction, _rows_alone(system).sums(kept[numbers(chunk)])
+    return (system.residual, system.prediction), _rows_alone(system).sums(kept)
 
 
 def _sum_parts(
-    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, kept: np.ndarray, part: np.ndarray, parts: int,
-    chunk: Problem,
-) -> list[Total]:  # fmt: skip
-    system, rows = _rows_alone(build_system(layout, chunk, whitener, unknowns)), numbers(chunk)
-    return [system.sums(kept[rows] & (part[rows] == index)) for index in (*range(parts), -1)]
+    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, parts: int, chunk: Problem,
+    own: tuple[np.ndarray, np.ndarray],
+) -> tuple[None, list[Total]]:  # fmt: skip
+    system, (kept, part) = _rows_alone(build_system(layout, chunk, whitener, unknowns)), own
+    return None, [system.sums(kept & (part == index)) for index in (*range(parts), -1)]
 
 
 def _move_chunk(
-    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, steps: np.ndarray, part: np.ndarray, chunk: Problem
-) -> np.ndarray:
-    system, own = build_system(layout, chunk, whitener, unknowns), part[numbers(chunk)]
-    change = np.einsum("ncu,nu->nc", system.jacobian, steps[own])
-    return np.where((own >= 0)[:, None], system.residual - change, system.residual)
+    layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, steps: np.ndarray, chunk: Problem, part: np.ndarray
+) -> tuple[np.ndarray, int]:
+    system = build_system(layout, chunk, whitener, unknowns)
+    change = np.einsum("ncu,nu->nc", system.jacobian, steps[part])
+    return np.where((part >= 0)[:, None], system.residual - change, system.residual), 0
 
 
 def _rows_alone(system: System) -> System:

@@ -11,7 +11,7 @@ from ptt.diagnosis.long import choose_diagnosis
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import PttError
 from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms
-from ptt.fleet.again import recheck_run
+from ptt.fleet.again import hold_against
 from ptt.fleet.runs import Opened, open_task, read_task
 from ptt.fleet.task import Outcome, Task
 from ptt.fleet.told import told_by
@@ -72,7 +72,7 @@ def _again(task: Task, opened: Opened, tell: Tell) -> Outcome:
     """Recheck, and where there is new physics add it to the model; the values of this run are told in any case."""
     model, problem = opened.model, opened.problem
     tell("recheck")
-    again = recheck_run(model, problem, opened.known, tell)
+    again = hold_against(model, problem, opened.known, tell)
     tell("refit")
     solved, fitted = None, fit(_testable(model, opened), problem)
     if again.added:

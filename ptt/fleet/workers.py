@@ -88,7 +88,9 @@ def cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             yield client
         return
     # One thread each: the sums are numpy's, and threads of one process would wait for each other.
-    local = LocalCluster(n_workers=workers or 2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1")
+    local = LocalCluster(
+        n_workers=workers or 2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
+    )
     with local, Client(local) as client:
         yield client
 
