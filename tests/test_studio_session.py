@@ -25,18 +25,21 @@ from ptt.errors import InputError, ModelError, PttError
 from ptt.fitting.chunks import CHUNK, LONG
 from ptt.machine import EffectEntry, ParameterEntry, parse_machine
 from ptt.run.readers import Mapping
+from ptt.show.card.solids import arrows
 from ptt.show.report.contents import gather
 from ptt.show.report.of_run import report_run
-from ptt.show.studio import field, figures, jobs
+from ptt.show.studio import figures, jobs, machine_figure, opening
 from ptt.show.studio.answers import agreed
-from ptt.show.studio.controller import LIMIT, RESERVED, Studio, safe_name
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.looks import Look
 from ptt.show.studio.page_finish import commands_of
 from ptt.show.studio.page_model import ladder_of, words_of
+from ptt.show.studio.pool import QuestionError
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.server import Opening, keep_opening
 from ptt.show.studio.session import Session, key_of, parameter_rows
-from ptt.show.studio.worker import QuestionError
+from ptt.show.studio.uploads import RESERVED, keep, safe_name
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
@@ -214,30 +217,28 @@ def test_commands_remove_what_is_switched_off_and_add_it_again(here: Path, added
 
 
 def test_uploads_take_the_place_of_nothing(tmp_path: Path):
-    studio = in_tab(Session(), tmp_path)
-    assert studio.keep("run.csv", b"one") == "run.csv"
-    assert studio.keep("../RUN.csv", b"two") == "RUN (2).csv"
-    assert studio.keep("run.csv", b"three") == "run (3).csv"
-    assert studio.keep("run.csv", b"one") == "run.csv"  # the same again
+    assert keep(tmp_path, "run.csv", b"one") == "run.csv"
+    assert keep(tmp_path, "../RUN.csv", b"two") == "RUN (2).csv"
+    assert keep(tmp_path, "run.csv", b"three") == "run (3).csv"
+    assert keep(tmp_path, "run.csv", b"one") == "run.csv"  # the same again
     assert (tmp_path / "run.csv").read_bytes() == b"one"
     for name in RESERVED:
-        assert studio.keep(name.upper(), b"mine").casefold() not in {each.casefold() for each in RESERVED}
-    assert studio.keep("Model.toml", b"other") == "Model (3).toml"
+        assert keep(tmp_path, name.upper(), b"mine").casefold() not in {each.casefold() for each in RESERVED}
+    assert keep(tmp_path, "Model.toml", b"other") == "Model (3).toml"
     for name in ("own.py", "OWN.PY", "own.py. "):
         with pytest.raises(InputError, match="program"):
-            studio.keep(name, b"raise SystemExit")
+            keep(tmp_path, name, b"raise SystemExit")
     with pytest.raises(InputError, match="larger"):
-        studio.keep("large.csv", bytes(LIMIT + 1))
+        keep(tmp_path, "large.csv", bytes(LIMIT + 1))
 
 
 def test_files_of_effects_lie_where_no_upload_gets(tmp_path: Path):
-    studio = in_tab(Session(), tmp_path)
     given = Source("run.csv", map_="answers.toml", effects=("own.py",))
     files = {"run.csv": b"run", "answers.toml": b"", "own.py": b"own = 1"}
-    source = keep_opening(studio, Opening(files, given, MACHINE))
+    source = keep_opening(tmp_path, Opening(files, given, MACHINE))
     assert source == replace(given, map_="answers (2).toml")
     assert source.effect_files == ("effects/own.py",) and source.options[-2:] == ("--effects", "own.py")
-    kept = {studio.keep(name, b"upload") for name in ("effects/own.py.txt", "effects", "own.csv")}
+    kept = {keep(tmp_path, name, b"upload") for name in ("effects/own.py.txt", "effects", "own.csv")}
     assert kept == {"own.py.txt", "effects (2)", "own.csv"}
     assert [file.name for file in (tmp_path / "effects").iterdir()] == ["own.py"]
     assert (tmp_path / "effects" / "own.py").read_bytes() == b"own = 1"
@@ -247,7 +248,7 @@ def test_a_look_of_a_run_that_was_replaced_is_not_kept(look: Look):
     studio = in_tab(fresh())
     other = Session().opened(Source("other.csv"), MACHINE)
 
-    async def work(words: str, job: str, *arguments: object, quiet: bool = False) -> Look | None:
+    async def work(words: str, job: str, *arguments: object, how: str = "asked") -> Look | None:
         studio.session = other  # meanwhile another run was opened
         return look if job == "look" else None
 
@@ -330,14 +331,6 @@ def test_answers_that_contradict_each_other_are_left_out():
     assert agreed([one, two]) == both and agreed([one]) == one
 
 
-def test_a_long_run_is_referred_to_the_command_line(here: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("ptt.fitting.chunks.LONG", 200)
-    with pytest.raises(InputError, match=r"run: ptt diagnose run\.csv"):
-        jobs.learn(RUN, MACHINE, silent)
-    with pytest.raises(InputError, match=r"run: ptt report run\.csv"):
-        jobs.report(RUN, MACHINE, None, silent)
-
-
 def test_the_diagnosis_is_chosen_by_rows():
     assert choose_diagnosis(LONG) is diagnose
     for chosen, size in ((choose_diagnosis(LONG + 1), CHUNK), (choose_diagnosis(300, 1000), 1000)):
@@ -350,7 +343,7 @@ def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: 
 
     monkeypatch.setattr("ptt.diagnosis.long.LONG", 200)
     monkeypatch.setattr("ptt.diagnosis.long.diagnose_long", in_chunks)
-    opened = jobs._open(RUN, MACHINE)
+    opened = opening.open_both(RUN, MACHINE)
     assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"
 
 
@@ -379,8 +372,8 @@ def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed
     picked = look.visits_of(5).tolist()
     rungs = fresh().changed("add", ("backlash",), added).now.rungs  # type: ignore[union-attr]
     drawn = [
-        field.field_figure(look, picked, scale=200.0),
-        field.field_figure(look, scale=200.0, machine=False),
+        machine_figure.machine_figure(look, 5, picked=picked, scale=200.0),
+        machine_figure.machine_figure(look, 0, scale=200.0, machine=False, near=True),
         *(figures.against_figure(look, view, "direction1", picked, ("other", look)) for view in look.views),
         *(figures.against_figure(look, "x", context) for context in look.contexts),
         figures.ladder_figure(rungs, added.data["noise_um"], "y"),
@@ -390,25 +383,32 @@ def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed
         checked = go.Figure(data=figure["data"], layout=figure["layout"])  # refuses what plotly does not know
         assert "[" in str(checked.layout) and json.dumps(checked.to_plotly_json(), default=list)
     traces = drawn[0]["data"]
-    assert {"rails", "links", "platform", "errors", "readings", "picked"} == {trace["name"] for trace in traces}
+    assert {"rails", "sliders", "links", "platform", "errors", "readings", "picked"} == {t["name"] for t in traces}
     assert next(t for t in traces if t["name"] == "picked")["customdata"] == picked
+    colours = next(t for t in traces if t["name"] == "errors")
+    assert colours["cmin"] == 0.0 and colours["colorscale"] == "Cividis"
 
 
-def test_arrows_are_as_long_as_stated(look: Look):
-    figure = field.field_figure(look, scale=250.0, machine=False)
-    errors = next(trace for trace in figure["data"] if trace["name"] == "errors")
-    points = np.array([errors[axis] for axis in "xyz"], dtype=float).T.reshape(-1, 7, 3)
-    shown = figures.shown_rows(look)
-    np.testing.assert_allclose(points[:, 1] - points[:, 0], 250.0 * look.residual[shown], atol=2e-4)
+def test_arrows_are_means_of_poses_and_as_long_as_stated(look: Look):
+    place, mean, count = machine_figure.mean_arrows(look)
+    assert count.sum() == look.kept.sum() and len(place) < look.rows
+    solid, owner = arrows(place, 250.0 * mean, 1.0)
+    for number in (0, len(place) // 2, len(place) - 1):
+        rows = look.kept & (np.linalg.norm(look.target - place[number], axis=1) < 1e-2)
+        assert rows.sum() == count[number]
+        np.testing.assert_allclose(mean[number], look.residual[rows].mean(axis=0), atol=1e-12)
+        tip = place[number] + 250.0 * look.residual[rows].mean(axis=0)
+        assert np.linalg.norm(solid.points[owner == number] - tip, axis=1).min() < 1e-9
 
 
 def test_a_large_run_is_thinned_but_what_is_picked_is_drawn(look: Look):
     many = np.tile(np.arange(look.rows), 30)
-    large = replace(
-        look, line=np.arange(len(many)), target=look.target[many], residual=look.residual[many], kept=look.kept[many]
-    )
+    spread = look.target[many] + np.random.default_rng(0).normal(size=(len(many), 3))
+    large = replace(look, line=np.arange(len(many)), target=spread, residual=look.residual[many], kept=look.kept[many])
     rows = figures.shown_rows(large, [3, 1001])
     assert figures.MOST <= len(rows) <= figures.MOST + 2 and {3, 1001} <= set(rows.tolist())
+    place, _, count = machine_figure.mean_arrows(large)
+    assert len(place) <= machine_figure.SHOWN_ARROWS and count.sum() == large.kept.sum()
 
 
 @pytest.mark.parametrize(
@@ -426,7 +426,7 @@ def test_names_of_uploads_lose_their_folders(given: str, kept: str):
 
 
 def test_uploads_have_a_limit():
-    from ptt.show.studio.server import UploadLimit
+    from ptt.show.studio.guard import UploadLimit
 
     seen: list[int] = []
 

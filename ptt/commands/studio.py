@@ -27,6 +27,9 @@ def studio(
         int, typer.Option("--port", min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")
     ] = PORT,
     show: Annotated[bool, typer.Option("--show/--no-show", help="Open the browser.")] = True,
+    store: Annotated[
+        Path | None, typer.Option("--store", metavar="DIR", help="Folder that keeps sessions; by itself in your home.")
+    ] = None,
 ) -> None:
     """Open the studio, a page on this computer: look at a run, add effects, watch the error fall."""
     import importlib.util
@@ -35,10 +38,11 @@ def studio(
 
     if importlib.util.find_spec("nicegui") is None:
         raise InputError("the studio needs nicegui", where="ptt studio", fix="pip install 'ptt[studio]'")
+    from ptt.commands.main import run as run_verb
     from ptt.show.studio.server import serve
 
     opening = read_opening(run, model, also, targets, set_, map_, effects)
-    serve(opening, port, show, lambda place: typer.echo(f"ptt studio at {place} (Ctrl+C ends it)"))
+    serve(opening, port, show, lambda place: typer.echo(f"ptt studio at {place} (Ctrl+C ends it)"), store, run_verb)
 
 
 def read_opening(

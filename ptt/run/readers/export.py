@@ -91,6 +91,23 @@ def read_any(path: str | Path, request: Request | None = None) -> Export:
     return Export(raw.source, known, extra, raw.line, understood)
 
 
+def read_titles(path: str | Path, request: Request) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
+    """The lines of a file, the titles of its columns, and what each title says by itself; nothing is settled.
+
+    Args:
+        path: the file.
+        request: purpose and known answers.
+
+    Returns:
+        Lines, titles and meanings.
+
+    Raises:
+        TableError: the file cannot be cut into cells.
+    """
+    raw = read_text(path, request.mapping, request.ask)
+    return _titles(reshape(raw)[0] if is_spatial_analyzer(raw) else raw, request)
+
+
 def _titles(raw: RawText, request: Request) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
     if raw.header is None:
         header = _header_in_comments(raw)

@@ -30,11 +30,12 @@ def plot_machine(file: MachineFile, path: Path) -> None:
     save(draw_machine(file), path)
 
 
-def draw_machine(file: MachineFile) -> Figure:
+def draw_machine(file: MachineFile, words: bool = True) -> Figure:
     """The drawing: slider numbers, which way b counts, where z = 0 is, what 'above' means.
 
     Args:
         file: the machine.
+        words: whether its figures stand below.
 
     Returns:
         A figure with the view from above, the view from the side, and the figures in words.
@@ -44,14 +45,15 @@ def draw_machine(file: MachineFile) -> Figure:
     """
     if not isinstance(file.machine, ThreePttSpec):
         raise MachineError("only a 3-PTT is drawn", where=file.source, fix="leave --drawing out")
-    figure = Figure(figsize=(13.0, 7.2), layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.25), height_ratios=(1.0, 0.13))
+    figure = Figure(figsize=(13.0, 7.2 if words else 6.4), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.25), height_ratios=(1.0, 0.13 if words else 1e-3))
     mechanism = ThreePtt.from_spec(file.machine)
     _from_above(figure.add_subplot(grid[0, 0]), file.machine, mechanism)
     _from_side(figure.add_subplot(grid[0, 1]), file.machine, mechanism)
-    words = figure.add_subplot(grid[1, :])
-    words.axis("off")
-    words.text(0.0, 1.0, str(describe_machine(file)), va="top", fontsize=10, family="monospace")
+    if words:
+        below = figure.add_subplot(grid[1, :])
+        below.axis("off")
+        below.text(0.0, 1.0, str(describe_machine(file)), va="top", fontsize=10, family="monospace")
     figure.suptitle(f"{file.machine.name}, as understood", fontsize=13, fontweight="bold")
     return figure
 

@@ -103,14 +103,15 @@ def facts_of(problem: Problem) -> RunFacts:
         repeats=int(used.sum() - len(np.unique(groups))),
         low=tuple(target.min(axis=0).tolist()),
         high=tuple(target.max(axis=0).tolist()),
-        columns=_columns(table),
+        columns=columns_of_table(table),
         ignored=table.understood.ignored,
         covariates=(*_covariates(problem), *_directions(problem)),
         lines=table.understood.lines,
     )
 
 
-def _columns(table: Table) -> tuple[Column, ...]:
+def columns_of_table(table: Table) -> tuple[Column, ...]:
+    """The columns of the first file that were used, with what they were taken for."""
     found = table.understood.mapping
     titles = found.columns or {str(title): str(title) for title in table_to_frame(table).columns}
     joint = "slider" if table.joint_prefix == "b" else "joint"

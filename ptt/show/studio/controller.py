@@ -1,54 +1,72 @@
-"""One page's hands: keeps the session, gives jobs to the worker, tells the views what changed."""
+"""One page's hands: keeps the session, gives jobs to the pool, tells the views what changed."""
 
 import asyncio
-import shutil
-import tempfile
-import unicodedata
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import count
-from pathlib import Path
 from typing import Any
 
-from nicegui import Client, ui
+from nicegui import Client
 
 from ptt.errors import InputError, PttError
-from ptt.files import write_bytes
 from ptt.machine import parse_machine
 from ptt.show.studio.looks import Look
-from ptt.show.studio.results import EFFECTS, SEAL, Source
-from ptt.show.studio.session import START, Session
-from ptt.show.studio.worker import JobCancelledError, JobFailedError, QuestionError, Worker
+from ptt.show.studio.pool import JobCancelledError, JobFailedError, Pool, QuestionError, SetupFoundError
+from ptt.show.studio.results import Source, Trained
+from ptt.show.studio.session import START, Session, key_of
+from ptt.show.studio.store import Place
 
-LIMIT = 64 * 2**20  # bytes of an upload: more than a million rows
-RESERVED = ("model.toml", "answers.toml", "sliders.csv", "report.html", "compensator", "challenge", EFFECTS, SEAL)
+LONG = 50_000  # rows from which nothing is diagnosed unasked: it takes a minute or more
+LEARN = "finding what is missing"
+TOPICS = ("session", "picked", "busy", "staged", "view")
 Listener = Callable[[], None]
 
 
 @dataclass(frozen=True)
 class Busy:
-    """What is being done: words, how much of how much (0 of 0 where nobody knows)."""
+    """What is being done: words, how much of how much (0 of 0 where nobody knows), since when.
+
+    `yields` says that nobody asked for it: it gives way to whatever a person asks for.
+    """
 
     words: str
     done: int = 0
     of: int = 0
+    since: float = 0.0
+    yields: bool = False
+
+
+@dataclass
+class Staged:
+    """Files that lie ready until they are opened together: the source, the machine's text, what is wrong with them."""
+
+    source: Source | None = None
+    machine: str = ""
+    question: QuestionError | None = None
+    setup: tuple[dict[str, Any], ...] = ()
 
 
 class Studio:
-    """One browser tab: its session, its worker and its folder; nothing is shared with another tab."""
+    """One session on a page: its steps, its folder, what is being done for it; nothing is shared with another."""
 
-    def __init__(self) -> None:
-        """Make a folder and start the worker in it."""
-        self.folder = Path(tempfile.mkdtemp(prefix="ptt-studio-"))
-        self.worker = Worker(self.folder)
-        self.session = Session()
+    def __init__(self, place: Place, pool: Pool) -> None:
+        """Take up a session where it was left.
+
+        Args:
+            place: its folder.
+            pool: what calculates.
+        """
+        self.place, self.pool = place, pool
+        self.folder = place.files
+        self.session = place.load()
+        self.staged = Staged()
         self.picked: list[int] = []
         self.trouble = ""
         self.busy: Busy | None = None
-        self.machine: str = ""
-        self.pending: Source | None = None
+        self.view = "Load"
         self._listeners: dict[str, list[Listener]] = {}
-        self._lock = asyncio.Lock()
+        self._turn_of, self._one = asyncio.Lock(), asyncio.Lock()
+        self._tasks: dict[asyncio.Task[Any], bool] = {}  # -> whether it gives way
         self._epoch = 0
 
     def attach(self, client: Client) -> None:
@@ -58,28 +76,39 @@ class Studio:
             client: of the page.
         """
         self.client = client
-        self._listeners = {"session": [], "picked": [], "busy": []}
+        self._listeners = {topic: [] for topic in TOPICS}
 
     def on(self, topic: str, listener: Listener) -> None:
         """Call a view whenever something changes.
 
         Args:
-            topic: 'session', 'picked' or 'busy'.
+            topic: one of `TOPICS`.
             listener: of the view.
         """
         self._listeners[topic].append(listener)
 
     def tell(self, topic: str) -> None:
-        """Tell the views."""
+        """Tell the views; a changed session is written down first."""
+        if topic == "session":
+            try:
+                self.place.save(self.session)
+            except InputError as error:
+                self.trouble = f"this session cannot be kept on disk: {error}"
         # A button that is replaced by its own doing leaves no place to put things in; the page itself stays.
         with self.client:
             for listener in self._listeners[topic]:
                 listener()
 
+    @property
+    def idle(self) -> bool:
+        """Whether nothing that a person asked for is going on."""
+        return self.busy is None or self.busy.yields
+
     def close(self) -> None:
-        """Stop the worker and remove the folder."""
-        self.worker.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Stop what is running; an empty session leaves nothing behind."""
+        self.cancel()
+        if self.place.empty:
+            self.place.remove()
 
     def fail(self, words: str) -> None:
         """Show what went wrong; '' takes it away."""
@@ -92,85 +121,112 @@ class Studio:
         self.tell("picked")
 
     def cancel(self) -> None:
-        """Stop what is running."""
+        """Stop what is running and what waits."""
         self._epoch += 1
-        if self.worker.busy:
-            self.worker.cancel()
+        for task in self._tasks:
+            task.cancel()
 
-    async def work(self, words: str, job: str, *arguments: Any, quiet: bool = False) -> Any:
-        """Do a job off the page, one at a time.
+    async def work(self, words: str, job: str, *arguments: Any, how: str = "asked") -> Any:
+        """Do a job off the page.
 
         Args:
             words: what is done, for the person.
             job: name of the job.
             *arguments: what it takes.
-            quiet: a job that nobody asked for; others need not wait until it is over to be asked for.
+            how: 'asked' by a person, 'quiet' and short, 'unasked' and giving way, or 'aside': reads no file of the
+                session, so that it need not wait for anything.
 
         Returns:
             Its result; None where it was stopped or failed, which is shown.
         """
-        if self.busy is not None and not quiet:
-            self.fail(f"{words}: not begun, because '{self.busy.words}' is not done; wait, or cancel it")
-            return None
-        epoch = self._epoch
-        if not quiet:
+        epoch, shown = self._epoch, how in ("asked", "unasked")
+        if how == "asked":
             self.trouble = ""
-            self._is_busy(Busy(words))
+            for task in [task for task, yields in self._tasks.items() if yields]:
+                task.cancel()
         try:
-            async with self._lock:
+            if how == "aside":
+                return await self._do(words, job, arguments, how)
+            async with self._one:
                 if epoch != self._epoch:
                     raise JobCancelledError("stopped")
-                return await self.worker.run(job, *arguments, tell=self._teller(words, quiet))
+                if shown:
+                    self._is_busy(Busy(words, since=time.monotonic(), yields=how == "unasked"))
+                return await self._do(words, job, arguments, how)
         except JobCancelledError:
-            if not quiet:
+            if how == "asked" or epoch != self._epoch:
                 self.trouble = f"{words}: stopped"
         except JobFailedError as error:
             self.trouble = str(error)
         finally:
-            if not quiet:
-                self._is_busy(None)
-            else:
-                self.tell("busy")
+            self._is_busy(None) if shown else self.tell("busy")
         return None
 
-    async def open(self, source: Source, machine: str) -> bool:
-        """Read a run and hold it against a machine; asks where the file is ambiguous.
+    def stage(self, source: Source | None = None, machine: str = "") -> None:
+        """Lay files ready, to be opened together.
+
+        Args:
+            source: of the run; None leaves what lies there.
+            machine: text of the machine.toml; '' leaves what lies there.
+        """
+        self.staged = Staged(source or self.staged.source, machine or self.staged.machine)
+        self.trouble = ""
+        self.tell("staged")
+        self.tell("busy")
+
+    async def open(self, source: Source, machine: str, then: Callable[[], None] = lambda: None) -> bool:
+        """Read a run and hold it against a machine; what is open or mistaken is shown, and the old session stays.
 
         Args:
             source: the files.
             machine: text of the machine.toml.
+            then: called once it is open, before anything is worked out.
 
         Returns:
-            Whether that went well; else the old session stays.
+            Whether that went well.
         """
-        try:
-            parse_machine(machine, START)
-            fresh = self.session.opened(source, machine)
-            look = await self.work(f"reading {source.run}", "look", source, fresh.text)
-        except QuestionError as question:
-            with self.client:
-                answer = await _ask(question)
-            if answer is None:
-                self.fail(f"{question.question}: not answered, so the run was not read")
+        async with self._turn_of:
+            try:
+                parse_machine(machine, START)
+                fresh = self.session.opened(source, machine)
+                look = await self.work(f"reading {source.run}", "look", source, fresh.text)
+            except (QuestionError, SetupFoundError) as met:
+                question = met if isinstance(met, QuestionError) else None
+                self.staged = Staged(source, machine, question, getattr(met, "findings", ()))
+                self.tell("staged")
                 return False
-            return await self.open(replace(source, answers=(*source.answers, (question.question, answer))), machine)
-        except PttError as error:
-            self.fail(str(error))
-            return False
-        if look is None:
-            return False
-        self.machine, self.pending, self.picked = machine, None, []
-        self.session = fresh.remembering(look=look)
-        self.tell("session")
+            except PttError as error:
+                self.fail(str(error))
+                return False
+            if look is None:
+                return False
+            self.staged, self.picked = Staged(), []
+            self.session = fresh.remembering(look=look)
+            self.tell("staged")
+            self.tell("session")
+            with self.client:
+                then()
         await self.compare()
+        await self.learn(unasked=True)
         return True
+
+    def with_source(self, source: Source) -> None:
+        """Read the same run with one more effect of one's own; what was found stays."""
+        self.session = replace(self.session, source=source)
+        self.tell("session")
+
+    async def answer(self, question: str, choice: str) -> None:
+        """Answer what a file leaves open, and open it."""
+        source = self.staged.source
+        if source is not None:
+            await self.open(replace(source, answers=(*source.answers, (question, choice))), self.staged.machine)
 
     async def compare(self) -> None:
         """Work out the figures of the active model in the background."""
         session = self.session
         if not session.ready or session.comparison is not None:
             return
-        compared = await self.work("comparing", "compare", session.source, session.text, quiet=True)
+        compared = await self.work("comparing", "compare", session.source, session.text, how="quiet")
         if compared is not None and self.session.source == session.source:
             self.session = replace(
                 self.session,
@@ -179,27 +235,40 @@ class Studio:
             )
             self.tell("session")
 
-    async def learn(self) -> None:
-        """Find what is missing from the active model."""
+    async def learn(self, unasked: bool = False) -> None:
+        """Find what is missing from the active model; unasked only what is not known yet and does not take long."""
         session = self.session
-        if not session.ready:
+        long = session.look is not None and session.look.rows > LONG
+        if not session.ready or (unasked and (session.lesson is not None or long)):
             return
-        found = await self.work("finding what is missing", "learn", session.source, session.text)
+        how = "unasked" if unasked else "asked"
+        found = await self.work(LEARN, "learn", session.source, session.text, how=how)
         if found is not None and self.session.source == session.source:
             self.session = replace(self.session, lessons={**self.session.lessons, session.text: found})
             self.tell("session")
 
     async def change(self, verb: str, *effects: str) -> None:
-        """Add, remove or refit."""
-        session = self.session
-        if not session.ready:
-            return
-        doing = {"add": "adding", "remove": "removing", "fit": "refitting"}[verb]
-        words = f"{doing} {', '.join(effects)}".strip()
-        changed = await self.work(words, "change", session.source, session.text, verb, effects)
-        if changed is not None:
-            self.session = session.changed(verb, effects, changed)
+        """Add, remove or refit, one after the other; then what is missing is looked for again."""
+        async with self._turn_of:
+            session = self.session
+            there = set(map(key_of, session.effects))
+            wanted = tuple(key for key in effects if (key in there) == (verb == "remove"))
+            if not session.ready or (effects and not wanted):
+                return
+            doing = {"add": "adding", "remove": "removing", "fit": "refitting"}[verb]
+            words = f"{doing} {', '.join(wanted)}".strip()
+            changed = await self.work(words, "change", session.source, session.text, verb, wanted)
+            if changed is None:
+                return
+            self.session = session.changed(verb, wanted, changed)
             await self._look()
+        await self.learn(unasked=True)
+
+    def keep_training(self, session: Session, trained: Trained) -> None:
+        """Keep a compensator with the model that it was trained on, if the run is still the same."""
+        if self.session.source == session.source:
+            self.session = replace(self.session, trainings={**self.session.trainings, session.text: trained})
+            self.tell("session")
 
     async def switch(self, key: str, on: bool) -> None:
         """Count an effect or leave it aside, without a refit."""
@@ -213,111 +282,47 @@ class Studio:
         """One step forward again."""
         await self._turn(Session.redone)
 
-    async def train(self) -> None:
-        """Train the network on what the active model leaves."""
-        session = self.session
-        if not session.ready:
-            return
-        trained = await self.work("training the network", "train", session.source, session.text)
-        if trained is not None and self.session.source == session.source:
-            self.session = replace(self.session, trainings={**self.session.trainings, session.text: trained})
-            self.tell("session")
-
-    def keep(self, name: str, data: bytes) -> str:
-        """Keep an uploaded file in the session's folder, beside whatever is there.
-
-        Args:
-            name: as the browser gives it; only its last part counts.
-            data: its content, never executed.
-
-        Returns:
-            The name in the folder; a number is added where another file has that name.
-
-        Raises:
-            InputError: larger than the limit, or a program.
-        """
-        if len(data) > LIMIT:
-            raise InputError(f"larger than {LIMIT >> 20} MB", where=safe_name(name), fix="split it")
-        wanted = safe_name(name)
-        if _folded(wanted).endswith(".py"):
-            fix = "name your own effects when starting the studio: ptt studio --effects FILE.py"
-            raise InputError("a program is not taken from the page", where=wanted, fix=fix)
-        taken = {_folded(file.name): file for file in self.folder.iterdir()} | dict.fromkeys(RESERVED)
-        for kept in _numbered(wanted):
-            there = taken.get(_folded(kept))
-            if _folded(kept) not in taken:
-                write_bytes(self.folder / kept, data)
-                return kept
-            if there is not None and there.is_file() and there.read_bytes() == data:
-                return there.name
-        raise AssertionError  # numbers do not end
-
-    def keep_effects(self, name: str, data: bytes) -> None:
-        """Keep a file of effects that was named when the studio was started; it will be executed.
-
-        Args:
-            name: of the file.
-            data: its content.
-        """
-        place = self.folder / EFFECTS
-        place.mkdir(exist_ok=True)
-        write_bytes(place / name, data)
+    async def resume(self) -> None:
+        """Work out what a session that was taken up again lacks."""
+        if self.session.ready:
+            await self._look()
+            await self.learn(unasked=True)
 
     async def _turn(self, change: Callable[[Session], Session]) -> None:
-        """Change the model at once; while something else is changing it, everything stays as it is."""
-        if self.busy is None:
+        """Change the model at once, after whatever is changing it."""
+        async with self._turn_of:
             self.session = change(self.session)
-        await self._look()
+            await self._look()
 
     async def _look(self) -> None:
         """Show a changed model; what is known of it already is not worked out again."""
         session = self.session
         self.tell("session")
         if session.look is None and session.ready:
-            look: Look | None = await self.work("residual", "look", session.source, session.text, quiet=True)
+            look: Look | None = await self.work("residual", "look", session.source, session.text, how="quiet")
             if look is not None and self.session.source == session.source:
                 self.session = replace(self.session, looks={**self.session.looks, session.text: look})
                 self.tell("session")
         await self.compare()
 
-    def _teller(self, words: str, quiet: bool) -> Callable[[str, int, int], None]:
+    async def _do(self, words: str, job: str, arguments: Sequence[Any], how: str) -> Any:
         def tell(what: str, done: int, of: int) -> None:
-            if not quiet:
-                self._is_busy(Busy(f"{words}: {what}" if what else words, done, of))
+            if how in ("asked", "unasked") and self.busy is not None:
+                self._is_busy(replace(self.busy, words=f"{words}: {what}" if what else words, done=done, of=of))
 
-        return tell
+        task = asyncio.create_task(self.pool.run(self.folder, job, arguments, tell))
+        self._tasks[task] = how == "unasked"
+        try:
+            await asyncio.wait([task])
+        except asyncio.CancelledError:
+            task.cancel()
+            raise
+        finally:
+            del self._tasks[task]
+        if task.cancelled():
+            raise JobCancelledError("stopped")
+        return task.result()
 
     def _is_busy(self, busy: Busy | None) -> None:
         self.busy = busy
         self.tell("busy")
-
-
-def safe_name(name: str) -> str:
-    """A file name without folders or odd characters."""
-    last = name.replace("\\", "/").rsplit("/", 1)[-1]
-    kept = "".join(letter if letter.isalnum() or letter in "._- ()+" else "_" for letter in last).strip(". ")
-    return kept[-100:] or "file"
-
-
-def _numbered(name: str) -> Iterator[str]:
-    """The name itself, then 'name (2)' and so on, the ending kept."""
-    yield name
-    place = Path(name)
-    yield from (f"{place.stem} ({number}){place.suffix}" for number in count(2))
-
-
-def _folded(name: str) -> str:
-    """What a file system that ignores case and the spelling of accents compares."""
-    return unicodedata.normalize("NFC", name).casefold()
-
-
-async def _ask(question: QuestionError) -> str | None:
-    """Put a question to the person."""
-    with ui.dialog() as dialog, ui.card():
-        ui.label(question.question).classes("text-subtitle1")
-        choice = ui.radio(list(question.choices), value=question.choices[0]).props('aria-label="answers"')
-        with ui.row():
-            ui.button("Answer", on_click=lambda: dialog.submit(choice.value)).props("no-caps")
-            ui.button("Do not read it", on_click=lambda: dialog.submit(None)).props("flat no-caps")
-    answer = await dialog
-    return None if answer is None else str(answer)

@@ -1,4 +1,4 @@
-"""Pictures of the page as plotly dictionaries: error field, residual against a variable, ladder, sign of an effect."""
+"""Pictures of the page as plotly dictionaries: residual against a variable, ladder, before and after."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,8 +12,9 @@ Figure = dict[str, Any]
 
 MOST = 1500  # readings drawn; more make the page slow and hide each other
 BLUE, PALE, DARK, ORANGE, GREY = "#31688e", "#8fb4d0", "#440154", "#e69f00", "#6b705c"
-FONT = {"family": "Roboto, Arial, sans-serif", "size": 13, "color": "#222"}
-GRID = "#e4e4e4"
+MIDDLE = "#6f777d"  # read on white and on dark alike
+FONT = {"family": "Roboto, Arial, sans-serif", "size": 13, "color": MIDDLE}
+GRID = "rgba(128,136,144,0.28)"
 UM = 1e3
 
 UNITS = {"b": "mm", "q": "rad", "x": "mm", "y": "mm", "z": "mm", "payload": "kg", "temperature": "\N{DEGREE SIGN}C"}
@@ -77,7 +78,7 @@ def against_figure(
         The figure; dragging a box picks readings.
     """
     rows, (unit, factor) = shown_rows(look, picked), unit_of(view)
-    across, axis = look.contexts[context], _axis(label_of(context, look))
+    across, axis = look.contexts[context], axis_of(label_of(context, look))
     if context.startswith("direction"):
         spread = np.random.default_rng(0).uniform(-0.15, 0.15, look.rows)  # so that points do not hide each other
         across, words = across + spread, ("back", "forward") if look.serial else ("down", "up")
@@ -92,11 +93,15 @@ def against_figure(
         chosen = np.asarray(list(picked)[:MOST], dtype=int)
         data.append(_points(across[chosen], look.views[view][chosen] * factor, chosen, ORANGE, "picked", size=9))
     layout = whole_layout(
-        xaxis=axis, yaxis=_axis(f"{view} [{unit}]", zeroline=True),
-        margin={"l": 62, "r": 10, "t": 28 if beside else 8, "b": 44}, showlegend=beside is not None, dragmode="select",
+        xaxis=axis,
+        yaxis=axis_of(f"{view} [{unit}]", zeroline=True),
+        margin={"l": 62, "r": 10, "t": 28 if beside else 8, "b": 44},
+        showlegend=beside is not None,
+        dragmode="select",
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0, "font": {"size": 11}},
-        uirevision=f"{view}{context}", selectionrevision=str(hash(tuple(picked))),
-    )  # fmt: skip
+        uirevision=f"{view}{context}",
+        selectionrevision=str(hash(tuple(picked))),
+    )
     return whole_figure(data, layout)
 
 
@@ -118,16 +123,37 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
     plain = [(at, float(figure[axis])) for at, figure, other in parted if other is None]
     noise = float(noise_um[axis])
     data: list[Figure] = [
-        {**_steps(train, "training"), "mode": "lines+markers", "line": {"color": BLUE},
-         "marker": {"size": 13, "symbol": "circle-open", "line": {"width": 2}}},
-        {**_steps(held, "held out"), "mode": "markers+text", "text": [f"{value:.1f}" for _, value in held],
-         "textposition": "top right", "marker": {"size": 8, "symbol": "diamond", "color": ORANGE}, "cliponaxis": False},
-        {"type": "scatter", "mode": "lines", "x": [place[0], place[-1]], "y": [noise, noise], "name": "noise floor",
-         "line": {"color": GREY, "dash": "dash"}},
-        {**_steps(plain, "all rows, not refitted"), "mode": "markers+text", "textposition": "top right",
-         "text": [f"{value:.1f}" for _, value in plain], "cliponaxis": False,
-         "marker": {"size": 11, "symbol": "square-open", "color": BLUE}},
-    ]  # fmt: skip
+        {
+            **_steps(train, "training"),
+            "mode": "lines+markers",
+            "line": {"color": BLUE},
+            "marker": {"size": 13, "symbol": "circle-open", "line": {"width": 2}},
+        },
+        {
+            **_steps(held, "held out"),
+            "mode": "markers+text",
+            "text": [f"{value:.1f}" for _, value in held],
+            "textposition": "top right",
+            "marker": {"size": 8, "symbol": "diamond", "color": ORANGE},
+            "cliponaxis": False,
+        },
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": [place[0], place[-1]],
+            "y": [noise, noise],
+            "name": "noise floor",
+            "line": {"color": GREY, "dash": "dash"},
+        },
+        {
+            **_steps(plain, "all rows, not refitted"),
+            "mode": "markers+text",
+            "textposition": "top right",
+            "text": [f"{value:.1f}" for _, value in plain],
+            "cliponaxis": False,
+            "marker": {"size": 11, "symbol": "square-open", "color": BLUE},
+        },
+    ]
     if len(place) == 1:
         data[2] |= {"mode": "markers", "marker": {"symbol": "line-ew-open", "size": 40, "color": GREY}}
     all_of_them = [value for _, value in (*train, *held, *plain)]
@@ -135,42 +161,12 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
     ticks = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
     bounds = [float(np.log10(low / 1.6)), float(np.log10(top * 2.0))]
     layout = whole_layout(
-        xaxis={**_axis(""), "type": "category", "categoryorder": "array", "categoryarray": place}, showlegend=True,
-        yaxis={**_axis(f"RMS error, {axis} [\N{MICRO SIGN}m]"), "type": "log", "range": bounds, "tickvals": ticks},
+        xaxis={**axis_of(""), "type": "category", "categoryorder": "array", "categoryarray": place},
+        showlegend=True,
+        yaxis={**axis_of(f"RMS error, {axis} [\N{MICRO SIGN}m]"), "type": "log", "range": bounds, "tickvals": ticks},
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         margin={"l": 62, "r": 14, "t": 30, "b": 28},
-    )  # fmt: skip
-    return whole_figure(data, layout)
-
-
-def sign_figure(sign: Mapping[str, Any]) -> Figure:
-    """The sign of an effect at usual size on the sample machine.
-
-    Args:
-        sign: telling, residual, shade, labels.
-
-    Returns:
-        The figure.
-    """
-    shade, (across, up, third) = sign["shade"], sign["labels"]
-    data: list[Figure] = []
-    levels = [] if shade is None else sorted(set(shade))
-    if len(levels) == 2:
-        for level, colour, symbol in zip(levels, (DARK, "#35b779"), ("triangle-down", "triangle-up"), strict=True):
-            chosen = [i for i, value in enumerate(shade) if value == level]
-            x, y = ([sign[key][i] for i in chosen] for key in ("telling", "residual"))
-            data.append(_mark(x, y, {"color": colour, "symbol": symbol, "size": 6}, f"{third} {level:+g}"))
-    else:
-        marker: Figure = {"size": 6, "color": BLUE}
-        if shade is not None:
-            bar = {"title": {"text": third, "side": "right"}, "thickness": 12}
-            marker |= {"color": shade, "colorscale": "Cividis", "colorbar": bar}
-        data.append(_mark(sign["telling"], sign["residual"], marker, ""))
-    layout = whole_layout(
-        xaxis=_axis(across), yaxis=_axis(up.replace("um]", "\N{MICRO SIGN}m]"), zeroline=True),
-        showlegend=len(levels) == 2, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        margin={"l": 62, "r": 10, "t": 28, "b": 44},
-    )  # fmt: skip
+    )
     return whole_figure(data, layout)
 
 
@@ -188,26 +184,38 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
     words = {"given": ("model as given", PALE), "physics": ("refitted", BLUE), "rbf": ("with the network", DARK)}
     data: list[Figure] = [
         {
-            "type": "bar", "name": words[key][0], "x": list(axes), "y": [float(stages[key][axis]) for axis in axes],
-            "marker": {"color": words[key][1]}, "text": [f"{stages[key][axis]:.1f}" for axis in axes],
-            "textposition": "inside", "insidetextanchor": "start", "textangle": 0, "constraintext": "none",
+            "type": "bar",
+            "name": words[key][0],
+            "x": list(axes),
+            "y": [float(stages[key][axis]) for axis in axes],
+            "marker": {"color": words[key][1]},
+            "text": [f"{stages[key][axis]:.1f}" for axis in axes],
+            "textposition": "inside",
+            "insidetextanchor": "start",
+            "textangle": 0,
+            "constraintext": "none",
             "textfont": {"size": 11},
         }
         for key in words
-    ]  # fmt: skip
+    ]
     data.append(
         {
-            "type": "scatter", "mode": "markers", "name": "noise floor", "x": list(axes),
+            "type": "scatter",
+            "mode": "markers",
+            "name": "noise floor",
+            "x": list(axes),
             "y": [float(noise_um[axis]) for axis in axes],
             "marker": {"symbol": "line-ew-open", "size": 44, "color": ORANGE, "line": {"width": 3}},
         }
-    )  # fmt: skip
+    )
     layout = whole_layout(
-        xaxis=_axis(""), barmode="group", showlegend=True,
-        yaxis={**_axis("RMS error, held out [\N{MICRO SIGN}m]"), "rangemode": "tozero"},
+        xaxis=axis_of(""),
+        barmode="group",
+        showlegend=True,
+        yaxis={**axis_of("RMS error, held out [\N{MICRO SIGN}m]"), "rangemode": "tozero"},
         legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0},
         margin={"l": 62, "r": 10, "t": 40, "b": 30},
-    )  # fmt: skip
+    )
     return whole_figure(data, layout)
 
 
@@ -231,16 +239,23 @@ def _mark(x: Sequence[float], y: Sequence[float], marker: Figure, name: str) -> 
     return {"type": "scatter", "mode": "markers", "x": list(x), "y": list(y), "marker": marker, "name": name}
 
 
-def _axis(title: str, zeroline: bool = False) -> Figure:
+def axis_of(title: str, zeroline: bool = False) -> Figure:
+    """An axis with its title; numbers are written out, never with a prefix of plotly's own."""
     return {
-        "title": {"text": title, "standoff": 8, "font": {"size": 13}}, "gridcolor": GRID, "zeroline": zeroline,
-        "zerolinecolor": "#888", "linecolor": "#888", "automargin": True,
-    }  # fmt: skip
+        "title": {"text": title, "standoff": 8, "font": {"size": 13}},
+        "gridcolor": GRID,
+        "zeroline": zeroline,
+        "zerolinecolor": "#888",
+        "linecolor": "#888",
+        "automargin": True,
+        "exponentformat": "power",
+        "separatethousands": True,
+    }
 
 
 def whole_layout(**own: Any) -> Figure:
     """Layout that every picture shares, with its own entries."""
-    return {"font": FONT, "paper_bgcolor": "#fff", "plot_bgcolor": "#fff", "autosize": True, **own}
+    return {"font": FONT, "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "autosize": True, **own}
 
 
 def whole_figure(data: list[Figure], layout: Figure) -> Figure:

@@ -1,25 +1,53 @@
 """What the page asks of the library: each job opens its files as the command line does and returns plain results."""
 
-import io
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ptt.show.studio.jobs_export import export, formats
+from ptt.show.studio.jobs_files import columns, describe, mend, peek
+from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effect
 from ptt.show.studio.looks import Look
-from ptt.show.studio.results import ANSWERS, SEAL, Changed, Compared, Learned, Predicted, Source, Trained
-from ptt.show.studio.steps import START
-from ptt.show.studio.worker import Progress, QuestionError
+from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
+from ptt.show.studio.pool import Progress
+from ptt.show.studio.results import SEAL, Changed, Compared, Learned, Predicted, Source, Trained
 
 if TYPE_CHECKING:
-    from ptt.door.opened import Opened
+    from ptt.diagnosis.verdict import Diagnosis
+    from ptt.model.model import Model
+    from ptt.run.problem import Problem
 
-MODEL = "model.toml"  # the page's model, as the command line would be given it
-COMPENSATOR = "compensator"
+__all__ = [
+    "card",
+    "challenge",
+    "change",
+    "columns",
+    "compare",
+    "describe",
+    "dexterity",
+    "export",
+    "formats",
+    "iso",
+    "learn",
+    "look",
+    "mend",
+    "names",
+    "peek",
+    "plan",
+    "predict",
+    "prepare",
+    "report",
+    "reveal",
+    "train",
+    "write_effect",
+]
 
 
 def prepare() -> None:
     """Load what every job needs before the first one comes."""
+    import ptt.diagnosis.verdict
+    import ptt.door.opened
+    import ptt.show.studio.looks  # noqa: F401
 
 
 def look(source: Source, model: str, tell: Progress) -> Look:
@@ -27,9 +55,10 @@ def look(source: Source, model: str, tell: Progress) -> Look:
     from ptt.show.studio.looks import look_at
 
     tell("reading the run", 0, 0)
-    opened = _open(source, model)
+    opened = open_both(source, model)
     tell("residual", 0, 0)
-    return look_at(opened.model, opened.problem)
+    setup = opened.check.to_dict()["findings"] if opened.check else []
+    return look_at(opened.model, opened.problem, setup=setup)
 
 
 def compare(source: Source, model: str, tell: Progress) -> Compared:
@@ -39,26 +68,79 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
     from ptt.judge.compare.text import format_comparison
     from ptt.show.studio.looks import look_at
 
-    opened = _open(source, model)
+    opened = open_both(source, model)
     result = compare_run(opened.model, opened.problem, noise=opened.noise_or_none(), progress=tell)
     setup = opened.check.to_dict()["findings"] if opened.check else []
     data = plain(result.to_dict() | opened.set_up | {"setup": setup})
-    return Compared(look_at(opened.model, opened.problem, result), data, format_comparison(result))
+    return Compared(look_at(opened.model, opened.problem, result, setup), data, format_comparison(result))
 
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:
-    """As `ptt diagnose`, of runs whose rows fit into memory at once."""
-    from ptt.diagnosis.verdict import diagnose
+    """As `ptt diagnose`; long runs in chunks. Beside it the card, the data with the fits through it, and the ghosts."""
+    from ptt.diagnosis.long import choose_diagnosis
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
     from ptt.run.table import table_to_frame
+    from ptt.show.card.fits import fits_of
+    from ptt.show.card.ghost import ghosts_of
+    from ptt.show.card.result import card_of_diagnosis
 
-    opened = _open(source, model)
-    _refuse_long(opened, f"ptt diagnose {source.words} --model {START}")
-    result = diagnose(opened.model, opened.problem, opened.library, progress=lambda what: tell(what, 0, 0))
+    tell("reading the run", 0, 0)
+    opened = open_both(source, model)
+    problem, diagnose = opened.problem, choose_diagnosis(opened.table.rows)
+    result = diagnose(opened.model, problem, opened.library, progress=lambda what: tell(_stage(what), 0, 0))
+    tell("drawing it", 0, 0)
     poses = None if result.separation is None else result.separation.targets
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
-    return Learned(plain(result.to_dict() | opened.set_up), format_diagnosis(result), csv)
+    steps = tuple(step[0] for step in result.suggested)
+    return Learned(
+        plain(result.to_dict() | opened.set_up),
+        format_diagnosis(result),
+        csv,
+        card=plain(card_of_diagnosis(result, problem).to_dict()),
+        fits=fits_of(result, opened.model, problem),
+        ghosts=ghosts_of(result.model, problem, steps),
+        unknown=_unknown(result, opened.model, problem),
+    )
+
+
+STAGES = {
+    "linearise": "how each effect would show",
+    "search": "which effects explain it",
+    "rest": "what is left",
+    "measure next": "what to measure next",
+    "fit all rows": "all rows",
+    "search all rows": "all rows",
+}
+
+
+def _stage(what: str) -> str:
+    """A stage of the diagnosis in words."""
+    name = what.rstrip("0123456789 ")
+    return f"{STAGES.get(name, name)} ({what[len(name) :].strip()})" if what != name else STAGES.get(name, name)
+
+
+def _unknown(found: "Diagnosis", given: "Model", problem: "Problem") -> Mapping[str, Any] | None:
+    """The one curve that the unknown follows, with this run's readings about it."""
+    import numpy as np
+
+    from ptt.dependence.contexts import context_views, residual_views
+    from ptt.show.card.fits import rest_of
+
+    if found.verdict != "unknown" or not found.depends_on:
+        return None
+    first = found.depends_on[0]
+    views = residual_views(problem, rest_of(found, given, problem))
+    contexts = context_views(problem)
+    place, value = contexts.get(first.with_ or first.on), views[first.residual] * 1e3
+    own = first.to_dict()
+    if place is None:
+        return own | {"points": {"at": [], "um": []}}
+    place = np.remainder(place, first.period_mm) if first.period_mm else place
+    value = value * np.sign(contexts[first.on]) if first.with_ else value
+    rows = np.flatnonzero(np.isfinite(place) & np.isfinite(value) & problem.used)
+    rows = rows[np.unique(np.linspace(0, max(len(rows) - 1, 0), min(1200, len(rows))).astype(int))]
+    return own | {"points": {"at": np.round(place[rows], 6).tolist(), "um": np.round(value[rows], 4).tolist()}}
 
 
 def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell: Progress) -> Changed:
@@ -70,7 +152,7 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
     from ptt.judge.ladder.climb import climb, descend
     from ptt.machine import format_machine
 
-    opened = _open(source, model)
+    opened = open_both(source, model)
     known = opened.library or library()
     problem = opened.noisy(tell)
     if verb == "remove":
@@ -88,7 +170,7 @@ def train(source: Source, model: str, tell: Progress) -> Trained:
     from ptt.correct.training.train import train as train_model
     from ptt.door.result import plain
 
-    opened = _open(source, model)
+    opened = open_both(source, model)
     training = train_model(opened.model, opened.problem, progress=tell)
     folder = save_compensator(COMPENSATOR, training, list(opened.files))
     data = {
@@ -100,7 +182,7 @@ def train(source: Source, model: str, tell: Progress) -> Trained:
         "learned": dict(zip("xyz", training.rbf.learned.tolist(), strict=True)),
         "share": training.rbf_share,
     }
-    return Trained(plain(data), _zipped(folder))
+    return Trained(plain(data), zipped(folder))
 
 
 def predict(source: Source, model: str | bytes, targets: str, tell: Progress) -> Predicted:
@@ -111,7 +193,7 @@ def predict(source: Source, model: str | bytes, targets: str, tell: Progress) ->
     from ptt.door.run import targets_path
 
     tell("corrected commands", 0, 0)
-    loaded, out = load(_place(model), effects=source.effect_files), Path("sliders.csv")
+    loaded, out = load(place_of(model), effects=source.effect_files), Path("sliders.csv")
     result = invert(loaded, targets_path(Path(targets), loaded, Reading(json=True)))
     result.to_csv(out)
     return Predicted(result.to_dict(), tuple(f"warning: {line}" for line in result.warnings), out.read_bytes())
@@ -122,10 +204,17 @@ def report(source: Source, model: str, archive: bytes | None, tell: Progress) ->
     from ptt.show.report.of_run import report_run
 
     tell("", 0, 0)
-    opened, out = _open(source, model), Path("report.html")
-    _refuse_long(opened, f"ptt report {source.words} --model {START} --out report.html")
-    trained = None if archive is None else _place(archive)
-    report_run(opened, out, run=Path(source.run), model=Path(MODEL), compensator=trained, reading=source.reading())
+    opened, out = open_both(source, model), Path("report.html")
+    trained = None if archive is None else place_of(archive)
+    report_run(
+        opened,
+        out,
+        run=Path(source.run),
+        model=Path(MODEL),
+        compensator=trained,
+        reading=source.reading(),
+        progress=tell,
+    )
     return out.read_bytes()
 
 
@@ -147,7 +236,7 @@ def reveal(model: str, tell: Progress) -> Mapping[str, Any]:
     from ptt.door.revealing import reveal as open_seal
 
     tell("opening the seal", 0, 0)
-    return {"text": str(open_seal(load(_place(model)), Path()))}
+    return {"text": str(open_seal(load(place_of(model)), Path()))}
 
 
 def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapping[str, Any]:
@@ -166,8 +255,11 @@ def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapp
     sign = effect_sign(made, picture_theta(made, family), sample_view(family), own)
     shade = None if sign.shade is None else sign.shade.tolist()
     drawn = {
-        "telling": sign.telling.tolist(), "residual": sign.residual.tolist(), "shade": shade, "labels": sign.labels
-    }  # fmt: skip
+        "telling": sign.telling.tolist(),
+        "residual": sign.residual.tolist(),
+        "shade": shade,
+        "labels": sign.labels,
+    }
     return {"effect": effect, "stage": made.stage, **asdict(own), "sign": drawn}
 
 
@@ -176,84 +268,3 @@ def names(kind: str, files: tuple[str, ...], tell: Progress) -> tuple[str, ...]:
     from ptt.effects.registry import library
 
     return tuple(name for name, cls in library(*files).items() if kind in cls.mechanisms)
-
-
-def _open(source: Source, model: str) -> "Opened":
-    """Open run and model as a verb does; what the file leaves open becomes a question to the person."""
-    from ptt.door.opened import open_run
-    from ptt.errors import TableError
-
-    place = _place(model)
-    if source.answers:
-        _read_asking(source, place)
-    try:
-        return open_run(Path(source.run), place, source.reading())
-    except TableError:
-        if not source.answers:
-            _read_asking(source, place)
-        raise
-
-
-def _read_asking(source: Source, place: Path) -> None:
-    """Read with the answers given so far and keep them as a file for --map; ask for the first that is missing."""
-    from ptt.door.options import parse_settings
-    from ptt.machine import load_machine
-    from ptt.run.readers import save_mapping
-    from ptt.run.table import read_table
-    from ptt.show.studio.answers import agreed
-
-    answers = dict(source.answers)
-
-    def ask(question: str, choices: Any) -> str:
-        if question not in answers:
-            raise QuestionError(question, tuple(choices))
-        return answers[question]
-
-    spec = load_machine(place).machine
-    serial = spec.kind == "serial"
-    understood = [
-        read_table(
-            run,
-            len(spec.joint) if spec.kind == "serial" else 3,
-            joint_prefix="q" if serial else "b",
-            targets=source.targets or None,
-            set_values=parse_settings(source.set_),
-            mapping=source.map_ or None,
-            ask=ask,
-        ).understood
-        for run in (source.run, *source.also)
-    ]
-    if source.answers:
-        save_mapping(agreed([each.mapping for each in understood]), ANSWERS)
-
-
-def _refuse_long(opened: "Opened", instead: str) -> None:
-    """Runs that are summed up in chunks need processes of their own, which the page's process may not start."""
-    from ptt.errors import TableError
-    from ptt.fitting.chunks import LONG
-
-    rows = opened.table.rows
-    if rows > LONG:
-        raise TableError(f"{rows} rows are too many to diagnose on the page (more than {LONG})", fix=f"run: {instead}")
-
-
-def _place(model: str | bytes) -> Path:
-    """The model as a file, or the compensator as a folder."""
-    from ptt.files import write_text
-
-    if isinstance(model, bytes):
-        place = Path(COMPENSATOR)
-        with zipfile.ZipFile(io.BytesIO(model)) as archive:
-            for name in archive.namelist():
-                (place / Path(name).name).write_bytes(archive.read(name))
-        return place
-    write_text(MODEL, model)
-    return Path(MODEL)
-
-
-def _zipped(folder: Path) -> bytes:
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        for file in sorted(folder.iterdir()):
-            archive.write(file, f"{folder.name}/{file.name}")
-    return content.getvalue()

@@ -1,8 +1,8 @@
 """What the page shows of a run held against a model: plain arrays, so that a look travels between processes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ COVARIATES = {
     "time_s": "time [s]", "payload_kg": "payload [kg]", "temp_c": "temperature [\N{DEGREE SIGN}C]",
     "feed_mm_s": "feed [mm/s]", "direction": "directions of arrival", "torque": "torque", "std": "tracker deviations",
 }  # fmt: skip
+SAMPLE = 3  # rows that a table of columns shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,8 @@ class Look:
         covariates: what the table holds beside targets and readings.
         runs: labels of the runs.
         noise: noise floor per axis and in total, um, with its source; None where unknown.
+        columns: title, meaning, unit and first values of each column that was used.
+        setup: findings about the set-up, as `ptt check --json` lists them.
     """
 
     source: str
@@ -71,6 +74,8 @@ class Look:
     covariates: tuple[str, ...]
     runs: tuple[str, ...]
     noise: Mapping[str, float | str] | None
+    columns: tuple[tuple[str, str, str, str], ...] = ()
+    setup: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def rows(self) -> int:
@@ -96,13 +101,19 @@ class Look:
         return np.flatnonzero(self.kept & (distance <= max(within, 1e-3)))
 
 
-def look_at(model: "Model", problem: "Problem", compared: "Comparison | None" = None) -> Look:
+def look_at(
+    model: "Model",
+    problem: "Problem",
+    compared: "Comparison | None" = None,
+    setup: Sequence[Mapping[str, Any]] = (),
+) -> Look:
     """Hold a run against a model as it is, fast: only the tracker frame is fitted.
 
     Args:
         model: its effects are held at their values.
         problem: the readings.
         compared: a comparison that was made already, whose residual is taken.
+        setup: findings about the set-up.
 
     Returns:
         The look.
@@ -135,7 +146,67 @@ def look_at(model: "Model", problem: "Problem", compared: "Comparison | None" = 
         covariates=tuple(words for name, words in COVARIATES.items() if getattr(table, name) is not None),
         runs=tuple(label for label in table.run_label if label),
         noise=None if noise is None else dict(noise.to_dict()),  # type: ignore[arg-type]
+        columns=tuple(columns_of(problem)),
+        setup=tuple(setup),
     )
+
+
+def columns_of(problem: "Problem") -> list[tuple[str, str, str, str]]:
+    """Title, meaning, unit and first values of each column that was used, in the units of the program."""
+    from ptt.run.readers.columns import file_title
+    from ptt.run.table import table_to_frame
+    from ptt.show.report.facts import columns_of_table
+
+    table = problem.table
+    few = table_to_frame(_first(table, SAMPLE))
+    given = table.understood.mapping.columns
+    found = []
+    for column in columns_of_table(table):
+        said = given.get(column.title, column.title)
+        name = next((each for each in (said, column.title) if each in few.columns), "")
+        if not name:
+            name = next((title for title in few.columns if _same(title, said, file_title)), "")
+        values = "" if not name else ", ".join(_cell(value) for value in few[name])
+        found.append(
+            (
+                column.title,
+                column.meaning,
+                column.unit.replace("um", "\N{MICRO SIGN}m").replace("deg C", "\N{DEGREE SIGN}C"),
+                values,
+            )
+        )
+    return found
+
+
+def _same(title: str, quantity: str, file_title: Any) -> bool:
+    try:
+        return bool(file_title(quantity) == title)
+    except StopIteration:
+        return False
+
+
+def _cell(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _first(table: Any, count: int) -> Any:
+    from ptt.run.table import take_rows
+
+    return take_rows(table, np.arange(min(count, table.rows)))
+
+
+def rest_of_arm(file: Any) -> list[list[float]]:
+    """Base, joints and tool of an arm with all joints at zero, (m, 3) mm."""
+    import torch
+
+    from ptt.mechanisms import build_mechanism
+    from ptt.mechanisms.serial import Serial
+
+    arm = build_mechanism(file.machine)
+    assert isinstance(arm, Serial)
+    q = torch.zeros(1, arm.joints, dtype=torch.float64)
+    origins, tool = arm.frames(q)[0][0], arm.forward(q)[0]
+    return [[0.0, 0.0, 0.0], *origins.tolist(), tool.tolist()]
 
 
 def draw_machine(problem: "Problem") -> Drawing:

@@ -1,44 +1,86 @@
-"""The page: header with undo and progress, five views, and what happens when a tab comes and goes."""
+"""The page: header with undo and theme, five views with addresses of their own, progress, and what went wrong."""
 
-from nicegui import ui
+import time
 
+from nicegui import events, ui
+
+from ptt.show.card.words import length
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_finish import build_finish
-from ptt.show.studio.page_learn import build_learn
 from ptt.show.studio.page_load import build_load
 from ptt.show.studio.page_look import build_look
 from ptt.show.studio.page_model import build_model
+from ptt.show.studio.page_result import build_result
 from ptt.show.studio.session import key_of
 from ptt.show.studio.style import CSS
 
-VIEWS = {"Load": build_load, "Look": build_look, "Learn": build_learn, "Add": build_model, "Finish": build_finish}
-ICONS = {"Load": "upload_file", "Look": "visibility", "Learn": "search", "Add": "add_circle", "Finish": "task_alt"}
+VIEWS = {"Load": build_load, "Result": build_result, "Look": build_look, "Model": build_model, "Finish": build_finish}
+ICONS = {
+    "Load": "upload_file", "Result": "troubleshoot", "Look": "visibility", "Model": "tune", "Finish": "task_alt"
+}  # fmt: skip
+ADDRESS = """(() => { const to = '/s/KEY/VIEW';
+  if (location.pathname === to) return; const own = location.pathname.startsWith('/s/KEY/');
+  history[own ? 'pushState' : 'replaceState']({}, '', to); })()"""
+BACK = """window.addEventListener('popstate', () => { const view = location.pathname.split('/').pop();
+  emitEvent('view', view); })"""
 
 
-def build_page(studio: Studio) -> None:
+def build_page(studio: Studio, view: str) -> None:
     """Put the whole page together.
 
     Args:
-        studio: of this tab.
+        studio: of this session.
+        view: which view is shown first, in lower case.
     """
     ui.add_css(CSS)
-    ui.colors(primary="#31688e", secondary="#440154", accent="#e69f00", positive="#31688e", negative="#440154")
+    ui.colors(primary="#1f5f8b", secondary="#440154", accent="#e69f00", positive="#00735a", negative="#a33f00")
+    dark = ui.dark_mode(value=None)
+    first = next((name for name in VIEWS if name.lower() == view), "Load")
     with ui.header().classes("st-header"):
-        ui.label("ptt studio").classes("st-brand")
+        ui.html("ptt studio", sanitize=False, tag="h1").classes("st-brand")
         with ui.tabs().props("dense no-caps inline-label aria-label=views").classes("st-tabs") as tabs:
             for name in VIEWS:
                 ui.tab(name, icon=ICONS[name])
         ui.space()
         _build_undo(studio)
-    _build_status(studio)
-    with ui.tab_panels(tabs, value="Load", animated=False).classes("st-panels") as panels:
+        theme = ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not _is_dark(dark)))
+        theme.props('flat round dense color=white aria-label="light or dark"')
+    with ui.element("div").classes("nicegui-content w-full"):
+        _build_status(studio)
+        with ui.tab_panels(tabs, value=first, animated=False).classes("st-panels") as panels:
 
-        def show(view: str) -> None:
-            panels.set_value(view)
+            def show(name: str) -> None:
+                panels.set_value(name)
 
-        for name, build in VIEWS.items():
-            with ui.tab_panel(name).classes("st-panel"):
-                build(studio, show)
+            for name, build in VIEWS.items():
+                with ui.tab_panel(name).classes("st-panel"):
+                    build(studio, show)
+
+    def shown() -> None:
+        studio.view = str(panels.value)
+        ui.run_javascript(ADDRESS.replace("KEY", studio.place.key).replace("VIEW", studio.view.lower()))
+        studio.tell("view")
+
+    panels.on_value_change(shown)
+    shown()
+    ui.keyboard(on_key=lambda event: _pressed(studio, event), ignore=["input", "textarea"])
+    ui.run_javascript(BACK)
+    ui.on("view", lambda event: show(next((n for n in VIEWS if n.lower() == event.args), "Load")))
+
+
+async def _pressed(studio: Studio, event: events.KeyEventArguments) -> None:
+    """Ctrl+Z and Ctrl+Y, also as Ctrl+Shift+Z and with Cmd."""
+    if not event.action.keydown or not (event.modifiers.ctrl or event.modifiers.meta) or event.modifiers.alt:
+        return
+    key = str(event.key).lower()
+    if key == "z" and not event.modifiers.shift:
+        await studio.undo()
+    elif key == "y" or key == "z":
+        await studio.redo()
+
+
+def _is_dark(dark: ui.dark_mode) -> bool:
+    return bool(dark.value)
 
 
 def _build_undo(studio: Studio) -> None:
@@ -50,11 +92,11 @@ def _build_undo(studio: Studio) -> None:
         forth = ui.tooltip()
 
     def update() -> None:
-        session, idle = studio.session, studio.busy is None
-        undo.set_enabled(bool(session.past) and idle)
-        redo.set_enabled(bool(session.future) and idle)
-        back.set_text(f"undo: {session.now.words}" if session.now and session.past else "nothing to undo")
-        forth.set_text(f"redo: {session.future[0].words}" if session.future else "nothing to redo")
+        session = studio.session
+        undo.set_enabled(bool(session.past) and studio.idle)
+        redo.set_enabled(bool(session.future) and studio.idle)
+        back.set_text(f"undo: {session.now.words} (Ctrl+Z)" if session.now and session.past else "nothing to undo")
+        forth.set_text(f"redo: {session.future[0].words} (Ctrl+Y)" if session.future else "nothing to redo")
 
     studio.on("session", update)
     studio.on("busy", update)
@@ -66,8 +108,8 @@ def _build_status(studio: Studio) -> None:
     with ui.row().classes("st-status"):
         told = ui.label().classes("st-told").mark("status")
         with ui.row().classes("st-busy").props("role=status aria-live=polite") as going:
-            ui.spinner(size="18px")
-            words = ui.label().mark("busy")
+            ui.spinner(size="18px").props('aria-hidden="true"')
+            words = ui.label().classes("st-doing").mark("busy")
             bar = ui.linear_progress(0.0, show_value=False).props('aria-label="progress"').classes("st-bar")
             ui.button("Cancel", icon="stop", on_click=studio.cancel).props("dense no-caps outline size=sm")
     with ui.row().classes("st-alert").props("role=alert") as alert:
@@ -76,28 +118,54 @@ def _build_status(studio: Studio) -> None:
         ui.button(icon="close", on_click=lambda: studio.fail("")).props('flat round dense aria-label="dismiss"')
 
     def update() -> None:
-        told.set_text(_told(studio))
-        going.set_visibility(studio.busy is not None)
+        told.set_text(told_of(studio))
+        busy = studio.busy
+        going.set_visibility(busy is not None)
         alert.set_visibility(bool(studio.trouble))
         trouble.set_text(studio.trouble)
-        if studio.busy is not None:
-            words.set_text(studio.busy.words)
-            known = studio.busy.of > 0
-            bar.set_value(studio.busy.done / studio.busy.of if known else 0.0)
+        clock.active = busy is not None
+        if busy is not None:
+            words.set_text(doing(busy.words, busy.done, busy.of, time.monotonic() - busy.since))
+            known = busy.of > 0
+            bar.set_value(busy.done / busy.of if known else 0.0)
             bar.props(remove="indeterminate") if known else bar.props("indeterminate")
 
+    clock = ui.timer(1.0, update, active=False)
     studio.on("session", update)
     studio.on("busy", update)
     update()
 
 
-def _told(studio: Studio) -> str:
+def doing(words: str, done: int, of: int, seconds: float) -> str:
+    """What is going on, how far it is, how fast and how long it still takes.
+
+    Args:
+        words: stage.
+        done: how much is done.
+        of: of how much; 0 where nobody knows.
+        seconds: since it began.
+
+    Returns:
+        For example 'adding backlash: 3 of 12, 0.4 s each, 4 s left'.
+    """
+    if of > 0 and done > 0:
+        each = seconds / done
+        return f"{words}: {done} of {of}, {each:.2g} s each, {_time(each * (of - done))} left"
+    return f"{words}, {_time(seconds)}" if seconds >= 2.0 else words
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
+
+
+def told_of(studio: Studio) -> str:
+    """What is open, in a line."""
     session = studio.session
     if session.now is None or session.source is None:
-        return "No run yet: drop a tracker CSV, or start from a sample"
+        return "No run yet"
     off = session.now.off
     keys = [entry.name + (" (off)" if key_of(entry) in off else "") for entry in session.effects]
     effects = ", ".join(keys) if keys else "no effects"
     figure = session.comparison
-    error = f" \N{MIDDLE DOT} error {figure.data['rms_um']['total']:.1f} \N{MICRO SIGN}m rms" if figure else ""
+    error = f" \N{MIDDLE DOT} error {length(figure.data['rms_um']['total'])} rms" if figure else ""
     return f"{session.source.run} \N{MIDDLE DOT} {session.now.file.machine.name}, {effects}{error}"

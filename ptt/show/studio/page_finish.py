@@ -1,14 +1,18 @@
-"""Finish: train the network on the rest, and take everything along: model, compensator, corrected commands, report."""
+"""Finish: corrected commands, a controller's own form, model, report; and what else one asks of a machine."""
 
 from collections.abc import Callable
 
 from nicegui import events, ui
 
 from ptt.errors import PttError
-from ptt.show.studio.controller import LIMIT, Studio
+from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import before_after_figure
+from ptt.show.studio.guard import LIMIT
+from ptt.show.studio.page_export import build_export
+from ptt.show.studio.page_tools import build_tools
 from ptt.show.studio.results import SEAL
 from ptt.show.studio.steps import REFITS
+from ptt.show.studio.uploads import keep
 
 UNTRAINED = (
     "A Gaussian RBF network learns what physics left over, as a function of position; it changes nothing beside the "
@@ -23,27 +27,30 @@ class FinishView:
         """Build it."""
         self.studio = studio
         with ui.element("div").classes("st-two"):
-            with ui.element("div").classes("st-col"), ui.element("div").classes("st-box st-col"):
-                self._build_train()
-            with ui.element("div").classes("st-col st-scroll"):
+            with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
                 self._build_downloads()
+                build_export(studio)
                 self._build_commands()
+            with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
+                with ui.element("div").classes("st-box"):
+                    self._build_train()
+                build_tools(studio)
         studio.on("session", self.show)
         studio.on("busy", self._enable)
         self.show()
 
     def _build_train(self) -> None:
         with ui.element("div").classes("st-tools"):
-            ui.label("Let a network learn the rest").classes("st-head")
+            ui.html("Let a network learn the rest", sanitize=False, tag="h2").classes("st-head")
             ui.space()
-            self.train = ui.button("Train", icon="model_training", on_click=self.studio.train).props("no-caps")
+            self.train = ui.button("Train", icon="model_training", on_click=self._train).props("no-caps outline")
         self.told = ui.label().classes("st-note").mark("trained")
-        self.plot = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.plot = ui.plotly({"data": [], "layout": {}}).classes("w-full").style("height: 300px")
         self.plot.props('role=img aria-label="errors before and after"')
 
     def _build_downloads(self) -> None:
         with ui.element("div").classes("st-box"):
-            ui.label("Take along").classes("st-head")
+            ui.html("Take along", sanitize=False, tag="h2").classes("st-head")
             with ui.element("div").classes("st-tools").style("margin-top: 6px"):
                 self.model = self._button("Model (machine.toml)", self._give_model)
                 self.compensator = self._button("Compensator (zip)", self._give_compensator)
@@ -66,7 +73,7 @@ class FinishView:
 
     def _build_commands(self) -> None:
         with ui.element("div").classes("st-box"):
-            ui.label("The same from the command line").classes("st-head")
+            ui.html("The same from the command line", sanitize=False, tag="h2").classes("st-head")
             self.commands = ui.label().classes("st-mono").mark("commands")
 
     def _button(self, words: str, act: Callable[[], object]) -> ui.button:
@@ -74,7 +81,7 @@ class FinishView:
 
     def _enable(self) -> None:
         session = self.studio.session
-        idle = self.studio.busy is None and session.ready
+        idle = self.studio.idle and session.ready
         self.train.set_enabled(idle)
         self.model.set_enabled(session.ready)
         self.compensator.set_enabled(session.training is not None)
@@ -92,8 +99,9 @@ class FinishView:
         if trained is None:
             words = "The model has changed: train again." if session.trainings else UNTRAINED
             self.told.set_text(words if session.ready else "Load a run first.")
-            self.plot.update_figure({"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}})
+            self.plot.set_visibility(False)
             return
+        self.plot.set_visibility(True)
         data = trained.data
         learned = [axis for axis, flag in data["learned"].items() if flag]
         what = f"{data['centres']} nodes, for {', '.join(learned)}" if learned else "nothing left that it can learn"
@@ -103,6 +111,14 @@ class FinishView:
             f"{before:.2f} \N{RIGHTWARDS ARROW} {after:.2f} \N{MICRO SIGN}m ({data['protocol']})."
         )
         self.plot.update_figure(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
+
+    async def _train(self) -> None:
+        """Train the network on what the active model leaves."""
+        session = self.studio.session
+        if session.ready:
+            trained = await self.studio.work("training the network", "train", session.source, session.text)
+            if trained is not None:
+                self.studio.keep_training(session, trained)
 
     def _give_model(self) -> None:
         ui.download.content(self.studio.session.text, "machine.toml")
@@ -127,7 +143,7 @@ class FinishView:
             self.studio.fail("load a run and its machine first")
             return
         try:
-            kept = self.studio.keep(event.file.name, data)
+            kept = keep(self.studio.folder, event.file.name, data)
         except PttError as error:
             self.studio.fail(str(error))
             return

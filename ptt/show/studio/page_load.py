@@ -1,40 +1,86 @@
-"""Load: a run and its machine, from files, a sample or a fresh challenge; and what was understood of them."""
+"""Load: what this does, a sample or files of one's own, and what was understood of them, warnings first."""
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from importlib.resources import files
 
 from nicegui import events, ui
 
 from ptt.errors import PttError
 from ptt.files import write_bytes
 from ptt.machine import parse_machine
-from ptt.show.studio.controller import LIMIT, Studio
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.guard import LIMIT
+from ptt.show.studio.page_columns import build_columns
+from ptt.show.studio.page_machine import open_machine_form
+from ptt.show.studio.page_recent import build_recent
+from ptt.show.studio.page_setup import build_setup
+from ptt.show.studio.page_understood import build_understood
 from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import LEVELS, SAMPLES, sample_files
+from ptt.show.studio.uploads import keep
 
 Go = Callable[[str], None]
+LOOP = files("ptt.show.studio").joinpath("loop.svg").read_text(encoding="utf-8")
+PURPOSE = "Finds out why a robot misses its target, and writes the commands that hit it."
 
 
 def build_load(studio: Studio, go: Go) -> None:
     """Build the view.
 
     Args:
-        studio: of this tab.
+        studio: of this session.
         go: shows another view.
     """
     with ui.element("div").classes("st-two"):
         with ui.element("div").classes("st-col st-scroll"):
-            _build_files(studio)
-            _build_samples(studio)
-        with ui.element("div").classes("st-col"), ui.element("div").classes("st-box st-col st-scroll"):
-            _build_understood(studio, go)
+            _build_hero(studio, go)
+            _build_files(studio, go)
+            _build_more(studio, go)
+        with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
+            build_setup(studio, go)
+            build_columns(studio, go)
+            build_understood(studio, go)
 
 
-def _build_files(studio: Studio) -> None:
+def _build_hero(studio: Studio, go: Go) -> None:
+    """What this does in a line and a picture, until something is open."""
+    with ui.element("div").classes("st-box") as box:
+        ui.html(PURPOSE, sanitize=False, tag="h2").classes("st-hero")
+        ui.html(LOOP, sanitize=False).classes("w-full").style("margin: 8px 0")
+        with ui.element("div").classes("st-tools"):
+            if _samples():
+                ui.button(
+                    "Try a sample", icon="play_arrow", on_click=lambda: _take_sample(studio, go, _samples()[-1])
+                ).props("no-caps size=lg unelevated")  # fmt: skip
+            own = ui.button("Open your own files", icon="folder_open").props("no-caps size=lg outline")
+            own.on(
+                "click",
+                js_handler="() => document.querySelector('.st-drop-run')?.closest('.st-box').scrollIntoView()",
+            )
+        ui.label("Nothing leaves this computer.").classes("st-note")
+
+    def update() -> None:
+        box.set_visibility(not studio.session.ready)
+
+    studio.on("session", update)
+    update()
+
+
+def _build_files(studio: Studio, go: Go) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
-        ui.label("Your own files").classes("st-head")
-        _drop(studio, "Tracker run (CSV, TXT)", "run", lambda name, data: _take_run(studio, name, data))
-        _drop(studio, "Machine (machine.toml)", "machine", lambda name, data: _take_machine(studio, name, data))
+        ui.html("Your own files", sanitize=False, tag="h2").classes("st-head")
+        run = _drop(studio, "Tracker run (CSV, TXT)", "run", lambda name, data: _take_run(studio, name, data))
+        machine = _drop(
+            studio, "Machine (machine.toml)", "machine", lambda name, data: _take_machine(studio, name, data)
+        )
+        with ui.element("div").classes("st-tools"):
+            opening = ui.button("Open", icon="play_arrow", on_click=lambda: _open(studio, go)).props(
+                "no-caps unelevated"
+            )
+            opening.props('aria-label="open the files"')
+            form = ui.button("Describe the machine here", icon="straighten", on_click=lambda: open_machine_form(studio))
+            form.props("no-caps flat dense")
         waiting = ui.label().classes("st-note").mark("waiting")
         with ui.expansion("A further run, or targets of an export").classes("w-full").props("dense"):
             also, targets = "Further run, read together with the first", "Targets of an export that holds readings only"
@@ -42,81 +88,53 @@ def _build_files(studio: Studio) -> None:
             _drop(studio, targets, "targets", lambda name, data: _take_targets(studio, name, data))
 
     def update() -> None:
-        if studio.pending is not None and not studio.machine:
-            waiting.set_text(f"{studio.pending.run} is here; now the drawing of its machine (machine.toml).")
-        elif studio.machine and not studio.session.ready and studio.pending is None:
-            waiting.set_text("The machine is here; now a run.")
-        else:
-            waiting.set_text(
-                f"Files stay on this computer; at most {LIMIT >> 20} MB each; nothing in them is executed."
-            )
+        staged, session = studio.staged, studio.session
+        source = staged.source
+        with_ = staged.machine or (session.now.text if session.now else "")
+        of = staged.source or session.source
+        waiting.set_text(_waiting(source, with_, bool(staged.machine), session.ready))
+        opening.set_enabled(bool(of and with_ and (source or staged.machine)) and studio.idle)
+        for upload, there in ((run, source), (machine, staged.machine)):
+            upload.classes(add="st-ready") if there else upload.classes(remove="st-ready")
 
-    studio.on("session", update)
-    studio.on("busy", update)
+    for topic in ("session", "busy", "staged"):
+        studio.on(topic, update)
     update()
 
 
-def _build_samples(studio: Studio) -> None:
+def _waiting(source: Source | None, machine: str, staged: bool, ready: bool) -> str:
+    here = [source.run] if source else []
+    here += [f"machine '{parse_machine(machine, 'machine.toml').machine.name}'"] if staged else []
+    if source and machine:
+        return f"{' and '.join(here)}: ready to open{'' if staged else ', on the machine that is open'}."
+    if source:
+        return f"{source.run} is here; now the drawing of its machine (machine.toml)."
+    if staged:
+        return f"{here[0]} is here; {'open it with the run as before, or drop another' if ready else 'now a run'}."
+    return f"Files stay on this computer; at most {LIMIT >> 20} MB each; nothing in them is executed."
+
+
+def _build_more(studio: Studio, go: Go) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
-        ui.label("Or try it").classes("st-head")
-        found = [name for name in SAMPLES if sample_files(name)]
+        ui.html("Or try it", sanitize=False, tag="h2").classes("st-head")
+        found = _samples()
         if found:
             with ui.element("div").classes("st-tools"):
                 names = {name: SAMPLES[name] for name in found}
                 which = ui.select(names, value=found[0], label="Sample").props("dense outlined").classes("w-72")
-                ui.button("Load sample", on_click=lambda: _take_sample(studio, which.value)).props("no-caps")
+                ui.button("Load sample", on_click=lambda: _take_sample(studio, go, which.value)).props(
+                    "no-caps outline"
+                )
         with ui.element("div").classes("st-tools"):
             level = ui.select(LEVELS, value="single", label="Challenge").props("dense outlined").classes("w-72")
-            ui.button("Draw a fresh challenge", on_click=lambda: _take_challenge(studio, level.value)).props("no-caps")
+            ui.button("Draw a fresh challenge", on_click=lambda: _take_challenge(studio, go, level.value)).props(
+                "no-caps outline"
+            )
         ui.label("A challenge is a machine with sealed faults. Finish opens the seal.").classes("st-note")
+    build_recent(studio)
 
 
-def _build_understood(studio: Studio, go: Go) -> None:
-    ui.label("What was understood").classes("st-head")
-    body = ui.element("div").classes("w-full").mark("understood")
-
-    def update() -> None:
-        body.clear()
-        look = studio.session.look
-        with body:
-            if look is None:
-                ui.label("Nothing is loaded yet.").classes("st-note")
-                return
-            for line in look.understood:
-                ui.label(line).classes("st-note")
-            covariates = ", ".join(look.covariates) or "none"
-            runs = ", ".join(look.runs) or "one"
-            left = int((~look.kept).sum())
-            facts = {
-                "Rows": f"{look.rows}, {int(look.kept.sum())} of them count"
-                + (f" ({left} left out: base or not observed or gross errors)" if left else ""),
-                "Runs": runs,
-                "Besides poses": covariates,
-                "Noise": _noise(look.noise),
-                "Positions": "mm",
-                "Commands": "rad" if look.serial else "mm",
-            }
-            with ui.element("div").classes("st-grid").style("grid-template-columns: max-content 1fr; margin-top: 8px"):
-                for name, text in facts.items():
-                    ui.label(name).classes("font-medium")
-                    ui.label(text)
-            with ui.element("div").classes("st-tools").style("margin-top: 12px"):
-                ui.button("Look at it", icon="visibility", on_click=lambda: go("Look")).props("no-caps outline")
-
-                async def find() -> None:
-                    go("Learn")
-                    await studio.learn()
-
-                ui.button("Find what is missing", icon="search", on_click=find).props("no-caps")
-            if studio.session.comparison is not None:
-                ui.label("Compared with the model").classes("st-head").style("margin-top: 10px")
-                ui.label(studio.session.comparison.text).classes("st-mono st-pre")
-
-    studio.on("session", update)
-    update()
-
-
-def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> None:
+def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> ui.upload:
     async def uploaded(event: events.UploadEventArguments) -> None:
         data = await event.file.read()
         upload.reset()
@@ -135,79 +153,70 @@ def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awa
         upload.classes(f"st-drop st-drop-{key}").props("flat hide-upload-btn")
         choose = ui.button("Choose").props(f'no-caps outline aria-label="choose {label}"')
         choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
+    return upload
+
+
+async def _open(studio: Studio, go: Go) -> None:
+    """Open what lies ready; with what is open already where only one of both is new."""
+    staged, session = studio.staged, studio.session
+    source, machine = staged.source or session.source, staged.machine or (session.now.text if session.now else "")
+    if source is not None and machine and await studio.open(source, machine, lambda: go("Result")):
+        return
 
 
 async def _take_run(studio: Studio, name: str, data: bytes) -> None:
-    source = Source(_keep(studio, name, data))
-    if studio.machine:
-        await studio.open(source, studio.machine)
-    else:
-        studio.pending = source
-        studio.fail("")
+    studio.stage(source=Source(_keep(studio, name, data)))
 
 
 async def _take_machine(studio: Studio, name: str, data: bytes) -> None:
     try:
         text = data.decode("utf-8-sig")
-        parse_machine(text, name)
     except UnicodeDecodeError:
         studio.fail(f"{name}: is not UTF-8 text; save it as UTF-8")
         return
-    except PttError as error:
-        studio.fail(str(error))
-        return
-    source = studio.pending or studio.session.source
-    if source is None:
-        studio.machine = text
-        studio.fail("")
-    else:
-        await studio.open(source, text)
+    parse_machine(text, name)
+    studio.stage(machine=text)
 
 
 async def _take_also(studio: Studio, name: str, data: bytes) -> None:
-    source = studio.session.source
+    source = studio.staged.source or studio.session.source
     if source is None:
         studio.fail("load the first run, then further ones")
         return
-    await studio.open(replace(source, also=(*source.also, _keep(studio, name, data))), studio.machine)
+    studio.stage(source=replace(source, also=(*source.also, _keep(studio, name, data))))
 
 
 async def _take_targets(studio: Studio, name: str, data: bytes) -> None:
-    source = studio.pending or studio.session.source
-    kept = _keep(studio, name, data)
+    source = studio.staged.source or studio.session.source
     if source is None:
         studio.fail("load the export first, then its targets")
-    elif not studio.machine:
-        studio.pending = replace(source, targets=kept)
-        studio.fail("")
-    else:
-        await studio.open(replace(source, targets=kept), studio.machine)
+        return
+    studio.stage(source=replace(source, targets=_keep(studio, name, data)))
 
 
-async def _take_sample(studio: Studio, name: str) -> None:
-    files = sample_files(name)
-    assert files is not None
-    named = {file.name: file for file in files}
+def _samples() -> list[str]:
+    return [name for name in SAMPLES if sample_files(name)]
+
+
+async def _take_sample(studio: Studio, go: Go, name: str) -> None:
+    found = sample_files(name)
+    assert found is not None
+    named = {file.name: file for file in found}
     run = _keep(studio, "run.csv", named["run.csv"].read_bytes())
-    write_bytes(studio.folder / SEAL, named[SEAL].read_bytes())
-    await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"))
+    if SEAL in named:
+        write_bytes(studio.folder / SEAL, named[SEAL].read_bytes())
+    await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"), lambda: go("Result"))
 
 
-async def _take_challenge(studio: Studio, level: str) -> None:
+async def _take_challenge(studio: Studio, go: Go, level: str) -> None:
     made = await studio.work("drawing a machine and measuring it", "challenge", level, None)
     if made is not None:
         run, machine = (studio.folder / name for name in made)
-        await studio.open(Source(studio.keep(run.name, run.read_bytes())), machine.read_text(encoding="utf-8"))
+        kept = keep(studio.folder, run.name, run.read_bytes())
+        await studio.open(Source(kept), machine.read_text(encoding="utf-8"), lambda: go("Result"))
 
 
 def _keep(studio: Studio, name: str, data: bytes) -> str:
-    kept = studio.keep(name, data)
+    kept = keep(studio.folder, name, data)
     (studio.folder / SEAL).unlink(missing_ok=True)
     return kept
-
-
-def _noise(noise: object) -> str:
-    if not isinstance(noise, dict):
-        return "not told by this run; the diagnosis works it out"
-    figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z"))
-    return f"{noise['total']:.1f} \N{MICRO SIGN}m ({figures}), from {noise['source']}"

@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Callable, Sequence
-from html import escape
 
 import numpy as np
 from nicegui import events, ui
 
+from ptt.show.card.words import length
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.field import field_figure, usual_scale
-from ptt.show.studio.figures import MOST, against_figure, short_label, unit_of
+from ptt.show.studio.figures import against_figure, short_label, unit_of
 from ptt.show.studio.looks import Look
+from ptt.show.studio.machine_figure import SHOWN_ARROWS, machine_figure, mean_arrows, usual_scale
+from ptt.show.studio.tables import table_html
 
 PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}
 SHOWN = 60  # rows of the table
@@ -47,6 +48,7 @@ class LookView:
             self.scale = ui.number("arrows enlarged, times", value=100.0, min=1.0, on_change=self.redraw_field)
             self.scale.props("dense outlined debounce=400").classes("w-40")
             self.machine = ui.switch("machine", value=True, on_change=self.redraw_field)
+            self.near = ui.switch("close up", value=True, on_change=self.redraw_field)
             self.pick = ui.select(PICKS, value=0.0, label="a click picks").props("dense outlined").classes("w-44")
         self.field_note = ui.label().classes("st-note").mark("field-note")
         self.field = ui.plotly({"data": [], "layout": {}}).classes("st-plot st-field")
@@ -124,13 +126,17 @@ class LookView:
         if look is None:
             return
         scale = float(self.scale.value or usual_scale(look))
-        figure = field_figure(look, self.studio.picked, scale=scale, machine=bool(self.machine.value))
+        picked = self.studio.picked
+        row = picked[0] if picked else middle_of(look)
+        figure = machine_figure(
+            look, row, picked=picked, scale=scale, machine=bool(self.machine.value), near=bool(self.near.value)
+        )
         self.field.update_figure(figure)
-        kept = int(look.kept.sum())
-        share = f"{MOST} of {kept} readings drawn, evenly thinned; " if kept > MOST else ""
+        count = mean_arrows(look)[2]
+        share = "near each other" if len(count) and count.max() > 1 and len(count) > SHOWN_ARROWS // 2 else "of a pose"
         self.field_note.set_text(
-            f"{share}each arrow is the error of a reading after frame alignment, {scale:g} times enlarged: "
-            f"10 mm long is {1e4 / scale:.3g} \N{MICRO SIGN}m"
+            f"{int(look.kept.sum())} readings; each arrow is the mean error of those {share} after frame alignment, "
+            f"{scale:,.0f} times enlarged: 10 mm long is {length(1e4 / scale)}"
         )
 
     def redraw_against(self) -> None:
@@ -186,6 +192,15 @@ class LookView:
         return max(inner, key=lambda name: float(np.nanmean(np.square(look.views[name]))))
 
 
+def middle_of(look: Look) -> int:
+    """The reading nearest to the middle of the path: where the machine stands until a pose is picked."""
+    rows = np.flatnonzero(look.kept)
+    if not len(rows):
+        return 0
+    place = look.target[rows]
+    return int(rows[np.argmin(np.linalg.norm(place - place.mean(axis=0), axis=1))])
+
+
 def build_look(studio: Studio, go: Callable[[str], None]) -> None:
     """Build the view.
 
@@ -197,20 +212,19 @@ def build_look(studio: Studio, go: Callable[[str], None]) -> None:
 
 
 def _table(look: Look, rows: Sequence[int]) -> str:
-    """Readings as an HTML table; everything from the file is escaped."""
+    """Readings as an HTML table."""
     inner = [name for name in look.views if name not in "xyz"]
     units = [unit_of(name) for name in inner]
     heads = ["line", "name", "run", "x [mm]", "y [mm]", "z [mm]"]
     heads += [f"{name} [\N{MICRO SIGN}m]" for name in ("error x", "error y", "error z", "size")]
     heads += [f"{name} [{unit}]" for name, (unit, _) in zip(inner, units, strict=True)]
-    parts = ["<table class='st-plain'><thead><tr>", *(f"<th>{head}</th>" for head in heads), "</tr></thead><tbody>"]
+    cells = []
     for row in rows:
-        cells = [str(look.line[row]), escape(look.name[row]), escape(look.run[row])]
-        cells += [_number(value, 2) for value in look.target[row]]
-        cells += [_number(1e3 * value, 1) for value in (*look.residual[row], float(np.linalg.norm(look.residual[row])))]
-        cells += [_number(factor * look.views[name][row], 1) for name, (_, factor) in zip(inner, units, strict=True)]
-        parts.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    return "".join([*parts, "</tbody></table>"])
+        own = [str(look.line[row]), look.name[row], look.run[row], *(_number(value, 2) for value in look.target[row])]
+        own += [_number(1e3 * value, 1) for value in (*look.residual[row], float(np.linalg.norm(look.residual[row])))]
+        own += [_number(factor * look.views[name][row], 1) for name, (_, factor) in zip(inner, units, strict=True)]
+        cells.append(own)
+    return table_html(heads, cells, words=3, caption="readings with their errors")
 
 
 def _number(value: float, decimals: int) -> str:

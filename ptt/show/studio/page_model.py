@@ -1,14 +1,16 @@
-"""Add: the ladder of errors beside the noise floor, the effects with their switches, and the model with and without."""
+"""Model: the ladder of errors beside the noise floor, effects with their switches, the model with and without."""
 
 from collections.abc import Callable, Mapping
 
 from nicegui import ui
 
 from ptt.machine import EffectEntry
+from ptt.show.card.words import pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import against_figure, ladder_figure, short_label
 from ptt.show.studio.page_look import LookView
 from ptt.show.studio.session import Rung, Session, Snapshot, key_of, parameter_rows
+from ptt.show.studio.tables import table_html
 
 AXES = ("total", "x", "y", "z")
 
@@ -20,6 +22,7 @@ class ModelView:
         """Build it."""
         self.studio = studio
         self.asked = ""
+        self.listed: Snapshot | None = None
         with ui.element("div").classes("st-two st-wide-left"):
             with ui.element("div").classes("st-col"):
                 with ui.element("div").classes("st-box st-col").style("height: auto; flex: 6 1 0"):
@@ -35,7 +38,7 @@ class ModelView:
 
     def _build_ladder(self) -> None:
         with ui.element("div").classes("st-tools"):
-            ui.label("Error after each step").classes("st-head")
+            ui.html("Error after each step", sanitize=False, tag="h2").classes("st-head")
             ui.space()
             self.axis = ui.toggle(list(AXES), value="total", on_change=self._draw_ladder)
             self.axis.props('dense no-caps aria-label="axis of the ladder"')
@@ -45,7 +48,7 @@ class ModelView:
 
     def _build_against(self) -> None:
         with ui.element("div").classes("st-tools st-line"):
-            ui.label("With and without").classes("st-head")
+            ui.html("With and without", sanitize=False, tag="h2").classes("st-head")
             self.view = ui.select(["x"], value="x", label="residual in", on_change=self._draw_against)
             self.context = ui.select(["time"], value="time", label="against", on_change=self._draw_against)
             self.beside = ui.select(["nothing"], value="nothing", label="beside it", on_change=self._draw_against)
@@ -63,7 +66,7 @@ class ModelView:
             self.refit.props("no-caps dense outline")
 
     def _enable(self) -> None:
-        idle = self.studio.busy is None and self.studio.session.ready
+        idle = self.studio.idle and self.studio.session.ready
         for button in (self.add, self.refit):
             button.set_enabled(idle)
 
@@ -71,21 +74,24 @@ class ModelView:
         """Take over a changed session."""
         self._enable()
         session = self.studio.session
-        if session.ready and self.asked != session.kind:
-            self.asked = session.kind
+        asked = f"{session.kind} {session.source.effects if session.source else ''}"
+        if session.ready and self.asked != asked:
+            self.asked = asked
             ui.timer(0.01, self._learn_names, once=True)
         self._draw_ladder()
         self._fill_selects()
         self._draw_against()
-        self.list.clear()
-        with self.list:
-            if session.now is not None:
-                self._fill_list(session.now)
+        if session.now is not self.listed:  # never rebuilt under the pointer for the same model
+            self.listed = session.now
+            self.list.clear()
+            with self.list:
+                if session.now is not None:
+                    self._fill_list(session.now)
 
     async def _learn_names(self) -> None:
         session = self.studio.session
         files = () if session.source is None else session.source.effect_files
-        known = await self.studio.work("effects", "names", session.kind, files, quiet=True)
+        known = await self.studio.work("effects", "names", session.kind, files, how="aside")
         if known is not None:
             self.which.set_options(list(known))
 
@@ -97,7 +103,7 @@ class ModelView:
             self._effect(entry, key_of(entry) not in now.off)
         if now.fit:
             with ui.expansion("The fit in words").classes("w-full").props("dense"):
-                ui.label(now.fit).classes("st-mono")
+                ui.label(pretty(now.fit)).classes("st-mono")
 
     def _effect(self, entry: EffectEntry, on: bool) -> None:
         key = key_of(entry)
@@ -108,13 +114,12 @@ class ModelView:
                 remove = ui.button("Remove", icon="delete", on_click=lambda: self.studio.change("remove", key))
                 remove.props("flat dense no-caps size=sm").props["aria-label"] = f"remove {key}"
                 remove.set_enabled(on)
-            columns = "max-content max-content max-content 1fr"
-            with ui.element("div").classes("st-grid").style(f"grid-template-columns: {columns}; font-size: 13px"):
-                for name, value, std, word in parameter_rows(entry):
-                    ui.label(name)
-                    ui.label(f"{value:.5g}").classes("st-right")
-                    ui.label("" if std is None else f"\N{PLUS-MINUS SIGN} {std:.2g}").classes("st-right")
-                    ui.label(word).classes("st-note")
+            rows = [
+                (name, f"{value:.5g}", "" if std is None else f"\N{PLUS-MINUS SIGN} {std:.2g}", word)
+                for name, value, std, word in parameter_rows(entry)
+            ]
+            with ui.element("div").classes("st-grid"):
+                ui.html(table_html((), rows), sanitize=False).classes("w-full")
 
     def _draw_ladder(self) -> None:
         session = self.studio.session

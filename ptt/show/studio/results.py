@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from ptt.door.options import Reading
 
 ANSWERS = "answers.toml"
+COLUMNS = "columns.toml"  # what a person said of the columns, in the grid
+MENDED = "mended.csv"  # the run with the mistakes of its set-up undone
 SEAL = "sealed.json"
 EFFECTS = "effects"  # folder of the effect files; uploads never get there, for what is in it is executed
 
@@ -28,6 +30,7 @@ class Source:
         map_: saved answers on columns and units; '' where none.
         effects: Python files that the person who started the page named; they lie in the folder `EFFECTS`.
         answers: (question, answer) given on the page.
+        anyway: whether to go on although the set-up looks mistaken.
     """
 
     run: str
@@ -37,6 +40,7 @@ class Source:
     map_: str = ""
     effects: tuple[str, ...] = ()
     answers: tuple[tuple[str, str], ...] = ()
+    anyway: bool = False
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -44,7 +48,8 @@ class Source:
         pairs = [("--also", each) for each in self.also] + [("--set", each) for each in self.set_]
         pairs += [("--targets", self.targets), ("--map", self.mapping)]
         pairs += [("--effects", each) for each in self.effects]
-        return tuple(word for pair in pairs if pair[1] for word in pair)
+        words = tuple(word for pair in pairs if pair[1] for word in pair)
+        return (*words, "--anyway") if self.anyway else words
 
     @property
     def words(self) -> str:
@@ -72,6 +77,7 @@ class Source:
             map_=Path(self.mapping) if self.mapping else None,
             effects=[Path(name) for name in self.effect_files],
             json=True,
+            anyway=self.anyway,
         )
 
 
@@ -86,11 +92,25 @@ class Compared:
 
 @dataclass(frozen=True)
 class Learned:
-    """A diagnosis: what `ptt diagnose --json` prints, its text, and the CSV of poses to measure ('' where none)."""
+    """A diagnosis.
+
+    Attributes:
+        data: what `ptt diagnose --json` prints.
+        text: the same as text.
+        measure_next: CSV of poses to measure; '' where none.
+        card: the result in short, `ptt.show.card.card_of_diagnosis`.
+        fits: effect -> this run's data with the fit through it.
+        ghosts: effect -> how far the parts of the machine are off, at each pose of the picture.
+        unknown: the one curve that the unknown follows; None where there is none.
+    """
 
     data: Mapping[str, Any]
     text: str
     measure_next: str
+    card: Mapping[str, Any] = field(default_factory=dict)
+    fits: Mapping[str, Any] = field(default_factory=dict)
+    ghosts: Mapping[str, Any] = field(default_factory=dict)
+    unknown: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-DATA = Path(__file__).resolve().parents[2] / "data"
+DATA = Path(__file__).resolve().parents[3] / "data"
 SAMPLES = {"sealed_one": "One hidden fault (296 readings)", "sealed_three": "Three hidden faults (300 readings)"}
 LEVELS = {
     "single": "One effect is hidden", "multi": "Several effects", "unknown": "One that is in no library",

@@ -1,24 +1,32 @@
-"""The server: bound to 127.0.0.1, a studio for each browser tab, uploads of limited size."""
+"""The server: bound to 127.0.0.1, a session for each address, uploads of limited size, nobody else let in."""
 
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
 
-from nicegui import app, ui
+from nicegui import Client, app, ui
 from nicegui.client import ClientConnectionTimeout
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.responses import PlainTextResponse
-from starlette.types import Message, Receive, Scope, Send
 
 from ptt.errors import InputError
-from ptt.show.studio.controller import LIMIT, Studio
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.guard import COOKIE, Guard, UploadLimit
 from ptt.show.studio.page import build_page
+from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
+from ptt.show.studio.store import Place, Store
+from ptt.show.studio.uploads import keep, keep_effects
+from ptt.show.studio.verbs import Run
 
 HOST = "127.0.0.1"
-SLACK = 2**16  # bytes that a form adds to its file
-STAY = 60.0  # s that a tab may be away (a laptop that sleeps) before its session ends
+STAY = 60.0  # s that a tab may be away (a laptop that sleeps) before what it calculates is stopped
+SHADE = (
+    "position:fixed;inset:0;z-index:9999;display:flex;align-items:center;justify-content:center;"
+    "background:rgba(20,24,27,.85);color:#fff;font-size:20px"
+)
+TAKEN = "This session is open in another tab; reload to take it back."
+ELSEWHERE = f"""document.body.insertAdjacentHTML('beforeend', '<div role="alert" style="{SHADE}">{TAKEN}</div>')"""
 
 
 @dataclass(frozen=True)
@@ -30,7 +38,14 @@ class Opening:
     machine: str
 
 
-def serve(opening: Opening, port: int, show: bool, tell: Callable[[str], None]) -> None:
+def serve(
+    opening: Opening,
+    port: int,
+    show: bool,
+    tell: Callable[[str], None],
+    root: Path | None = None,
+    verb: Run | None = None,
+) -> None:
     """Serve the page until interrupted.
 
     Args:
@@ -38,41 +53,62 @@ def serve(opening: Opening, port: int, show: bool, tell: Callable[[str], None]) 
         port: where to listen; 0 takes a free one.
         show: whether a browser is opened.
         tell: says where the page is.
+        root: folder that keeps sessions; None for the usual one.
+        verb: how verbs of the command line are run.
 
     Raises:
-        InputError: the port is in use.
+        InputError: the port is in use, or the folder cannot be written.
     """
+    store, pool = Store(root), Pool(verb=verb)
     studios: dict[str, Studio] = {}
 
-    @ui.page("/", title="ptt studio")
-    async def root() -> None:
+    async def page(place: Place, view: str) -> None:
         client = ui.context.client
         try:
             await client.connected(timeout=STAY)
         except ClientConnectionTimeout:  # the page was asked for by something that is no browser
             return
-        tab = str(client.tab_id)
-        known = studios.get(tab)
-        studio = studios[tab] = known or Studio()
+        pool.warm()
+        known = studios.get(place.key)
+        fresh = known is None and place.empty
+        studio = studios[place.key] = known or Studio(place, pool)
+        if known is not None and known.client is not client and known.client.has_socket_connection:
+            known.client.run_javascript(ELSEWHERE)
         studio.attach(client)
 
         def close() -> None:
             if studio.client is client:  # else the page was loaded anew and lives on
-                studios.pop(tab, None)
+                studios.pop(place.key, None)
                 studio.close()
 
         client.on_delete(close)
-        build_page(studio)
+        build_page(studio, view)
         ui.run_javascript('import("nicegui-plotly"); null')  # while the person looks for a file
-        if known is None and (opening.files or opening.machine):
+        if fresh and (opening.files or opening.machine):
             await _start(studio, opening)
+        elif known is None:
+            await studio.resume()
 
-    def close_all() -> None:
-        for studio in studios.values():
-            studio.close()
+    @ui.page("/", title="ptt studio")
+    async def root_page() -> None:
+        await page(store.fresh(_owner(ui.context.client)), "load")
 
-    app.on_shutdown(close_all)
+    @ui.page("/s/{key}", title="ptt studio")
+    @ui.page("/s/{key}/{view}", title="ptt studio")
+    async def session_page(key: str, view: str = "load") -> None:
+        owner = _owner(ui.context.client)
+        place = store.find(key, owner)
+        known = studios.get(key)
+        if place is None and known is not None and known.place.owner == owner:
+            place = known.place  # nothing was opened yet, so nothing is on disk
+        if place is None:
+            _unknown()
+            return
+        await page(place, view)
+
+    app.on_shutdown(pool.close)
     app.add_middleware(UploadLimit)
+    app.add_middleware(Guard, owner=_owner_of_client)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
     port = _free_port(port)
     tell(f"http://{HOST}:{port}")
@@ -82,55 +118,41 @@ def serve(opening: Opening, port: int, show: bool, tell: Callable[[str], None]) 
     )  # fmt: skip
 
 
-class UploadLimit:
-    """Refuses uploads that say, or turn out, to be larger than the limit."""
+def _owner(client: Client) -> str:
+    """The cookie of the browser that a page was made for."""
+    request = client.request
+    return "" if request is None else str(request.cookies.get(COOKIE, ""))
 
-    def __init__(self, app: Callable[[Scope, Receive, Send], Awaitable[None]]) -> None:
-        """Wrap an application."""
-        self.app = app
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what is small enough."""
-        if scope["type"] != "http" or scope["method"] != "POST":
-            await self.app(scope, receive, send)
-            return
-        headers: dict[Any, Any] = dict(scope["headers"])
-        try:
-            said = int(headers.get(b"content-length", b"-1"))
-        except ValueError:
-            said = -1
-        if not 0 <= said <= LIMIT + SLACK:
-            refused = PlainTextResponse(f"larger than {LIMIT >> 20} MB", status_code=413)
-            await refused(scope, receive, send)
-            return
-        left = said
+def _owner_of_client(key: str) -> str | None:
+    client = Client.instances.get(key)
+    return None if client is None else _owner(client)
 
-        async def counted() -> Message:
-            nonlocal left
-            message = await receive()
-            left -= len(message.get("body", b""))
-            return message if left >= 0 else {"type": "http.disconnect"}
 
-        await self.app(scope, counted, send)
+def _unknown() -> None:
+    with ui.element("main").style("padding: 40px; max-width: 640px"):
+        ui.html("No such session", sanitize=False, tag="h1").style("font-size: 24px")
+        ui.label("It was removed, or it belongs to another browser.")
+        ui.link("Begin a new one", "/")
 
 
 async def _start(studio: Studio, opening: Opening) -> None:
     try:
-        source = keep_opening(studio, opening)
+        source = keep_opening(studio.folder, opening)
     except InputError as error:
         studio.fail(str(error))
         return
-    studio.machine, studio.pending = opening.machine, source
-    studio.tell("session")
     if source is not None and opening.machine:
         await studio.open(source, opening.machine)
+    else:
+        studio.stage(source, opening.machine)
 
 
-def keep_opening(studio: Studio, opening: Opening) -> Source | None:
-    """Copy the files of the command line into a tab's folder.
+def keep_opening(folder: Path, opening: Opening) -> Source | None:
+    """Copy the files of the command line into a session's folder.
 
     Args:
-        studio: of the tab.
+        folder: of the session.
         opening: the files.
 
     Returns:
@@ -145,9 +167,9 @@ def keep_opening(studio: Studio, opening: Opening) -> Source | None:
     kept = {"": ""}
     for name, data in opening.files.items():
         if name in source.effects:
-            studio.keep_effects(name, data)
+            keep_effects(folder, name, data)
         else:
-            kept[name] = studio.keep(name, data)
+            kept[name] = keep(folder, name, data)
     also = tuple(kept[name] for name in source.also)
     return replace(source, run=kept[source.run], also=also, targets=kept[source.targets], map_=kept[source.map_])
 

@@ -1,0 +1,95 @@
+"""The machine as lines at some poses, and how far each effect moves its parts: what a ghost beside the drawing shows.
+
+How far is taken from the model's own causal chain (everything with the effect less everything without it), so that any
+effect has a ghost, one of a user's own too; enlarging it is linear.
+"""
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.model.chain import predict
+from ptt.model.model import Model
+from ptt.run.problem import Problem
+from ptt.run.view import View
+
+POSES = 48  # along the travel; a slider scrubs through them
+
+
+def poses_of(problem: Problem) -> np.ndarray:
+    """Rows spread over the travel, (m,) int."""
+    rows = np.flatnonzero(problem.used)
+    return rows[np.unique(np.linspace(0, len(rows) - 1, min(POSES, len(rows))).astype(int))]
+
+
+def ghosts_of(model: Model, problem: Problem, keys: tuple[str, ...]) -> dict[str, Any]:
+    """How far the parts of the machine are off because of each effect.
+
+    Args:
+        model: with the effects at their values.
+        problem: the readings.
+        keys: the effects.
+
+    Returns:
+        'rows' (m,), and for each effect in 'shift' the same arrays as `parts` gives, in mm of displacement, with
+        'share', how much each leg or joint has of it.
+    """
+    terms = [(term.effect, term.theta) for term in model.terms]
+    view, rows = problem.view, poses_of(problem)
+    with torch.no_grad():
+        whole = predict(terms, view)
+        shift = {}
+        for key in keys:
+            less = predict([term for term in terms if term[0].key != key], view)
+            moved = whole.q - less.q, (whole.geometry - less.geometry).expand(view.rows, -1), whole.p - less.p
+            own = next(term for term in terms if term[0].key == key)[0]
+            serial = isinstance(view.mechanism, Serial)
+            found = (_arm if serial else _legs)(view, rows, *moved)
+            shift[key] = found | {"stage": own.stage}
+    return {"rows": rows.tolist(), "shift": shift}
+
+
+def _legs(view: View, rows: np.ndarray, dq: torch.Tensor, geometry: torch.Tensor, dp: torch.Tensor) -> dict[str, Any]:
+    """Displacement of rails, sliders and platform of a 3-PTT."""
+    mechanism = view.mechanism
+    assert isinstance(mechanism, ThreePtt)
+    slots = geometry[:, :12].reshape(-1, 3, 4).numpy()
+    centre, grown = slots[..., :3], slots[..., 3]
+    slider = centre + dq.numpy()[..., None] * mechanism.rail.numpy()
+    q, ends = view.q.numpy(), mechanism.limits().numpy()
+    rails = np.stack([_at_ends(q[:, leg], centre[:, leg], ends[:, leg]) for leg in range(3)])
+    share = np.stack(
+        [np.abs(dq.numpy()).max(axis=0), np.linalg.norm(centre, axis=2).max(axis=0), np.abs(grown).max(axis=0)]
+    )
+    return {
+        "rails": _rounded(rails), "sliders": _rounded(slider[rows]), "platform": _rounded(dp.numpy()[rows]),
+        "share": _rounded(share), "grown": _rounded(grown[rows]),
+    }  # fmt: skip
+
+
+def _at_ends(q: np.ndarray, shift: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """A rail's own shift at both ends of its travel, (2, 3), by the line through its shifts along the travel."""
+    about = q - q.mean()
+    slope = (about @ (shift - shift.mean(axis=0))) / max(float(about @ about), 1e-12)
+    return shift.mean(axis=0) + (ends - q.mean())[:, None] * slope
+
+
+def _arm(view: View, rows: np.ndarray, dq: torch.Tensor, geometry: torch.Tensor, dp: torch.Tensor) -> dict[str, Any]:
+    """Displacement of the joints and the tool of an arm."""
+    arm = view.mechanism
+    assert isinstance(arm, Serial)
+    q, own = view.q[rows], geometry[rows]
+    nominal = arm.frames(q)[0]
+    moved = arm.frames(q + dq[rows], own if own.shape[1] == len(arm.slots) else None)[0]
+    place = (moved - nominal).numpy()
+    jumps = np.linalg.norm(np.diff(np.concatenate([np.zeros((len(rows), 1, 3)), place], axis=1), axis=1), axis=2)
+    share = np.maximum(np.abs(dq.numpy()).max(axis=0) * arm.length_mm, jumps.max(axis=0)[: dq.shape[1]])
+    chain = np.concatenate([np.zeros((len(rows), 1, 3)), place, dp.numpy()[rows][:, None]], axis=1)
+    return {"chain": _rounded(chain), "platform": _rounded(dp.numpy()[rows]), "share": _rounded(share[None])}
+
+
+def _rounded(values: np.ndarray) -> list[Any]:
+    return np.round(values, 7).tolist()

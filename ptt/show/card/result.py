@@ -1,0 +1,203 @@
+"""The result card: from error to noise, at most three findings, ties as ties, and what comes next."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import torch
+
+from ptt.diagnosis.verdict import Candidate, Diagnosis
+from ptt.diagnosis.words import headline, remedy, sentence
+from ptt.effects.base import family
+from ptt.effects.cards import card_of
+from ptt.effects.phrases import Said, sizes_in_words, worth_saying
+from ptt.fitting.gauge import Told, sparsest
+from ptt.run.problem import Problem
+from ptt.show.card.words import length, pretty
+
+VALUES = 6  # of one finding
+OFF_SCALE = 10.0  # usual sizes from which a value is worth a second look: the drawing or a unit may be wrong
+
+
+@dataclass(frozen=True)
+class Value:
+    """One number of a finding.
+
+    Attributes:
+        who: 'slider 2', 'link 1', 'column'.
+        joint: its number; 0 where it belongs to none.
+        text: what it does, with its size, as in 'is 201 um too long'.
+        size: not negative, in `unit`.
+        error: standard error; None where unknown.
+        unit: as said.
+        worth: size in usual sizes.
+    """
+
+    who: str
+    joint: int
+    text: str
+    size: float
+    error: float | None
+    unit: str
+    worth: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause.
+
+    Attributes:
+        effect: its key.
+        words: side and size in one sentence.
+        cause: what is wrong with such a machine, from the effect's card.
+        values: each number with its side.
+        cure: what to turn, move or enter, by how much; '' for nothing.
+        probability: that it is part of what is missing.
+        tie: what cannot be told apart from it; '' for nothing.
+        others: effects that would do as well.
+        before_um: held-out error before this step.
+        after_um: with it.
+        off_scale: whether a value is far beyond what is usual.
+    """
+
+    effect: str
+    words: str
+    cause: str
+    values: tuple[Value, ...]
+    cure: str
+    probability: float
+    tie: str
+    others: tuple[str, ...]
+    before_um: float
+    after_um: float
+    off_scale: bool
+
+
+@dataclass(frozen=True)
+class Card:
+    """A diagnosis in short.
+
+    Attributes:
+        verdict: 'missing', 'nothing-missing' or 'unknown'.
+        probability: of the verdict.
+        title: the verdict in a line.
+        words: one or two sentences more.
+        error_um: of the model as given.
+        left_um: with all findings.
+        noise_um: of one reading, total.
+        noise_from: how that is known.
+        findings: the largest first.
+        measured_next: what to measure to part ties, a line each.
+    """
+
+    verdict: str
+    probability: float
+    title: str
+    words: str
+    error_um: float
+    left_um: float
+    noise_um: float
+    noise_from: str
+    findings: tuple[Finding, ...]
+    measure_next: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self)
+
+
+def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
+    """Put a diagnosis in short.
+
+    Args:
+        found: the diagnosis.
+        problem: the readings; they tell in which gauge values are said.
+
+    Returns:
+        The card.
+    """
+    steps = found.candidates[: len(found.suggested)]
+    findings = tuple(_finding(one, tied, found, problem) for one, tied in zip(steps, found.suggested, strict=True))
+    noise = found.noise.to_dict()
+    return Card(
+        verdict=found.verdict,
+        probability=float(found.verdict_probability.get(found.verdict, 0.0)),
+        title=_title(found, findings),
+        words=pretty(_words(found)),
+        error_um=float(found.rms_um["before"]["total"]),
+        left_um=float(found.rms_um["after"]["total"]),
+        noise_um=float(noise["total"]),  # type: ignore[arg-type]
+        noise_from=str(noise["source"]),
+        findings=findings,
+        measure_next=tuple(map(pretty, found.measure_next)),
+    )
+
+
+def _title(found: Diagnosis, findings: Sequence[Finding]) -> str:
+    if found.verdict == "nothing-missing":
+        return "Nothing is missing"
+    if found.verdict == "unknown":
+        return "Something is missing that no known effect describes"
+    ties = sum(bool(one.tie) for one in findings)
+    count = {1: "One cause", 2: "Two causes", 3: "Three causes"}.get(len(findings), f"{len(findings)} causes")
+    if ties == len(findings) == 1:
+        return "One cause, which this run cannot tell from another"
+    return f"{count} found" + (f"; {'one' if ties == 1 else ties} cannot be told from another" if ties else "")
+
+
+def _words(found: Diagnosis) -> str:
+    before, after = (float(found.rms_um[when]["total"]) for when in ("before", "after"))
+    noise = found.noise.total * 1e3
+    if found.verdict == "nothing-missing":
+        return f"The error of {length(after)} is what readings scatter by ({length(noise)})."
+    if found.verdict == "missing":
+        them = "it" if len(found.suggested) == 1 else "them"
+        fall = f"the error falls from {length(before)} to {length(after)}"
+        return f"With {them} {fall}; readings scatter by {length(noise)}."
+    if found.depends_on:
+        first = found.depends_on[0]
+        with_ = f", in a measure that varies with {first.with_}" if first.with_ else ""
+        return f"What is left of {first.residual} follows {first.on}{with_}: {first.share:.0%} of its variance."
+    reasons = found.rest.reasons
+    return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
+
+
+def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Problem) -> Finding:
+    term = next(term for term in found.model.terms if term.effect.key == one.effect)
+    told = sparsest([term], problem, found.noise)[0]
+    words = sentence(told, problem.view)
+    values = tuple(_value(part, noun_of(told, problem)) for part in _said(told, problem)[:VALUES])
+    return Finding(
+        effect=one.effect,
+        words=pretty(f"{words[:1].upper()}{words[1:]}."),
+        cause=card_of(term.effect).cause,
+        values=values,
+        cure=pretty(remedy(told, problem.view)),
+        probability=float(one.probability),
+        tie=pretty(headline(one.effect, tied[1:], one.sum_of)),
+        others=tuple(tied[1:]),
+        before_um=float(one.heldout_before),
+        after_um=float(one.heldout_after),
+        off_scale=any(value.worth > OFF_SCALE for value in values),
+    )
+
+
+def noun_of(told: Told, problem: Problem) -> str:
+    """What the joints of an effect are called on this machine."""
+    effect = told.term.effect
+    return effect.arm_noun if family(problem.view) == "serial" else effect.noun
+
+
+def _said(told: Told, problem: Problem) -> list[Said]:
+    effect, theta = told.term.effect, told.term.theta
+    std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
+    parts = effect.say(theta, std, problem.view)
+    return worth_saying(parts) or sorted(parts, key=lambda part: -part.worth)[:1]
+
+
+def _value(part: Said, noun: str) -> Value:
+    who = part.who or (f"{noun} {part.joint}" if part.joint else "machine")
+    error = None if part.error != part.error else float(part.error)
+    verb = {"s": "s", "es": "es", "is_": "is", "has": "has"}
+    text = part.text.format(what=sizes_in_words([part]), **verb)
+    return Value(who, part.joint, pretty(text), float(part.size), error, pretty(part.unit), float(part.worth))

@@ -1,0 +1,147 @@
+"""Solid parts of a machine as triangles: tubes, boxes, plates, arrows; for pictures in a browser and on paper alike."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+SIDES = 10  # of a round part
+HEAD, WIDTH = 0.38, 0.13  # of an arrow: share of its length that is head, half width of the head
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """Triangles.
+
+    Attributes:
+        points: (v, 3) mm.
+        faces: (f, 3) int, corners of each triangle.
+    """
+
+    points: np.ndarray
+    faces: np.ndarray
+
+
+def joined(solids: Iterable[Solid]) -> Solid:
+    """Several solids as one."""
+    points, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=int)], 0
+    for solid in solids:
+        points.append(solid.points)
+        faces.append(solid.faces + start)
+        start += len(solid.points)
+    return Solid(np.concatenate(points), np.concatenate(faces))
+
+
+def tube(start: np.ndarray, end: np.ndarray, radius: float, sides: int = SIDES) -> Solid:
+    """A round bar.
+
+    Args:
+        start: (3,) mm.
+        end: (3,) mm.
+        radius: mm.
+        sides: of its polygon; four make a square rail.
+
+    Returns:
+        The bar, its ends closed.
+    """
+    across, other = _square_to(end - start)
+    turn = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
+    ring = radius * (np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * other)
+    points = np.concatenate([start + ring, end + ring, [start], [end]])
+    near = np.arange(sides)
+    after = (near + 1) % sides
+    walls = np.concatenate(
+        [np.column_stack([near, after, near + sides]), np.column_stack([after, after + sides, near + sides])]
+    )
+    caps = [
+        np.column_stack([after, near, np.full(sides, 2 * sides)]),
+        np.column_stack([near + sides, after + sides, np.full(sides, 2 * sides + 1)]),
+    ]
+    return Solid(points, np.concatenate([walls, *caps]))
+
+
+def block(centre: np.ndarray, along: np.ndarray, half: tuple[float, float]) -> Solid:
+    """A slider: a square block along its rail.
+
+    Args:
+        centre: (3,) mm.
+        along: (3,) direction of the rail.
+        half: half its length and half its width, mm.
+
+    Returns:
+        The block.
+    """
+    way = along / max(float(np.linalg.norm(along)), 1e-12) * half[0]
+    return tube(centre - way, centre + way, half[1] * np.sqrt(2.0), 4)
+
+
+def ball(centre: np.ndarray, radius: float) -> Solid:
+    """A joint: an eight-sided ball, two pyramids."""
+    offsets = np.concatenate([np.eye(3), -np.eye(3)]) * radius
+    faces = [(i, j, k) for i in (0, 3) for j in (1, 4) for k in (2, 5)]
+    return Solid(centre + offsets, np.asarray(faces))
+
+
+def plate(corners: np.ndarray, thick: float) -> Solid:
+    """A platform: a triangle with a thickness.
+
+    Args:
+        corners: (3, 3) mm.
+        thick: mm, along its normal, half on either side.
+
+    Returns:
+        The plate.
+    """
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    step = 0.5 * thick * normal / max(float(np.linalg.norm(normal)), 1e-12)
+    points = np.concatenate([corners + step, corners - step])
+    sides = [face for a, b in ((0, 1), (1, 2), (2, 0)) for face in ((a, b, a + 3), (b, b + 3, a + 3))]
+    return Solid(points, np.asarray([(0, 1, 2), (3, 5, 4), *sides]))
+
+
+def arrows(start: np.ndarray, vector: np.ndarray, least: float) -> tuple[Solid, np.ndarray]:
+    """Arrows with round shafts and heads.
+
+    Args:
+        start: (n, 3) mm.
+        vector: (n, 3) mm, from tail to tip.
+        least: mm, below which an arrow is as thick as one of that length.
+
+    Returns:
+        All of them as one solid, and the arrow that each point belongs to, (v,).
+    """
+    parts: list[Solid] = []
+    owner: list[np.ndarray] = []
+    for number, (tail, way) in enumerate(zip(start, vector, strict=True)):
+        length = float(np.linalg.norm(way))
+        if length <= 0.0:
+            continue
+        thick = WIDTH * min(max(length, least), 2.5 * length)  # a short one is no blob
+        neck = tail + (1.0 - HEAD) * way
+        solids = (tube(tail, neck, 0.38 * thick, 5), _cone(neck, tail + way, thick))
+        parts += solids
+        owner.append(np.full(sum(len(solid.points) for solid in solids), number))
+    return joined(parts), np.concatenate(owner) if owner else np.zeros(0, dtype=int)
+
+
+def _cone(base: np.ndarray, tip: np.ndarray, radius: float, sides: int = 7) -> Solid:
+    across, other = _square_to(tip - base)
+    turn = 2.0 * np.pi * np.arange(sides) / sides
+    ring = base + radius * (np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * other)
+    near = np.arange(sides)
+    after = (near + 1) % sides
+    points = np.concatenate([ring, [tip], [base]])
+    faces = [
+        np.column_stack([near, after, np.full(sides, sides)]),
+        np.column_stack([after, near, np.full(sides, sides + 1)]),
+    ]
+    return Solid(points, np.concatenate(faces))
+
+
+def _square_to(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors square to a direction and to each other."""
+    unit = way / max(float(np.linalg.norm(way)), 1e-12)
+    helper = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    across = np.cross(unit, helper)
+    across /= np.linalg.norm(across)
+    return across, np.cross(unit, across)

@@ -1,0 +1,101 @@
+"""Figures and words as pages show them: micrometres with their sign, prefixes of three digits, chances in words."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
+PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
+UNITS = re.compile(r"(?<=\d )u(m|rad)\b|\bu(m|rad)(?=[/)\]]|\b)")
+CHANCES = ((0.99, "almost certain"), (0.9, "very likely"), (0.7, "likely"), (0.4, "about even"), (0.0, "unlikely"))
+
+
+def pretty(text: str) -> str:
+    """A text of the library as a page has it: um as a unit becomes the real sign, arrows become arrows."""
+    text = re.sub(r"(?<![A-Za-z])u(m|rad)(?![A-Za-z])", rf"{MICRO}\1", text)
+    return text.replace(" -> ", " \N{RIGHTWARDS ARROW} ").replace("+-", "\N{PLUS-MINUS SIGN}")
+
+
+def length(um: float, digits: int = 3) -> str:
+    """A length with the prefix that leaves one to three digits before the point.
+
+    Args:
+        um: in micrometres.
+        digits: that count.
+
+    Returns:
+        For example '54.9 um' with the real sign, or '1.19 mm'.
+    """
+    if not math.isfinite(um):
+        return "\N{EN DASH}"
+    if abs(um) >= 999.5 * 1e3:
+        return f"{um / 1e6:.{digits}g} m"
+    if abs(um) >= 999.5:
+        return f"{um / 1e3:.{digits}g} mm"
+    return f"{_short(um, digits)} {MICRO}m"
+
+
+def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
+    """Factor and unit for an axis: 12,000 um are 12 mm, 0.02 um are 20 nm.
+
+    Args:
+        values: in `unit`, a length or an angle with or without a prefix.
+        unit: such as 'um', 'mm', 'urad', 's'.
+
+    Returns:
+        What values are multiplied by, and the unit then, micro as its sign.
+    """
+    if unit == "s":
+        return _of_time(values)
+    sign = unit.replace("u", MICRO, 1) if unit[:1] == "u" else unit
+    base = next((name for name in ("rad", "m") if sign.endswith(name) and sign[: -len(name)] in PREFIXES.values()), "")
+    if not base:
+        return 1.0, sign
+    power = next(power for power, name in PREFIXES.items() if name == sign[: -len(base)])
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    if largest == 0.0:
+        return 1.0, sign
+    step = max(-3, min(0, power + math.floor(math.log10(largest * (1.0 + 1e-9)) / 3.0)))
+    if step == power + 1 and largest < 1e4:
+        step = power  # four digits read better than a change of unit
+    return 10.0 ** (3 * (power - step)), f"{PREFIXES[step]}{base}"
+
+
+def _of_time(values: Sequence[float]) -> tuple[float, str]:
+    finite = [value for value in values if math.isfinite(value)]
+    span = max(finite, default=0.0) - min(finite, default=0.0)
+    for least, factor, unit in (
+        (3 * 86400.0, 1.0 / 86400.0, "days"),
+        (3 * 3600.0, 1.0 / 3600.0, "h"),
+        (600.0, 1.0 / 60.0, "min"),
+    ):
+        if span >= least:
+            return factor, unit
+    return 1.0, "s"
+
+
+def _short(value: float, digits: int) -> str:
+    if value == 0.0:
+        return "0"
+    places = max(0, digits - 1 - math.floor(math.log10(abs(value) * (1.0 + 1e-9))))
+    return f"{value:.{min(places, 3)}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def how_sure(probability: float) -> str:
+    """A probability in words and figures, for example 'very likely (97 %)'.
+
+    Args:
+        probability: 0 to 1.
+    """
+    words = next(words for least, words in CHANCES if probability >= least)
+    return f"{words} ({'> 99' if probability > 0.995 else f'{100.0 * probability:.0f}'} %)"
+
+
+def value_in_words(value: Mapping[str, Any]) -> str:
+    """A value of a finding with its error, for example '201 +- 4 um' with the real signs."""
+    error = value["error"]
+    if error is None or not error > 0.0:
+        return f"{_short(value['size'], 2)} {value['unit']}"
+    digits = max(0, 1 - math.floor(math.log10(error)))
+    return f"{value['size']:.{digits}f} \N{PLUS-MINUS SIGN} {error:.{digits}f} {value['unit']}"

@@ -1,0 +1,76 @@
+"""A look as bytes and back: plain arrays and texts, nothing that could run."""
+
+import io
+import json
+import zipfile
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from ptt.show.studio.looks import Drawing, Look
+
+DRAWING = "drawing."
+
+
+def pack_look(look: Look) -> bytes:
+    """A look as the bytes of an npz file.
+
+    Args:
+        look: of a run.
+
+    Returns:
+        The bytes.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    words: dict[str, Any] = {}
+    for item in fields(look):
+        value = getattr(look, item.name)
+        if isinstance(value, np.ndarray):
+            arrays[item.name] = value
+        elif item.name in ("views", "contexts"):
+            words[item.name] = list(value)
+            arrays |= {f"{item.name}.{number}": array for number, array in enumerate(value.values())}
+        elif isinstance(value, Drawing):
+            arrays |= {f"{DRAWING}{part.name}": getattr(value, part.name) for part in fields(value)}
+        else:
+            words[item.name] = value
+    arrays["words"] = np.frombuffer(json.dumps(words).encode(), dtype=np.uint8)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def unpack_look(data: bytes) -> Look:
+    """A look from bytes.
+
+    Args:
+        data: as `pack_look` made them.
+
+    Returns:
+        The look.
+
+    Raises:
+        ValueError: something else.
+        KeyError: an array is not there.
+    """
+    if not zipfile.is_zipfile(io.BytesIO(data)):
+        raise ValueError("not the arrays of a look")
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        words = json.loads(arrays["words"].tobytes())
+        drawing = Drawing(**{item.name: arrays[f"{DRAWING}{item.name}"] for item in fields(Drawing)})
+        found: dict[str, Any] = {"drawing": drawing}
+        for item in fields(Look):
+            if item.name in ("views", "contexts"):
+                found[item.name] = {
+                    name: arrays[f"{item.name}.{number}"] for number, name in enumerate(words[item.name])
+                }
+            elif item.name not in found:
+                value = words[item.name] if item.name in words else arrays[item.name]
+                found[item.name] = tuple(map(_as_was, value)) if isinstance(value, list) else value
+    return Look(**found)
+
+
+def _as_was(value: Any) -> Any:
+    """Inner lists were tuples."""
+    return tuple(value) if isinstance(value, list) else value

@@ -1,0 +1,192 @@
+"""Pictures of findings as plotly dictionaries: this run's data with the fit through it, a ruler, an unknown's curve."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ptt.show.card.words import prefixed, pretty
+from ptt.show.studio.figures import BLUE, ORANGE, PALE, Figure, axis_of, whole_figure, whole_layout
+
+BINS = 24
+RULER = (-2.0, 2.0)  # powers of ten about the usual size
+
+
+def fit_figure(fit: Mapping[str, Any]) -> Figure:
+    """This run's data without one effect, and what the effect makes of them.
+
+    Args:
+        fit: as `ptt.show.card.fits` gives it.
+
+    Returns:
+        The figure.
+    """
+    telling, (label, name, unit) = np.asarray(fit["telling"], dtype=float), fit["labels"]
+    factor, shown = prefixed([*fit["data_um"], *fit["fit_um"]], unit)
+    data, through = (factor * np.asarray(fit[key], dtype=float) for key in ("data_um", "fit_um"))
+    axis = axis_of(label)
+    if fit.get("steps"):
+        telling = telling + np.random.default_rng(0).uniform(-0.14, 0.14, len(telling))  # else points hide each other
+        axis |= {"tickvals": [-1, 1], "ticktext": ["going down", "going up"], "range": [-1.6, 1.6]}
+    elif label.endswith("[s]"):
+        scale, time = prefixed(telling.tolist(), "s")
+        telling, axis = telling * scale, axis_of(label.replace("[s]", f"[{time}]"))
+    layout = whole_layout(
+        xaxis=axis,
+        yaxis=axis_of(f"{name}: error [{shown}]", zeroline=True),
+        showlegend=True,
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        margin={"l": 62, "r": 10, "t": 30, "b": 44},
+    )
+    points = [
+        _points(telling, data, PALE, "readings, everything else taken out", 5),
+        _points(telling, through, ORANGE, "the fit", 6),
+    ]
+    return whole_figure(points, layout)
+
+
+def ruler_html(value: Mapping[str, Any]) -> str:
+    """A value on a ruler of usual sizes, as SVG; beyond its ends it is marked as off the scale.
+
+    Args:
+        value: of a finding.
+
+    Returns:
+        HTML.
+    """
+    power = math.log10(max(float(value["worth"]), 1e-12))
+    place = min(max((power - RULER[0]) / (RULER[1] - RULER[0]), 0.0), 1.0)
+    off = power > 1.0
+    marks = "".join(
+        f'<g transform="translate({10 + 380 * i / 4},0)"><path d="M0 14v8" stroke="currentColor"/>'
+        f'<text y="36" text-anchor="{anchor}" font-size="11" fill="currentColor">{words}</text></g>'
+        for i, (words, anchor) in enumerate(
+            (
+                ("1 %", "start"),
+                ("tenth", "middle"),
+                ("usual size", "middle"),
+                ("10 times", "middle"),
+                ("100 times", "end"),
+            )
+        )
+    )
+    colour = "#d55e00" if off else "#0072b2"
+    said = f"{value['worth']:.2g} times its usual size"
+    return (
+        f'<svg viewBox="0 0 400 42" role="img" aria-label="{said}" style="width:100%;max-width:520px;height:auto">'
+        '<path d="M10 18h380" stroke="currentColor" opacity=".5" stroke-width="2"/>'
+        '<path d="M105 18h190" stroke="#009e73" stroke-width="5" opacity=".55"/>'
+        f'{marks}<circle cx="{10 + 380 * place:.0f}" cy="18" r="7" fill="{colour}"/></svg>'
+    )
+
+
+def unknown_figure(unknown: Mapping[str, Any]) -> Figure:
+    """The one curve that an unknown follows, large, with this run's readings about it.
+
+    Args:
+        unknown: the leading dependence with its points.
+
+    Returns:
+        The figure.
+    """
+    curve, points = unknown["curve"], unknown["points"]
+    angle = str(unknown["residual"]).startswith("joint")
+    factor, unit = prefixed([*points["um"], *curve["mean_um"]], "urad" if angle else "um")
+    mean, half = factor * np.asarray(curve["mean_um"]), factor * np.asarray(curve["half_width_um"])
+    at, by_time = np.asarray(curve["at"], dtype=float), "time" in (unknown["with"] or unknown["on"])
+    scale, time = prefixed(points["at"], "s") if by_time else (1.0, "")
+    order = np.argsort(at)
+    at, mean, half = scale * at[order], mean[order], half[order]
+    on = unknown["with"] or unknown["on"]
+    across = f"{_spoken(on)}{f' [{time}]' if time else ''}" + (
+        " within one period [mm]" if unknown["period_mm"] else ""
+    )
+    up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
+    data: list[Figure] = [
+        _points(scale * np.asarray(points["at"]), factor * np.asarray(points["um"]), PALE, "readings", 5)
+    ]
+    if str(unknown["on"]).startswith("direction") and not unknown["with"]:
+        data.append({**_points(at, mean, ORANGE, "mean", 13), "error_y": {"type": "data", "array": half.tolist()}})
+    else:
+        data.append(
+            {**_points(at, mean, ORANGE, "what it follows", 5), "mode": "lines", "line": {"color": ORANGE, "width": 4}}
+        )
+        band = {"x": [*at.tolist(), *at[::-1].tolist()], "y": [*(mean + half).tolist(), *(mean - half)[::-1].tolist()]}
+        data.append(
+            {
+                "type": "scatter",
+                **band,
+                "fill": "toself",
+                "fillcolor": "rgba(230,159,0,0.25)",
+                "line": {"width": 0},
+                "name": "95 % band",
+                "hoverinfo": "skip",
+            }
+        )
+    layout = whole_layout(
+        xaxis=axis_of(across),
+        yaxis=axis_of(up, zeroline=True),
+        showlegend=True,
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        margin={"l": 66, "r": 12, "t": 30, "b": 48},
+    )
+    return whole_figure(data, layout)
+
+
+def sign_figure(sign: Mapping[str, Any]) -> Figure:
+    """The sign of an effect at usual size on the sample machine.
+
+    Args:
+        sign: telling, residual, shade, labels.
+
+    Returns:
+        The figure.
+    """
+    shade, (across, up, third) = sign["shade"], sign["labels"]
+    data: list[Figure] = []
+    levels = [] if shade is None else sorted(set(shade))
+    if len(levels) == 2:
+        for level, colour in zip(levels, (BLUE, ORANGE), strict=True):
+            chosen = [i for i, value in enumerate(shade) if value == level]
+            x, y = (np.asarray([sign[key][i] for i in chosen], dtype=float) for key in ("telling", "residual"))
+            data.append(_points(x, y, colour, f"{third} {level:+g}", 6))
+    else:
+        data.append(
+            _points(np.asarray(sign["telling"], dtype=float), np.asarray(sign["residual"], dtype=float), BLUE, "", 6)
+        )
+        if shade is not None:
+            bar = {"title": {"text": third, "side": "right"}, "thickness": 12}
+            data[0]["marker"] |= {"color": list(shade), "colorscale": "Cividis", "colorbar": bar}
+    layout = whole_layout(
+        xaxis=axis_of(across),
+        yaxis=axis_of(pretty(up), zeroline=True),
+        showlegend=len(levels) == 2,
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        margin={"l": 62, "r": 10, "t": 28, "b": 44},
+    )
+    return whole_figure(data, layout)
+
+
+def _points(x: np.ndarray, y: np.ndarray, colour: str, name: str, size: int) -> Figure:
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": np.asarray(x).tolist(),
+        "y": np.asarray(y).tolist(),
+        "name": name,
+        "marker": {"color": colour, "size": size},
+        "showlegend": bool(name),
+    }
+
+
+def _spoken(on: Sequence[str] | str) -> str:
+    text = str(on)
+    if text[:1] in "bq" and text[1:].isdigit():
+        return f"height of slider {text[1:]} [mm]" if text[0] == "b" else f"angle of joint {text[1:]} [rad]"
+    for stem in ("direction", "speed", "travel", "load"):
+        if text.startswith(stem) and text[len(stem) :].isdigit():
+            return f"{stem} of joint {text[len(stem) :]}"
+    return {"payload": "payload [kg]", "temperature": "temperature", "x": "x [mm]", "y": "y [mm]", "z": "z [mm]"}.get(
+        text, text
+    )

@@ -1,0 +1,100 @@
+"""Jobs on files before any figure: what the columns hold, what a machine file says, and a set-up put right."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ptt.show.studio.opening import place_of
+from ptt.show.studio.pool import Progress
+from ptt.show.studio.results import ANSWERS, COLUMNS, MENDED, Source
+
+SAMPLE = 6  # rows of the preview
+CURED = "mended.toml"
+
+
+def peek(source: Source, tell: Progress) -> Mapping[str, Any]:
+    """What each column of a run says by itself, with a few rows of it; nothing is asked.
+
+    Returns:
+        'columns' with 'title', 'cells', 'quantity' ('' for none) and 'unit' each, 'rows', 'how' it is written.
+    """
+    from ptt.run.readers import Mapping as Answers
+    from ptt.run.readers import load_mapping
+    from ptt.run.readers.columns import UNITS, dimension_of
+    from ptt.run.readers.export import Request, read_titles
+    from ptt.run.readers.text import split_line
+
+    known = load_mapping(source.map_) if source.map_ and Path(source.map_).exists() else Answers()
+    raw, titles, meanings = read_titles(source.run, Request("run", known))
+    rows = [split_line(line, raw.delimiter) for line in raw.body[:SAMPLE]]
+    found = []
+    for index, (title, meaning) in enumerate(zip(titles, meanings, strict=True)):
+        quantity = known.columns.get(title, meaning.quantity if meaning else "")
+        quantity = "" if quantity == "ignore" else quantity
+        if quantity in ("x", "y", "z"):
+            quantity = f"{quantity}_meas"
+        unit = known.units.get(title) or (meaning.unit if meaning else None)
+        units = list(UNITS.get(dimension_of(quantity), {}))
+        found.append(
+            {
+                "title": title, "cells": [row[index] if index < len(row) else "" for row in rows], "quantity": quantity,
+                "unit": unit if unit in units else None,
+            }
+        )  # fmt: skip
+    how = f"{raw.encoding}, cells parted by '{raw.delimiter}', decimal sign '{raw.decimal}'"
+    return {"columns": found, "rows": len(raw.body), "how": how}
+
+
+def columns(source: Source, quantities: Mapping[str, str], units: Mapping[str, str], tell: Progress) -> Source:
+    """Keep what a person said of the columns as a file for --map.
+
+    Returns:
+        The source that reads with it.
+    """
+    from ptt.run.readers import Mapping as Answers
+    from ptt.run.readers import load_mapping, save_mapping
+
+    before = source.mapping
+    known = load_mapping(before) if before and Path(before).exists() else Answers()
+    save_mapping(replace(known, columns=dict(quantities), units=dict(units)), COLUMNS)
+    Path(ANSWERS).unlink(missing_ok=True)
+    return replace(source, map_=COLUMNS, answers=())
+
+
+def describe(machine: str, tell: Progress) -> Mapping[str, Any]:
+    """What a machine file says, in figures, and the drawing of what was understood as SVG."""
+    import io
+
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    from ptt.machine import parse_machine
+    from ptt.setup.machine import describe_machine
+    from ptt.show.plots.machine import draw_machine
+    from ptt.show.studio.looks import rest_of_arm
+
+    file = parse_machine(machine, "machine.toml")
+    said = describe_machine(file)
+    if said.kind == "serial":
+        return {"words": str(said), "svg": "", "chain": rest_of_arm(file)}
+    figure, buffer = draw_machine(file, words=False), io.BytesIO()
+    FigureCanvasSVG(figure).print_svg(buffer)
+    svg = buffer.getvalue().decode()
+    return {"words": str(said), "svg": svg[svg.index("<svg") :], "chain": []}
+
+
+def mend(source: Source, machine: str, tell: Progress) -> tuple[Source, str]:
+    """As `ptt check --out-run --out-model`: the files with what was sure undone.
+
+    Returns:
+        The source that reads the mended run, and the mended machine.
+    """
+    from ptt.show.studio.verbs import say
+
+    tell("putting it right", 0, 0)
+    for name in (MENDED, CURED):
+        Path(name).unlink(missing_ok=True)
+    kept = replace(source, effects=(), anyway=False).options
+    say(["check", source.run, "--model", str(place_of(machine)), *kept, "--out-run", MENDED, "--out-model", CURED])
+    mended = Source(MENDED, effects=source.effects)
+    return mended, Path(CURED).read_text(encoding="utf-8")

@@ -1,0 +1,57 @@
+"""Jobs of the last step and beside it: standard's figures, dexterity, poses to measure, an effect from an unknown."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ptt.show.studio.opening import place_of
+from ptt.show.studio.pool import Progress
+from ptt.show.studio.results import Source
+from ptt.show.studio.uploads import keep_effects
+
+
+def iso(source: Source, model: str, tell: Progress) -> str:
+    """As `ptt iso`: ISO 9283 figures of the run."""
+    from dataclasses import replace
+
+    from ptt.show.studio.verbs import say
+
+    tell("figures of the standard", 0, 0)
+    options = replace(source, effects=(), anyway=False).options
+    return say(["iso", source.run, "--model", str(place_of(model)), *options])[0].rstrip()
+
+
+def dexterity(model: str, tell: Progress) -> Mapping[str, Any]:
+    """As `ptt dexterity`: its words, and its picture as PNG."""
+    from ptt.show.studio.verbs import say
+
+    tell("condition number over the workspace", 0, 0)
+    picture = Path("dexterity.png")
+    text = say(["dexterity", str(place_of(model)), "--plot", str(picture)])[0]
+    return {"text": text.rstrip(), "png": picture.read_bytes()}
+
+
+def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, str]:
+    """As `ptt plan`: targets of a first run, and what they will tell."""
+    from ptt.show.studio.verbs import say
+
+    tell("choosing poses", 0, 0)
+    out = Path("plan.csv")
+    out.unlink(missing_ok=True)
+    loads = ["--payloads", payloads] if payloads.strip() else []
+    text = say(["plan", str(place_of(model)), "--out", str(out), "--rows", str(rows), *loads])[0]
+    return {"text": text.rstrip(), "csv": out.read_text(encoding="utf-8")}
+
+
+def write_effect(name: str, dependence: Mapping[str, Any], tell: Progress) -> Mapping[str, str]:
+    """As `ptt effects new NAME --like D.json`: an effect for the curve that an unknown follows.
+
+    Returns:
+        'file' in the folder of effects, and its 'text'.
+    """
+    from ptt.effects.prefilled import prefilled
+
+    text = prefilled(name, dict(dependence))
+    file = f"{name.replace('-', '_')}.py"
+    keep_effects(Path(), file, text.encode())
+    return {"file": file, "text": text}

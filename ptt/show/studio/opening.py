@@ -1,0 +1,87 @@
+"""Opening a run and a machine for a job, as the command line does; what a file leaves open becomes a question."""
+
+import io
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ptt.show.studio.pool import QuestionError
+from ptt.show.studio.results import ANSWERS, Source
+
+if TYPE_CHECKING:
+    from ptt.door.opened import Opened
+
+MODEL = "model.toml"  # the page's model, as the command line would be given it
+COMPENSATOR = "compensator"
+
+
+def open_both(source: Source, model: str) -> "Opened":
+    """Open run and model as a verb does; what the file leaves open becomes a question to the person."""
+    from ptt.door.opened import open_run
+    from ptt.errors import TableError
+
+    place = place_of(model)
+    if source.answers:
+        _read_asking(source, place)
+    try:
+        return open_run(Path(source.run), place, source.reading())
+    except TableError:
+        if not source.answers:
+            _read_asking(source, place)
+        raise
+
+
+def _read_asking(source: Source, place: Path) -> None:
+    """Read with the answers given so far and keep them as a file for --map; ask for the first that is missing."""
+    from ptt.door.options import parse_settings
+    from ptt.machine import load_machine
+    from ptt.run.readers import save_mapping
+    from ptt.run.table import read_table
+    from ptt.show.studio.answers import agreed
+
+    answers = dict(source.answers)
+
+    def ask(question: str, choices: Any) -> str:
+        if question not in answers:
+            raise QuestionError(question, tuple(choices))
+        return answers[question]
+
+    spec = load_machine(place).machine
+    serial = spec.kind == "serial"
+    understood = [
+        read_table(
+            run,
+            len(spec.joint) if spec.kind == "serial" else 3,
+            joint_prefix="q" if serial else "b",
+            targets=source.targets or None,
+            set_values=parse_settings(source.set_),
+            mapping=source.map_ or None,
+            ask=ask,
+        ).understood
+        for run in (source.run, *source.also)
+    ]
+    if source.answers:
+        save_mapping(agreed([each.mapping for each in understood]), ANSWERS)
+
+
+def place_of(model: str | bytes) -> Path:
+    """The model as a file, or the compensator as a folder."""
+    from ptt.files import write_text
+
+    if isinstance(model, bytes):
+        place = Path(COMPENSATOR)
+        with zipfile.ZipFile(io.BytesIO(model)) as archive:
+            for name in archive.namelist():
+                (place / Path(name).name).write_bytes(archive.read(name))
+        return place
+    write_text(MODEL, model)
+    return Path(MODEL)
+
+
+def zipped(folder: Path) -> bytes:
+    """A folder as a zip, its name before each file's."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(folder.iterdir()):
+            archive.write(file, f"{folder.name}/{file.name}")
+    return content.getvalue()

@@ -1,0 +1,172 @@
+"""What the columns of a file hold: a grid with a preview, a meaning and a unit for each, kept as a file for --map."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from nicegui import ui
+
+from ptt.run.readers.columns import UNITS, dimension_of
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.pool import QuestionError
+
+IGNORE = "ignore"
+WORDS = {
+    **{f"{a}_meas": f"reading {a}" for a in "xyz"},
+    **{f"{a}_cmd": f"target {a}" for a in "xyz"},
+    **{f"{a}_std": f"scatter of {a}" for a in "xyz"},
+    "name": "name of the point",
+    "role": "role (pose, base, datum)",
+    "run": "run",
+    "repeat": "repeat",
+    "time": "time",
+    "payload": "payload",
+    "temp": "temperature",
+    "feed": "feed",
+    **{f"q{a}_meas": f"orientation {a}, read" for a in "xyzw"},
+    **{f"q{a}_cmd": f"orientation {a}, wanted" for a in "xyzw"},
+}
+
+
+def choices_of(joints: int, prefix: str) -> dict[str, str]:
+    """What a column may hold on a machine, by the name that a file for --map has for it."""
+    who = "joint" if prefix == "q" else "slider"
+    each = range(1, joints + 1)
+    sent = {f"{prefix}{i}_cmd": f"command of {who} {i}" for i in each}
+    more = {f"dir{i}": f"direction of {who} {i}" for i in each} | {
+        f"tau{i}": f"force or torque of {who} {i}" for i in each
+    }
+    return {IGNORE: "\N{EN DASH} not used"} | {k: v for k, v in WORDS.items()} | sent | more
+
+
+def build_columns(studio: Studio, go: Callable[[str], None]) -> None:
+    """Build the grid; it opens where a file leaves something open, and on demand.
+
+    Args:
+        studio: of this session.
+        go: shows another view.
+    """
+    ColumnsView(studio, go)
+
+
+class ColumnsView:
+    """The grid's parts."""
+
+    def __init__(self, studio: Studio, go: Callable[[str], None]) -> None:
+        """Build it."""
+        self.studio, self.go = studio, go
+        self.quantity: dict[str, ui.select] = {}
+        self.unit: dict[str, ui.toggle] = {}
+        with ui.element("div").classes("st-box").mark("columns") as self.box:
+            ui.html("What the columns hold", sanitize=False, tag="h2").classes("st-title")
+            self.asked = ui.element("div").classes("w-full")
+            self.note = ui.label().classes("st-note")
+            self.grid = ui.element("div").classes("st-grid").props("tabindex=0")
+            with ui.element("div").classes("st-tools").style("margin-top: 8px"):
+                ui.button("Read it so", icon="check", on_click=self._save).props("no-caps unelevated")
+                ui.button("Close", on_click=lambda: self.box.set_visibility(False)).props("no-caps flat")
+            ui.label("The answers are kept as columns.toml; the command line reads them with --map.").classes("st-note")
+        with ui.element("div").classes("st-box") as self.offer:
+            ui.button("Check the columns", icon="view_column", on_click=self._fill).props("no-caps flat dense")
+        self.box.set_visibility(False)
+        studio.on("staged", self._staged)
+        studio.on("session", self._offer)
+        self._offer()
+
+    def _offer(self) -> None:
+        self.offer.set_visibility(bool(self.studio.staged.source or self.studio.session.source))
+
+    def _staged(self) -> None:
+        self._offer()
+        self.asked.clear()
+        question = self.studio.staged.question
+        if question is None:
+            self.box.set_visibility(False)
+            return
+        with self.asked:
+            self._ask(question)
+            ui.timer(0.01, self._fill, once=True)
+
+    def _ask(self, question: QuestionError) -> None:
+        """The question that the reader would have on the command line, with its answers as buttons."""
+        with ui.element("div").classes("st-tie").props("role=alert"):
+            ui.label(question.question).classes("st-head")
+            with ui.element("div").classes("st-tools"):
+                for choice in question.choices:
+                    pick = ui.button(choice, on_click=lambda _, c=choice: self.studio.answer(question.question, c))
+                    pick.props("no-caps dense outline").props["aria-label"] = f"answer {choice}"
+
+    async def _fill(self) -> None:
+        """Show the grid of the file."""
+        source = self.studio.staged.source or self.studio.session.source
+        if source is None:
+            return
+        found = await self.studio.work("looking at the columns", "peek", source, how="aside")
+        if found is None:
+            return
+        self.box.set_visibility(True)
+        self.note.set_text(f"{source.run}: {found['rows']} rows; {found['how']}")
+        self.grid.clear()
+        self.quantity.clear()
+        self.unit.clear()
+        with self.grid, ui.element("table").classes("st-plain"):
+            with ui.element("thead"), ui.element("tr"):
+                for title in ("column", "first rows", "holds", "unit"):
+                    ui.html(title, sanitize=False, tag="th").classes("w").props("scope=col")
+            with ui.element("tbody"):
+                for column in found["columns"]:
+                    self._row(column)
+
+    def _row(self, column: Mapping[str, Any]) -> None:
+        title = column["title"]
+        joints, prefix = self._machine()
+        choices = choices_of(joints, prefix)
+        value = column["quantity"] if column["quantity"] in choices else IGNORE
+        with ui.element("tr"):
+            with ui.element("td").classes("w"):
+                ui.label(title).classes("font-medium")
+            with ui.element("td").classes("w"):
+                ui.label(" \N{MIDDLE DOT} ".join(column["cells"][:3])).classes("st-note")
+            with ui.element("td").classes("w"):
+                pick = ui.select(choices, value=value, on_change=lambda _, t=title: self._units(t, None))
+                pick.props("dense outlined options-dense").props["aria-label"] = f"what {title} holds"
+                self.quantity[title] = pick.classes("w-48")
+            with ui.element("td").classes("w"):
+                chips = ui.toggle([]).props("dense no-caps unelevated size=sm toggle-color=primary")
+                chips.props["aria-label"] = f"unit of {title}"
+                self.unit[title] = chips
+        self._units(title, column["unit"])
+
+    def _units(self, title: str, known: str | None) -> None:
+        """Unit chips that suit what a column holds."""
+        units = {
+            unit: unit.replace("um", "\N{MICRO SIGN}m").replace("_", "/")
+            for unit in UNITS.get(dimension_of(str(self.quantity[title].value)), {})
+            if unit
+        }
+        self.unit[title].set_options(units, value=known if known in units else next(iter(units), None))
+        self.unit[title].set_visibility(bool(units))
+
+    def _machine(self) -> tuple[int, str]:
+        from ptt.machine import parse_machine
+
+        text = self.studio.staged.machine or self.studio.session.text
+        spec = parse_machine(text, "machine.toml").machine if text else None
+        return (len(spec.joint), "q") if spec is not None and spec.kind == "serial" else (3, "b")
+
+    async def _save(self) -> None:
+        source = self.studio.staged.source or self.studio.session.source
+        if source is None:
+            return
+        quantities = {title: str(pick.value) for title, pick in self.quantity.items()}
+        units = {title: str(chips.value) for title, chips in self.unit.items() if chips.value}
+        units = {title: unit for title, unit in units.items() if quantities[title] != IGNORE}
+        made = await self.studio.work("keeping the answers", "columns", source, quantities, units)
+        if made is None:
+            return
+        now = self.studio.session.now
+        machine = self.studio.staged.machine or (now.text if now else "")
+        self.box.set_visibility(False)
+        if machine:
+            await self.studio.open(made, machine, lambda: self.go("Result"))
+        else:
+            self.studio.stage(source=made)

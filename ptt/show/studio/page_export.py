@@ -1,0 +1,98 @@
+"""A controller's own form: pick one, see what it holds and what error it leaves, download."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from nicegui import ui
+
+from ptt.show.card.words import length, pretty
+from ptt.show.studio.controller import Studio
+
+BARS = (
+    ("drawing", "by the drawing", "#d55e00"),
+    ("format", "with this form", "#0072b2"),
+    ("model", "with the whole model", "#9aa3aa"),
+)
+
+
+class ExportView:
+    """The box's parts."""
+
+    def __init__(self, studio: Studio) -> None:
+        """Build it."""
+        self.studio = studio
+        self.asked = ""
+        with ui.element("div").classes("st-box").mark("export"):
+            ui.html("For the controller", sanitize=False, tag="h2").classes("st-head")
+            with ui.element("div").classes("st-tools"):
+                self.which = (
+                    ui.select({}, label="controller or form")
+                    .props("dense outlined options-dense")
+                    .style("flex: 1 1 220px; min-width: 0")
+                )
+                self.write = ui.button("Write it", icon="memory", on_click=self._write).props("no-caps unelevated")
+            self.body = ui.element("div").classes("w-full")
+        studio.on("session", self.show)
+        studio.on("busy", self._enable)
+        self.show()
+
+    def _enable(self) -> None:
+        self.write.set_enabled(self.studio.session.ready and self.studio.idle and bool(self.which.value))
+
+    def show(self) -> None:
+        """Take over a changed session; what was written for another model goes."""
+        session = self.studio.session
+        self._enable()
+        self.body.clear()
+        if session.ready and self.asked != session.kind:
+            self.asked = session.kind
+            ui.timer(0.01, self._formats, once=True)
+
+    async def _formats(self) -> None:
+        found = await self.studio.work("forms for controllers", "formats", self.studio.session.kind, how="aside")
+        if found is not None:
+            self.which.set_options(
+                {name: f"{name}: {about}" for name, about in found}, value=found[0][0] if found else None
+            )
+            self._enable()
+
+    async def _write(self) -> None:
+        session = self.studio.session
+        model = session.training.archive if session.training else session.text
+        to = str(self.which.value)
+        found = await self.studio.work(f"writing {to}", "export", session.source, model, to)
+        if found is not None:
+            self.body.clear()
+            with self.body:
+                self._fill(found)
+
+    def _fill(self, found: Mapping[str, Any]) -> None:
+        error = found["error_um"]
+        ui.label("What the machine would still miss over its workspace").classes("font-medium").style("margin-top: 8px")
+        most = max((value for value in error.values() if value), default=1.0)
+        for key, words, colour in BARS:
+            value = error.get(key)
+            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; gap: 8px"):
+                ui.label(words).classes("st-note").style("width: 140px; flex: none")
+                ui.element("div").style(
+                    f"width: {55.0 * (value or 0.0) / most:.1f}%; min-width: 2px; height: 12px; border-radius: 3px; "
+                    f"background: {colour}"
+                )
+                ui.label(length(value) if value is not None else "\N{EN DASH}").style("white-space: nowrap")
+        holds = ", ".join(found["holds"]) or "the drawing alone"
+        ui.label(f"Holds: {holds}.").classes("st-note")
+        for item in found["cannot_hold"]:
+            ui.label(f"Cannot hold {item['effect']}: {pretty(item['why'])}.").classes("st-tie").style("margin-top: 3px")
+        for line in found.get("notes", ()):
+            ui.label(pretty(line)).classes("st-note")
+        give = ui.button(f"Download {found['name']}", icon="download")
+        give.on_click(lambda: ui.download.content(found["content"], found["name"])).props("no-caps unelevated")
+
+
+def build_export(studio: Studio) -> ExportView:
+    """Build the box.
+
+    Args:
+        studio: of this session.
+    """
+    return ExportView(studio)

@@ -1,0 +1,132 @@
+"""The machine on the page: orbit, scrub through the travel, enlarge errors and faults, with the true scale stated."""
+
+from typing import Any
+
+import numpy as np
+from nicegui import ui
+
+from ptt.show.card.scene import Lines, usual_times
+from ptt.show.card.words import length
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.looks import Look
+from ptt.show.studio.machine_figure import machine_figure, usual_scale
+from ptt.show.studio.results import Learned
+
+STEP = 1.0 / 3.0  # of a power of ten, a notch of the sliders
+
+
+class MachinePicture:
+    """The picture and what it is turned by."""
+
+    def __init__(self, studio: Studio) -> None:
+        """Build it."""
+        self.studio = studio
+        self.lesson: Learned | None = None
+        self.key = ""
+        self.look: Look | None = None
+        self.drawn: object = None
+        with ui.element("div").classes("st-tools"):
+            ui.html("Where on the machine", sanitize=False, tag="h2").classes("st-head")
+            ui.space()
+            self.near = ui.toggle({False: "machine", True: "readings"}, value=False, on_change=self.draw)
+            self.near.props('dense no-caps size=sm aria-label="what fills the picture"')
+            self.arrows = ui.switch("errors", value=True, on_change=self.draw).props("dense")
+            self.fault = ui.switch("fault", value=True, on_change=self.draw).props("dense")
+        self.note = ui.label().classes("st-note").mark("picture-note")
+        self.plot = ui.plotly({"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}})
+        self.plot.classes("st-plot st-machine").props('role=img aria-label="the machine, its errors and its fault"')
+        with ui.element("div").style(
+            "display: grid; grid-template-columns: max-content 1fr; gap: 0 12px; width: 100%; align-items: center"
+        ):
+            self.scale = self._slider("errors enlarged")
+            self.times = self._slider("fault enlarged")
+            self.pose = self._slider("along the travel", step=1.0)
+
+    def _slider(self, words: str, step: float = STEP) -> ui.slider:
+        ui.label(words).classes("st-note")
+        slider = ui.slider(min=0, max=6, step=step, value=0, on_change=self.draw)
+        slider.props("dense").props["aria-label"] = words
+        slider.on("change", lambda: None, throttle=0.15)
+        return slider
+
+    def show(self, lesson: Learned | None) -> None:
+        """Take over a diagnosis, or none yet; the errors are of the run as it was held against the drawing."""
+        look = self.studio.session.look
+        if (lesson, look) == (self.lesson, self.look) and self.drawn is not None:
+            return
+        fresh = self.look is None or look is None or self.look.source != look.source
+        self.lesson, self.look = lesson, look
+        shifts = {} if lesson is None else lesson.ghosts.get("shift", {})
+        if self.key not in shifts:
+            self.key = next(iter(shifts), "")
+        if look is None:
+            return
+        if fresh:
+            with_scale = np.log10(usual_scale(look))
+            self.scale.set_value(round(with_scale / STEP) * STEP)
+            self.pose._props["max"] = len(self._rows()) - 1
+            self.pose.set_value(len(self._rows()) // 2)
+            self.pose.update()
+        self._suit()
+        self.draw()
+
+    def point(self, key: str) -> None:
+        """Show another finding."""
+        self.key = key
+        self.fault.set_value(True)
+        self._suit()
+        self.draw()
+
+    def _suit(self) -> None:
+        """Enlarge the fault so that it is well seen."""
+        shift = self._shift()
+        if shift is not None and self.look is not None:
+            drawing, row = self.look.drawing, int(self._rows()[len(self._rows()) // 2])
+            lines = Lines(drawing.rails, drawing.chains[row], drawing.platform[row])
+            self.times.set_value(round(np.log10(usual_times(lines, shift)) / STEP) * STEP)
+
+    def _rows(self) -> np.ndarray:
+        """Rows that the travel is scrubbed through: those that the ghosts were worked out at."""
+        if self.lesson is not None and self.lesson.ghosts.get("rows"):
+            return np.asarray(self.lesson.ghosts["rows"], dtype=int)
+        assert self.look is not None
+        kept = np.flatnonzero(self.look.kept)
+        kept = kept if len(kept) else np.arange(self.look.rows)
+        return np.asarray(kept[np.unique(np.linspace(0, len(kept) - 1, min(48, len(kept))).astype(int))])
+
+    def _shift(self) -> Any:
+        return None if self.lesson is None else self.lesson.ghosts.get("shift", {}).get(self.key)
+
+    def draw(self) -> None:
+        """Draw it again."""
+        look = self.look
+        if look is None:
+            return
+        rows, shift = self._rows(), self._shift()
+        at = min(int(self.pose.value or 0), len(rows) - 1)
+        scale, times = round_figure(10.0 ** float(self.scale.value)), round_figure(10.0 ** float(self.times.value))
+        finding = (
+            next((one for one in self.lesson.card["findings"] if one["effect"] == self.key), None)
+            if self.lesson
+            else None
+        )
+        ghost = None
+        if shift is not None and self.fault.value:
+            values = [value for value in finding["values"] if value["joint"] or finding] if finding else []
+            ghost = {"shift": shift, "at": min(at, len(shift["platform"]) - 1), "times": times, "values": values}
+        shown = scale if self.arrows.value else 0.0
+        told = [f"errors {scale:,.0f} times enlarged: 10 mm of arrow is {length(1e4 / scale)}"] if shown else []
+        told += [f"{self.key} drawn {times:,.0f} times as large, in orange"] if ghost else []
+        self.note.set_text("; ".join(told) or "as drawn, nothing enlarged")
+        self.plot.update_figure(
+            machine_figure(
+                look, int(rows[at]), scale=shown, ghost=ghost, near=bool(self.near.value), picked=self.studio.picked
+            )
+        )
+        self.drawn = look
+
+
+def round_figure(value: float) -> float:
+    """The nearest of 1, 2, 5 times a power of ten: what can be said of an enlargement."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(min((step * power for step in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(np.log(each / value))))

@@ -1,0 +1,102 @@
+"""What else was looked at: other candidates, what could not be tested, and the diagnosis in figures."""
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import ui
+
+from ptt.show.card.words import length, pretty
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.page_effect import open_effect
+from ptt.show.studio.results import Learned
+from ptt.show.studio.session import key_of
+
+HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told from", "")
+
+
+class OthersView:
+    """The view's parts."""
+
+    def __init__(self, studio: Studio, add: Callable[[str], Awaitable[None]]) -> None:
+        """Build it."""
+        self.studio, self.add = studio, add
+        self.shown: Learned | None = None
+        self.adds: dict[str, ui.button] = {}
+        with (
+            ui.element("div").classes("st-box") as self.box,
+            ui.expansion("What else was looked at").classes("w-full").props("dense"),
+        ):
+            self.body = ui.element("div").classes("st-grid").props("tabindex=0")
+        studio.on("session", self.show)
+        self.show()
+
+    def show(self) -> None:
+        """Take over a changed session; rows stay where they are."""
+        session = self.studio.session
+        lesson = session.lesson
+        self.box.set_visibility(lesson is not None or self.shown is not None)
+        if lesson is not None and lesson is not self.shown:
+            self.shown = lesson
+            self.body.clear()
+            self.adds.clear()
+            with self.body:
+                self._fill(lesson)
+        there = {key_of(entry) for entry in session.effects}
+        for key, button in self.adds.items():
+            button.set_visibility(key not in there)
+
+    def _fill(self, lesson: Learned) -> None:
+        data = lesson.data
+        with ui.element("table").classes("st-plain").mark("candidates"):
+            with ui.element("thead"), ui.element("tr"):
+                for index, head in enumerate(HEADS):
+                    ui.html(head, sanitize=False, tag="th").props("scope=col").classes("w" if index in (0, 4) else "")
+            with ui.element("tbody"):
+                for item in data["candidates"]:
+                    self._row(item)
+        ui.label("Takes alone: the share of the squared error that the effect takes by itself.").classes("st-note")
+        if data["not_testable"]:
+            ui.html("Could not be tested on this run", sanitize=False, tag="h3").classes("st-head").style(
+                "margin-top: 8px"
+            )
+            for item in data["not_testable"]:
+                ui.label(f"{item['effect']} needs {item['needs']}").classes("st-note")
+        noise, left = data["noise_um"], len(data["outlier_rows"])
+        gross = f", {left} left out as gross errors" if left else ""
+        ui.label(f"Noise {length(noise['total'])} from {noise['source']}; {data['rows']} readings{gross}.").classes(
+            "st-note"
+        )
+        with ui.expansion("The same as the command line says it").classes("w-full").props("dense"):
+            ui.label(pretty(lesson.text)).classes("st-mono")
+
+    def _row(self, item: dict[str, Any]) -> None:
+        key = item["effect"]
+        before, after = item["heldout_rms_um"]["before"], item["heldout_rms_um"]["after"]
+        cells = (
+            f"{item['explained_share']:.0%}", f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)}",
+            f"{100.0 * item['probability']:.0f} %",
+        )  # fmt: skip
+        with ui.element("tr"):
+            with ui.element("td").classes("w"):
+                name = ui.button(key, on_click=lambda: open_effect(self.studio, key)).props(
+                    "flat dense no-caps align=left"
+                )
+                name.props["aria-label"] = f"why {key}"
+            for text in cells:
+                ui.html(text, sanitize=False, tag="td")
+            with ui.element("td").classes("w"):
+                ui.label(", ".join(item["indistinguishable_from"]) or "\N{EN DASH}").classes("st-note")
+            with ui.element("td"):
+                button = ui.button("Add", on_click=lambda: self.add(key)).props("dense no-caps outline size=sm")
+                button.props["aria-label"] = f"add {key} from the list"
+                self.adds[key] = button.style("padding: 0 8px")
+
+
+def build_others(studio: Studio, add: Callable[[str], Awaitable[None]]) -> OthersView:
+    """Build the box.
+
+    Args:
+        studio: of this session.
+        add: adds an effect.
+    """
+    return OthersView(studio, add)

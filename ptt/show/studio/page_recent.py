@@ -1,0 +1,33 @@
+"""Earlier sessions of this browser: opened again as they were left, or taken off the disk."""
+
+from nicegui import ui
+
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.store import Store
+
+
+def build_recent(studio: Studio) -> None:
+    """List the sessions of this browser.
+
+    Args:
+        studio: of this session.
+    """
+    store = Store(studio.place.root)
+    earlier = [each for each in store.recent(studio.place.owner) if each.key != studio.place.key]
+    if not earlier:
+        return
+    with ui.element("div").classes("st-box").style("height: auto"):
+        ui.html("Earlier sessions", sanitize=False, tag="h2").classes("st-head")
+        for each in earlier:
+            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap") as row:
+                ui.link(each.words, f"/s/{each.key}/result").style("flex: 1 1 0; min-width: 0; overflow-wrap: anywhere")
+                ui.label(each.changed[:16].replace("T", " ")).classes("st-note").style("white-space: nowrap")
+
+                def remove(key: str = each.key, line: ui.element = row) -> None:
+                    found = store.find(key, studio.place.owner)
+                    if found is not None:
+                        found.remove()
+                    line.delete()
+
+                gone = ui.button(icon="delete", on_click=remove).props("flat round dense size=sm")
+                gone.props["aria-label"] = f"remove {each.words}"

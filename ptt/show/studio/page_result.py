@@ -1,0 +1,226 @@
+"""Result: from error to noise as one bar, what is off and what to do about it, and where on the machine it is."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from nicegui import ui
+
+from ptt.show.card.bar import COLOURS, MOST, bar_html
+from ptt.show.card.words import how_sure, length
+from ptt.show.studio.controller import LEARN, LONG, Studio
+from ptt.show.studio.page_effect import open_effect
+from ptt.show.studio.page_machine_picture import MachinePicture
+from ptt.show.studio.page_others import build_others
+from ptt.show.studio.page_unknown import build_unknown
+from ptt.show.studio.results import Learned
+from ptt.show.studio.session import key_of
+
+Go = Callable[[str], None]
+ICONS = {"missing": "lightbulb", "nothing-missing": "check_circle", "unknown": "help"}
+
+
+class ResultView:
+    """The view's parts."""
+
+    def __init__(self, studio: Studio, go: Go) -> None:
+        """Build it."""
+        self.studio, self.go = studio, go
+        self.filled: Learned | None = None
+        self.adds: dict[str, tuple[ui.button, ui.label]] = {}
+        self.rows: dict[str, ui.element] = {}
+        with ui.element("div").classes("st-two st-wide-right"):
+            with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
+                with ui.element("div").classes("st-box"):
+                    self._build_head()
+                    self.card = ui.element("div").classes("w-full").mark("card")
+                    self.next = ui.element("div").classes("st-tools").style("margin-top: 10px")
+                    with self.next:
+                        self._build_next()
+                self.unknown = build_unknown(studio, go)
+                self.others = build_others(studio, self.add)
+            with ui.element("div").classes("st-box st-col"):
+                self.picture = MachinePicture(studio)
+        studio.on("session", self.show)
+        studio.on("busy", self._enable)
+        self.show()
+
+    def _build_head(self) -> None:
+        with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
+            self.icon = ui.icon("troubleshoot", size="30px", color="primary").props('aria-hidden="true"')
+            self.title = (
+                ui.html("", sanitize=False, tag="h2")
+                .classes("st-title")
+                .mark("verdict")
+                .props("role=status aria-live=polite")
+            )
+            self.title.style("flex: 1 1 0; min-width: 0")
+            self.sure = ui.label().classes("st-chip").mark("sure")
+        self.words = ui.label().mark("words")
+        self.find = ui.button("Find what is missing", icon="search", on_click=self.studio.learn).props(
+            "no-caps unelevated"
+        )
+
+    def _build_next(self) -> None:
+        self.all = ui.button("Add all", icon="done_all", on_click=self._add_all).props("no-caps unelevated")
+        self.poses = ui.button("Poses that part them (CSV)", icon="download", on_click=self._give_poses).props(
+            "no-caps outline"
+        )
+        self.finish = ui.button("Take it to the machine", icon="task_alt", on_click=lambda: self.go("Finish"))
+        self.finish.props("no-caps outline")
+
+    def lesson(self) -> tuple[Learned | None, bool]:
+        """The diagnosis that is shown, and whether the model has changed since it was made."""
+        session = self.studio.session
+        if session.lesson is not None:
+            return session.lesson, False
+        before = (snapshot.active for snapshot in reversed(session.past))
+        return next((session.lessons[text] for text in before if text in session.lessons), None), True
+
+    def _enable(self) -> None:
+        session, busy = self.studio.session, self.studio.busy
+        lesson, _ = self.lesson()
+        looking = busy is not None and busy.words.startswith(LEARN)
+        self.find.set_visibility(session.ready and session.lesson is None and not looking)
+        self.find.set_enabled(self.studio.idle)
+        self.all.set_enabled(self.studio.idle)
+        if lesson is None:
+            self._empty(looking)
+
+    def _empty(self, looking: bool) -> None:
+        """Nothing found yet: say what there is to do, or what is being done."""
+        session = self.studio.session
+        self.sure.set_visibility(False)
+        rows = session.look.rows if session.look else 0
+        if looking:
+            self._say(
+                "Looking for what is missing",
+                "The machine on the right shows the errors meanwhile; arrows are means of readings.",
+                "hourglass_top",
+            )
+        elif not session.ready:
+            self._say("Nothing to show yet", "Load a run and its machine, or try the sample.", "upload_file")
+        elif rows > LONG:
+            self._say("Not looked yet", f"{rows:,} rows take a few minutes; begin when you are ready.", "search")
+        else:
+            self._say("Not looked yet", "", "search")
+
+    def _say(self, title: str, words: str, icon: str) -> None:
+        if self.title.content != title:
+            self.title.set_content(title)
+        self.words.set_text(words)
+        self.icon.set_name(icon)
+
+    def show(self) -> None:
+        """Take over a changed session; the card is only built anew for another diagnosis, rows are updated."""
+        lesson, stale = self.lesson()
+        self._enable()
+        self.next.set_visibility(lesson is not None)
+        if lesson is None:
+            self.card.clear()
+            self.filled = None
+            self.picture.show(None)
+            return
+        card = lesson.card
+        if lesson is not self.filled:
+            self.filled = lesson
+            self.card.clear()
+            self.adds.clear()
+            self.rows.clear()
+            with self.card:
+                self._fill(lesson)
+            self._say(card["title"], card["words"], ICONS[card["verdict"]])
+            self.sure.set_text(how_sure(card["probability"]))
+            self.sure.set_visibility(True)
+            self.picture.show(lesson)
+        there = {key_of(entry) for entry in self.studio.session.effects}
+        left = [one["effect"] for one in card["findings"] if one["effect"] not in there]
+        for key, (button, note) in self.adds.items():
+            button.set_visibility(key not in there)
+            note.set_visibility(key in there)
+        self.all.set_visibility(len(left) > 1)
+        self.poses.set_visibility(bool(lesson.measure_next))
+        self.finish.set_visibility(not left)
+        if stale:
+            self.words.set_text("The model has changed since; this was found before the change.")
+        elif self.words.text != card["words"]:
+            self.words.set_text(card["words"])
+
+    def _fill(self, lesson: Learned) -> None:
+        card = lesson.card
+        ui.html(bar_html(card), sanitize=False).classes("w-full").style("margin: 10px 0").mark("bar")
+        for number, finding in enumerate(card["findings"][:MOST]):
+            self._finding(finding, number)
+        more = card["findings"][MOST:]
+        if more:
+            with ui.expansion(f"{len(more)} smaller ones").classes("w-full").props("dense"):
+                for number, finding in enumerate(more, MOST):
+                    self._finding(finding, number)
+        if card["measure_next"]:
+            with ui.element("div").classes("st-tie").style("margin-top: 8px"):
+                ui.label("What to measure next").classes("font-medium")
+                for line in card["measure_next"]:
+                    ui.label(line).classes("st-note")
+
+    def _finding(self, finding: Mapping[str, Any], number: int) -> None:
+        key = finding["effect"]
+        colour = COLOURS[number % len(COLOURS)]
+        with (
+            ui.element("div")
+            .classes("st-finding")
+            .style(f"margin-top: 8px; border-left-color: {colour}")
+            .mark(f"finding {key}") as row
+        ):
+            self.rows[key] = row
+            if finding["tie"]:
+                ui.label(finding["tie"]).classes("st-tie font-medium").mark("tie")
+            ui.label(finding["words"]).style("font-size: 15.5px; font-weight: 500")
+            if finding["cure"]:
+                with ui.element("div").classes("st-step st-cure"):
+                    ui.icon("build", size="17px").props('aria-hidden="true"')
+                    ui.label(f"{finding['cure'][:1].upper()}{finding['cure'][1:]}.")
+            if finding["off_scale"]:
+                ui.label("Far beyond what is usual: look at the drawing and the units too.").classes("st-tie")
+            with ui.element("div").classes("st-tools").style("margin-top: 4px"):
+                ui.label(how_sure(finding["probability"])).classes("st-chip")
+                ui.label(
+                    f"held-out error {length(finding['before_um'])} \N{RIGHTWARDS ARROW} {length(finding['after_um'])}"
+                ).classes("st-chip")
+                ui.space()
+                show = ui.button("On the machine", icon="my_location", on_click=lambda: self._point(key))
+                show.props("flat dense no-caps size=sm").props["aria-label"] = f"show {key} on the machine"
+                why = ui.button("Why", icon="query_stats", on_click=lambda: open_effect(self.studio, key))
+                why.props("flat dense no-caps size=sm").props["aria-label"] = f"card of {key}"
+                add = ui.button("Add", icon="add", on_click=lambda: self.add(key))
+                add.props("dense no-caps unelevated size=sm").props["aria-label"] = f"add {key}"
+                add.style("padding: 0 10px")
+                self.adds[key] = add, ui.label("in the model").classes("st-chip")
+
+    def _point(self, key: str) -> None:
+        """Show a finding on the machine."""
+        for name, row in self.rows.items():
+            row.classes(add="st-chosen") if name == key else row.classes(remove="st-chosen")
+        self.picture.point(key)
+
+    async def add(self, key: str) -> None:
+        """Add an effect; what is missing then is looked for again."""
+        await self.studio.change("add", key)
+
+    async def _add_all(self) -> None:
+        lesson, _ = self.lesson()
+        if lesson is not None:
+            await self.studio.change("add", *(one["effect"] for one in lesson.card["findings"]))
+
+    def _give_poses(self) -> None:
+        lesson, _ = self.lesson()
+        if lesson is not None:
+            ui.download.content(lesson.measure_next, "measure_next.csv")
+
+
+def build_result(studio: Studio, go: Go) -> None:
+    """Build the view.
+
+    Args:
+        studio: of this session.
+        go: shows another view.
+    """
+    ResultView(studio, go)

@@ -1,0 +1,85 @@
+"""The set-up card: what looks mistaken, with its proof and cure; mend it, or go on all the same."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from nicegui import ui
+
+from ptt.show.card.words import length, pretty
+from ptt.show.studio.controller import Studio
+
+
+def build_setup(studio: Studio, go: Callable[[str], None]) -> None:
+    """Build the card; it is there only while a mistake is.
+
+    Args:
+        studio: of this session.
+        go: shows another view.
+    """
+    with ui.element("div").classes("st-box").mark("setup") as box:
+        ui.html("First the set-up: something looks mistaken", sanitize=False, tag="h2").classes("st-title")
+        body = ui.element("div").classes("w-full")
+        with ui.element("div").classes("st-tools").style("margin-top: 10px"):
+            mend = ui.button("Put it right and open", icon="build", on_click=lambda: _mend(studio, go)).props(
+                "no-caps unelevated"
+            )
+            anyway = ui.button("Go on anyway", icon="fast_forward", on_click=lambda: _anyway(studio, go)).props(
+                "no-caps outline"
+            )
+        ui.label("Putting it right writes a mended copy beside your files; they stay as they are.").classes("st-note")
+
+    def update() -> None:
+        box.set_visibility(bool(studio.staged.setup))
+        body.clear()
+        with body:
+            for finding in studio.staged.setup:
+                show_finding(finding)
+
+    def enable() -> None:
+        for button in (mend, anyway):
+            button.set_enabled(studio.idle)
+
+    studio.on("staged", update)
+    studio.on("busy", enable)
+    update()
+
+
+def show_finding(finding: Mapping[str, Any]) -> None:
+    """One finding about the set-up: what, the proof as two bars, and the cure.
+
+    Args:
+        finding: as `ptt check --json` lists it.
+    """
+    with ui.element("div").classes("st-finding").style("margin-top: 8px"):
+        sure = "" if finding["sure"] else "perhaps "
+        ui.label(f"{sure}{finding['mistake'].replace('-', ' ')}").classes("st-head")
+        ui.label(pretty(finding["words"]))
+        before, after = (finding["rms_um"][key] for key in ("before", "after"))
+        if before and after is not None:
+            for words, value in (("as it is", before), ("put right", after)):
+                with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; gap: 8px"):
+                    ui.label(words).classes("st-note").style("width: 64px; flex: none")
+                    share = max(0.6, 100.0 * value / max(before, after))
+                    ui.element("div").style(
+                        f"width: {0.7 * share:.1f}%; height: 12px; border-radius: 3px; "
+                        f"background: {'#d55e00' if words == 'as it is' else '#009e73'}"
+                    )
+                    ui.label(length(value)).classes("st-note").style("white-space: nowrap")
+        ui.label(f"Cure: {pretty(finding['fix'])}").classes("st-cure")
+
+
+async def _mend(studio: Studio, go: Callable[[str], None]) -> None:
+    staged = studio.staged
+    if staged.source is None:
+        return
+    made = await studio.work("putting it right", "mend", staged.source, staged.machine)
+    if made is not None:
+        source, machine = made
+        await studio.open(source, machine, lambda: go("Result"))
+
+
+async def _anyway(studio: Studio, go: Callable[[str], None]) -> None:
+    staged = studio.staged
+    if staged.source is not None:
+        await studio.open(replace(staged.source, anyway=True), staged.machine, lambda: go("Result"))

@@ -1,0 +1,143 @@
+"""What else one asks of a machine: figures of the standard, dexterity, poses to measure, its history."""
+
+import base64
+
+from nicegui import ui
+
+from ptt.show.card.words import length, pretty
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.tables import table_html
+
+
+def build_tools(studio: Studio) -> None:
+    """Build the boxes.
+
+    Args:
+        studio: of this session.
+    """
+    with ui.element("div").classes("st-box"):
+        ui.html("Poses to measure", sanitize=False, tag="h2").classes("st-head")
+        _build_plan(studio)
+    with ui.element("div").classes("st-box"):
+        ui.html("Figures of the standard (ISO 9283)", sanitize=False, tag="h2").classes("st-head")
+        _build_text(studio, "Work them out", "figures of the standard", "iso")
+    with ui.element("div").classes("st-box"):
+        ui.html("Dexterity over the workspace", sanitize=False, tag="h2").classes("st-head")
+        _build_dexterity(studio)
+    with ui.element("div").classes("st-box"):
+        ui.html("History of the model", sanitize=False, tag="h2").classes("st-head")
+        _build_history(studio)
+
+
+def _build_plan(studio: Studio) -> None:
+    with ui.element("div").classes("st-tools"):
+        rows = ui.number("rows", value=200, min=12, max=5000, precision=0).props("dense outlined").classes("w-24")
+        loads = ui.input("payloads [kg]", placeholder="0,2.5,5").props("dense outlined").classes("w-36")
+        make = ui.button("Plan", icon="route").props("no-caps outline")
+    told = ui.label().classes("st-mono st-pre").props("tabindex=0")
+    told.set_visibility(False)
+
+    async def plan() -> None:
+        session = studio.session
+        if not session.ready:
+            return
+        found = await studio.work(
+            "choosing poses", "plan", session.text, int(rows.value or 200), str(loads.value or "")
+        )
+        if found is not None:
+            told.set_text(pretty(found["text"]))
+            told.set_visibility(True)
+            ui.download.content(found["csv"], "targets.csv")
+
+    make.on_click(plan)
+    _enabled(studio, make)
+
+
+def _build_text(studio: Studio, words: str, doing: str, job: str) -> None:
+    make = ui.button(words, icon="straighten").props("no-caps outline")
+    told = ui.label().classes("st-mono st-pre").props("tabindex=0")
+    told.set_visibility(False)
+
+    async def work() -> None:
+        session = studio.session
+        if not session.ready:
+            return
+        found = await studio.work(doing, job, session.source, session.text)
+        if found is not None:
+            told.set_text(pretty(found))
+            told.set_visibility(True)
+
+    make.on_click(work)
+    _enabled(studio, make)
+
+
+def _build_dexterity(studio: Studio) -> None:
+    make = ui.button("Work it out", icon="open_with").props("no-caps outline")
+    told = ui.label().classes("st-mono st-pre").props("tabindex=0")
+    told.set_visibility(False)
+    picture = ui.html("", sanitize=False).classes("w-full")
+
+    async def work() -> None:
+        session = studio.session
+        if not session.ready:
+            return
+        found = await studio.work("condition number over the workspace", "dexterity", session.text)
+        if found is not None:
+            told.set_text(found["text"])
+            told.set_visibility(True)
+            png = base64.b64encode(found["png"]).decode()
+            picture.set_content(
+                f'<img alt="condition number over the workspace" style="width:100%" src="data:image/png;base64,{png}">'
+            )
+
+    make.on_click(work)
+    _enabled(studio, make)
+
+
+def _build_history(studio: Studio) -> None:
+    body = ui.element("div").classes("st-grid w-full").props("tabindex=0")
+    shown: list[object] = []
+
+    def update() -> None:
+        now = studio.session.now
+        if shown == [now]:
+            return
+        shown[:] = [now]
+        body.clear()
+        rows = [] if now is None else [_entry(item) for item in now.file.history]
+        with body:
+            if not rows:
+                ui.label("Nothing was added, removed or refitted yet.").classes("st-note")
+                return
+            head = ("date", "command", "effect", "readings", "error", "noise")
+            ui.html(table_html(head, rows, words=3, caption="steps of the model"), sanitize=False).classes("w-full")
+
+    studio.on("session", update)
+    update()
+
+
+def _entry(item: object) -> tuple[str, ...]:
+    data = dict(item) if isinstance(item, dict) else dict(vars(item))
+    before, after, noise = (data.get(key) or {} for key in ("before_um", "after_um", "noise_um"))
+    fall = (
+        f"{length(before['total'])} \N{RIGHTWARDS ARROW} {length(after['total'])}"
+        if "total" in before and "total" in after
+        else ""
+    )
+    return (
+        str(data.get("date", ""))[:10],
+        str(data.get("command", "")),
+        str(data.get("effect", "")),
+        str(data.get("rows", "")),
+        fall,
+        length(noise["total"]) if "total" in noise else "",
+    )
+
+
+def _enabled(studio: Studio, button: ui.button) -> None:
+    def update() -> None:
+        button.set_enabled(studio.session.ready and studio.idle)
+
+    studio.on("session", update)
+    studio.on("busy", update)
+    update()

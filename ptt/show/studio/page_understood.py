@@ -1,0 +1,90 @@
+"""What was understood of a run: warnings first, then its columns with units and samples, and its figures."""
+
+from collections.abc import Callable
+
+from nicegui import ui
+
+from ptt.show.card.words import length, pretty
+from ptt.show.studio.controller import LONG, Studio
+from ptt.show.studio.looks import Look
+from ptt.show.studio.page_setup import show_finding
+from ptt.show.studio.tables import table_html
+
+PER_ROW = 0.3e-3  # s that a diagnosis takes a row, measured on a million of them on two cores
+SLOWEST = 4.0  # times that a busy or slow computer takes
+
+
+def build_understood(studio: Studio, go: Callable[[str], None]) -> None:
+    """Build the box.
+
+    Args:
+        studio: of this session.
+        go: shows another view.
+    """
+    with ui.element("div").classes("st-box"):
+        ui.html("What was understood", sanitize=False, tag="h2").classes("st-head")
+        body = ui.element("div").classes("w-full").mark("understood")
+
+    shown: list[object] = []
+
+    def update() -> None:
+        look, figures = studio.session.look, studio.session.comparison
+        if shown == [look, figures]:
+            return
+        shown[:] = [look, figures]
+        body.clear()
+        with body:
+            if look is None:
+                with ui.element("div").classes("st-empty"):
+                    ui.icon("table_view", size="42px")
+                    ui.label(
+                        "Nothing is open yet. A run is a table: where the tool should be, what was sent, what was read."
+                    )
+                return
+            _show(studio, look, go)
+
+    studio.on("session", update)
+    update()
+
+
+def _show(studio: Studio, look: Look, go: Callable[[str], None]) -> None:
+    for finding in look.setup:
+        show_finding(finding)
+    if look.rows > LONG:
+        least = PER_ROW * look.rows / 60.0
+        with ui.element("div").classes("st-tie").style("margin: 6px 0"):
+            ui.label(
+                f"{look.rows:,} rows: a diagnosis takes about {least:.0f} to {max(SLOWEST * least, 1.0):.0f} minutes "
+                "and goes on while you look; it is not begun unasked."
+            )
+    with ui.element("div").classes("st-tools").style("margin: 6px 0"):
+        ui.button("See the result", icon="troubleshoot", on_click=lambda: go("Result")).props("no-caps unelevated")
+        ui.button("Look at the readings", icon="visibility", on_click=lambda: go("Look")).props("no-caps outline")
+    left = int((~look.kept).sum())
+    rest = f" ({left} left out: base, not observed or gross errors)" if left else ""
+    facts = [
+        ("Rows", f"{look.rows}, {look.rows - left} of them count{rest}"),
+        ("Runs", ", ".join(look.runs) or "one"),
+        ("Besides poses", ", ".join(look.covariates) or "nothing: only effects of the pose can be found"),
+        ("Noise of one reading", _noise(look.noise)),
+    ]
+    ui.html(table_html((), facts, words=2), sanitize=False).classes("w-full")
+    if look.columns:
+        ui.html("Columns", sanitize=False, tag="h3").classes("st-head").style("margin-top: 10px")
+        head = ("column", "taken for", "unit", "first rows")
+        with ui.element("div").classes("st-grid").props("tabindex=0"):
+            ui.html(table_html(head, look.columns, words=4), sanitize=False).classes("w-full")
+    with ui.expansion("How the file was read, in words").classes("w-full").props("dense"):
+        for line in look.understood:
+            ui.label(pretty(line)).classes("st-note")
+    figures = studio.session.comparison
+    if figures is not None:
+        with ui.expansion("Compared with the model, in figures", value=False).classes("w-full").props("dense"):
+            ui.label(pretty(figures.text)).classes("st-mono st-pre").props("tabindex=0")
+
+
+def _noise(noise: object) -> str:
+    if not isinstance(noise, dict):
+        return "not told by this run alone; the diagnosis works it out"
+    figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z"))
+    return f"{length(noise['total'])} ({figures}), from {noise['source']}"

@@ -1,0 +1,85 @@
+"""An unknown: the one curve that it follows, large, and an effect written from it."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+from nicegui import ui
+
+from ptt.show.studio.card_figures import unknown_figure
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.results import Learned
+
+
+class UnknownView:
+    """The view's parts."""
+
+    def __init__(self, studio: Studio, go: Callable[[str], None]) -> None:
+        """Build it."""
+        self.studio, self.go = studio, go
+        self.shown: Learned | None = None
+        self.file = ""
+        with ui.element("div").classes("st-box").mark("unknown") as self.box:
+            ui.html("The curve that it follows", sanitize=False, tag="h2").classes("st-head")
+            self.plot = ui.plotly({"data": [], "layout": {}}).classes("w-full").style("height: 340px")
+            self.plot.props('role=img aria-label="what the unknown follows"')
+            self.how = ui.label().classes("st-note")
+            with ui.element("div").classes("st-tools"):
+                self.name = ui.input("name of the effect", value="my-effect").props("dense outlined").classes("w-48")
+                ui.button("Write this as an effect", icon="edit_note", on_click=self._write).props("no-caps unelevated")
+                self.add = ui.button("Add it to the model", icon="add", on_click=self._add).props("no-caps outline")
+            self.code = ui.label().classes("st-mono st-code").mark("effect-file")
+            self.code.props("tabindex=0")
+        studio.on("session", self.show)
+        self.show()
+
+    def show(self) -> None:
+        """Take over a changed session."""
+        lesson = self.studio.session.lesson
+        self.box.set_visibility(lesson is not None and lesson.unknown is not None)
+        if lesson is None or lesson.unknown is None or lesson is self.shown:
+            return
+        self.shown = lesson
+        self.plot.update_figure(unknown_figure(lesson.unknown))
+        unknown = lesson.unknown
+        rivals = f"; {', '.join(unknown['rivals'])} would tell it about as well" if unknown["rivals"] else ""
+        self.how.set_text(
+            f"{unknown['share']:.0%} of what is left of {unknown['residual']} follows it ({unknown['shape']}){rivals}."
+        )
+        self.code.set_visibility(False)
+        self.add.set_visibility(False)
+
+    async def _write(self) -> None:
+        lesson = self.studio.session.lesson
+        name = re.sub(r"[^a-z0-9]+", "-", str(self.name.value or "").lower()).strip("-") or "my-effect"
+        if lesson is None or lesson.unknown is None:
+            return
+        dependence = {key: value for key, value in lesson.unknown.items() if key != "points"}
+        made = await self.studio.work("writing the effect", "write_effect", name, dependence, how="asked")
+        if made is None:
+            return
+        self.name.set_value(name)
+        self.file = made["file"]
+        self.code.set_text(made["text"])
+        self.code.set_visibility(True)
+        self.add.set_visibility(True)
+        ui.download.content(made["text"], made["file"])
+
+    async def _add(self) -> None:
+        """Read the file that was written here as an effect, and add it."""
+        source = self.studio.session.source
+        if source is None or not self.file:
+            return
+        if self.file not in source.effects:
+            self.studio.with_source(replace(source, effects=(*source.effects, self.file)))
+        await self.studio.change("add", str(self.name.value))
+
+
+def build_unknown(studio: Studio, go: Callable[[str], None]) -> UnknownView:
+    """Build the box.
+
+    Args:
+        studio: of this session.
+        go: shows another view.
+    """
+    return UnknownView(studio, go)

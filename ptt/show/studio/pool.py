@@ -1,0 +1,245 @@
+"""Processes that calculate, shared by all sessions: a few at most, and none kept for long without work."""
+
+import asyncio
+import atexit
+import io
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, suppress
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import Any
+
+from ptt.errors import PttError, SetupError
+from ptt.show.studio.verbs import Run, use
+
+Progress = Callable[[str, int, int], None]
+POLL = 0.02  # s
+IDLE = 120.0  # s without work after which a process is given back
+FEWEST, MOST = 2, 4  # at once: a diagnosis beside a quick look; more than this and each of them gets slow
+KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
+
+
+class JobCancelledError(Exception):
+    """The person stopped the job."""
+
+
+class JobFailedError(Exception):
+    """The job refused or failed; the message is the one of the command line."""
+
+
+class QuestionError(Exception):
+    """A file leaves something open that a person has to answer.
+
+    Attributes:
+        question: what is open.
+        choices: the possible answers.
+    """
+
+    def __init__(self, question: str, choices: Sequence[str]) -> None:
+        """Keep question and choices."""
+        super().__init__(question)
+        self.question, self.choices = question, tuple(choices)
+
+
+class SetupFoundError(Exception):
+    """The set-up looks mistaken; the person may mend it or go on.
+
+    Attributes:
+        findings: as `ptt check --json` lists them.
+    """
+
+    def __init__(self, findings: Sequence[dict[str, Any]]) -> None:
+        """Keep the findings."""
+        super().__init__("the set-up looks mistaken")
+        self.findings = tuple(findings)
+
+
+class Hand:
+    """One process; it works in the folder of whichever session a job belongs to."""
+
+    def __init__(self, verb: Run | None) -> None:
+        """Start it, so that it has loaded the library when a job comes.
+
+        Args:
+            verb: how verbs of the command line are run there.
+        """
+        context = multiprocessing.get_context("spawn")
+        self.connection, other = context.Pipe()
+        self.process: SpawnProcess = context.Process(target=serve, args=(other, verb))
+        self.process.start()
+        other.close()
+        self.since = time.monotonic()
+
+    async def answer(self, folder: Path, job: str, arguments: Sequence[Any], tell: Progress | None) -> tuple[Any, ...]:
+        """What a job comes to: its kind and content."""
+        try:
+            self.connection.send((str(folder), job, arguments))
+            while True:
+                while not self.connection.poll():
+                    await asyncio.sleep(POLL)
+                kind, *content = self.connection.recv()
+                if kind != "progress":
+                    return kind, *content
+                if tell is not None:
+                    tell(*content)
+        except (EOFError, OSError):
+            return ("lost",)
+
+    @property
+    def large(self) -> bool:
+        """Whether it holds more memory than is worth keeping."""
+        try:
+            pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
+        except (OSError, ValueError, IndexError):
+            return False
+        return pages * os.sysconf("SC_PAGE_SIZE") > KEPT
+
+    def kill(self) -> None:
+        """End it, and what it has started."""
+        if self.process.pid is not None and hasattr(os, "killpg"):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.process.pid, signal.SIGKILL)  # its own group, once it has made one
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
+
+
+class Pool:
+    """As many processes as cores, within bounds; jobs beyond that wait their turn."""
+
+    def __init__(self, most: int | None = None, idle: float = IDLE, verb: Run | None = None) -> None:
+        """Start nothing yet.
+
+        Args:
+            most: processes at once; None takes as many as there are cores, within bounds.
+            idle: seconds without work after which a process is given back.
+            verb: how verbs of the command line are run, a function that another process can import.
+        """
+        self.most = most or max(FEWEST, min(MOST, os.cpu_count() or FEWEST))
+        self.idle, self.verb = idle, verb
+        self._free: list[Hand] = []
+        self._all: set[Hand] = set()
+        self._room = asyncio.Semaphore(self.most)
+        atexit.register(self.close)
+
+    def warm(self) -> None:
+        """Have one process ready before the first job comes."""
+        if not self._all:
+            self._free.append(self._started())
+            self._trim_later()
+
+    async def run(self, folder: Path, job: str, arguments: Sequence[Any], tell: Progress | None = None) -> Any:
+        """Do a job; a task that is cancelled ends the process that does it.
+
+        Args:
+            folder: to work in.
+            job: name of a function of `ptt.show.studio.jobs`.
+            arguments: what it takes, all of it picklable.
+            tell: told what is done, how much of how much.
+
+        Returns:
+            What it returns.
+
+        Raises:
+            JobFailedError: it refused or failed.
+            QuestionError: it needs an answer.
+            SetupFoundError: the set-up looks mistaken.
+        """
+        if self._room.locked() and tell is not None:
+            tell("waiting until other sessions are served", 0, 0)
+        async with self._room:
+            hand = self._free.pop() if self._free else self._started()
+            try:
+                kind, *content = await hand.answer(folder, job, arguments, tell)
+            except BaseException:
+                self._end(hand)
+                raise
+            if kind == "lost" or hand.large:
+                self._end(hand)
+            else:
+                hand.since = time.monotonic()
+                self._free.append(hand)
+                self._trim_later()
+        if kind == "done":
+            return content[0]
+        if kind == "question":
+            raise QuestionError(*content)
+        if kind == "setup":
+            raise SetupFoundError(content[0])
+        lost = "the calculation ended unexpectedly (out of memory?); try again"
+        raise JobFailedError(content[0] if content else lost)
+
+    def close(self) -> None:
+        """End all processes."""
+        for hand in list(self._all):
+            self._end(hand)
+        self._free.clear()
+
+    def _started(self) -> Hand:
+        hand = Hand(self.verb)
+        self._all.add(hand)
+        return hand
+
+    def _end(self, hand: Hand) -> None:
+        self._all.discard(hand)
+        hand.kill()
+
+    def _trim_later(self) -> None:
+        with suppress(RuntimeError):  # without a loop nobody waits for anything
+            asyncio.get_running_loop().call_later(self.idle + 1.0, self._trim)
+
+    def _trim(self) -> None:
+        """Give back what has had no work for a while."""
+        for hand in [hand for hand in self._free if time.monotonic() - hand.since > self.idle]:
+            self._free.remove(hand)
+            self._end(hand)
+
+
+def serve(connection: Connection, verb: Run | None = None) -> None:
+    """Do jobs until the page goes away.
+
+    Args:
+        connection: to the page.
+        verb: how verbs of the command line are run.
+    """
+    if hasattr(os, "setsid"):
+        os.setsid()  # with what it starts it is one group, ended as one
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.stdin = open(os.devnull)  # noqa: SIM115 - nobody is asked on the terminal that the page was started from
+    from ptt.show.studio import jobs
+
+    use(verb)
+    jobs.prepare()
+    while True:
+        try:
+            folder, job, arguments = connection.recv()
+            os.chdir(folder)  # messages then name files as a person in that folder would
+            connection.send(_answer(connection, getattr(jobs, job), arguments))
+            os.chdir(os.sep)
+        except (EOFError, BrokenPipeError, KeyboardInterrupt):
+            return
+
+
+def _answer(connection: Connection, job: Callable[..., Any], arguments: Sequence[Any]) -> tuple[Any, ...]:
+    def tell(what: str, done: int = 0, of: int = 0) -> None:
+        connection.send(("progress", what, done, of))
+
+    try:
+        with redirect_stderr(io.StringIO()):
+            return "done", job(*arguments, tell=tell)
+    except QuestionError as question:
+        return "question", question.question, question.choices
+    except SetupError as error:
+        return "setup", [finding.to_dict() for finding in error.check.findings]
+    except PttError as error:
+        return "failed", " ".join(str(error).split())
+    except OSError as error:
+        return "failed", f"{Path(str(error.filename or 'file')).name}: {error.strerror or error}"
+    except Exception as error:
+        return "failed", f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"

@@ -1,0 +1,210 @@
+"""Sessions on disk: a folder each, with its files, its steps and what was found; a restart opens them as they were."""
+
+import hashlib
+import json
+import os
+import re
+import secrets
+import shutil
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ptt.errors import InputError, PttError
+from ptt.files import write_bytes, write_text
+from ptt.show.studio.arrays import pack_look, unpack_look
+from ptt.show.studio.results import Compared, Learned, Source, Trained
+from ptt.show.studio.session import Rung, Session, Snapshot
+
+KEY = re.compile(r"[a-z0-9]{12}")
+STATE, FOUND, FILES = "session.json", "found", "files"
+SHOWN = 12  # sessions of a browser that are listed
+VERSION = 1
+
+
+def usual_root() -> Path:
+    """Where sessions are kept unless another folder is named."""
+    given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    return Path(given or Path.home() / ".local" / "state") / "ptt" / "studio"
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A session in a list: where it is, what it is about, when it was changed."""
+
+    key: str
+    words: str
+    changed: str
+
+
+class Place:
+    """The folder of one session."""
+
+    def __init__(self, root: Path, key: str, owner: str) -> None:
+        """Make it.
+
+        Args:
+            root: folder of all sessions.
+            key: of this one, as in its address.
+            owner: cookie of the browser that it belongs to.
+        """
+        self.root, self.key, self.owner = root, key, owner
+        self.folder = root / key
+        self.files = self.folder / FILES
+        self.files.mkdir(parents=True, exist_ok=True)
+        self._kept: set[Path] = set()
+
+    def save(self, session: Session) -> None:
+        """Write down a session; what was found is written once.
+
+        Raises:
+            InputError: the disk is full, or the folder cannot be written.
+        """
+        if session.source is None or session.now is None:
+            return
+        state = {
+            "version": VERSION,
+            "owner": _hashed(self.owner),
+            "changed": datetime.now(UTC).isoformat(timespec="seconds"),
+            "words": f"{session.source.run} on {session.now.file.machine.name}: {session.now.words}",
+            "source": asdict(session.source),
+            "now": _plain(session.now),
+            "past": [_plain(each) for each in session.past],
+            "future": [_plain(each) for each in session.future],
+        }
+        for text, look in session.looks.items():
+            self._once(session.source, text, "look.npz", partial(pack_look, look))
+        for text, compared in session.comparisons.items():
+            said = {"data": compared.data, "text": compared.text}
+            self._once(session.source, text, "compared.json", partial(_json, said))
+        for text, learned in session.lessons.items():
+            self._once(session.source, text, "learned.json", partial(_json, asdict(learned)))
+        for text, trained in session.trainings.items():
+            self._once(session.source, text, "trained.json", partial(_json, trained.data))
+            self._once(session.source, text, "trained.zip", partial(bytes, trained.archive))
+        write_text(self.folder / STATE, json.dumps(state))
+
+    def load(self) -> Session:
+        """The session as it was; an empty one where nothing was written down yet, or not by this version."""
+        try:
+            state = json.loads((self.folder / STATE).read_text(encoding="utf-8"))
+            if state["version"] != VERSION:
+                return Session()
+            source = _source(state["source"])
+            now = _snapshot(state["now"])
+            past, future = (tuple(_snapshot(each) for each in state[key]) for key in ("past", "future"))
+        except (OSError, ValueError, KeyError, TypeError):
+            return Session()
+        found: dict[str, dict[str, Any]] = {"looks": {}, "comparisons": {}, "lessons": {}, "trainings": {}}
+        for snapshot in (*past, now, *future):
+            with suppress(PttError):
+                self._find(source, snapshot.active, found)
+        return Session(source, now, past, future, **found)
+
+    def remove(self) -> None:
+        """Take it off the disk."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was ever opened here."""
+        return not (self.folder / STATE).exists()
+
+    def _place(self, source: Source, text: str, kind: str) -> Path:
+        digest = hashlib.sha256(json.dumps([asdict(source), text]).encode()).hexdigest()[:24]
+        return self.folder / FOUND / f"{digest}.{kind}"
+
+    def _once(self, source: Source, text: str, kind: str, content: Any) -> None:
+        path = self._place(source, text, kind)
+        if path not in self._kept and not path.exists():
+            write_bytes(path, content())
+        self._kept.add(path)
+
+    def _find(self, source: Source, text: str, found: dict[str, dict[str, Any]]) -> None:
+        """What was found of one model; what cannot be read is worked out anew."""
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            found["looks"][text] = unpack_look(self._place(source, text, "look.npz").read_bytes())
+            compared = json.loads(self._place(source, text, "compared.json").read_text(encoding="utf-8"))
+            found["comparisons"][text] = Compared(found["looks"][text], compared["data"], compared["text"])
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            learned = json.loads(self._place(source, text, "learned.json").read_text(encoding="utf-8"))
+            found["lessons"][text] = Learned(**learned)
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            data = json.loads(self._place(source, text, "trained.json").read_text(encoding="utf-8"))
+            found["trainings"][text] = Trained(data, self._place(source, text, "trained.zip").read_bytes())
+
+
+class Store:
+    """All sessions of this computer's user."""
+
+    def __init__(self, root: Path | None = None) -> None:
+        """Make the folder; where none can be made, sessions last as long as the server.
+
+        Args:
+            root: folder of all sessions; None for the usual one.
+        """
+        self.root = root or usual_root()
+        try:
+            self.root.mkdir(parents=True, exist_ok=True)
+            os.chmod(self.root, 0o700)
+        except OSError as error:
+            if root is not None:
+                raise InputError(f"cannot be written ({error.strerror})", where=str(root), fix="name another") from None
+            self.root = Path(tempfile.mkdtemp(prefix="ptt-studio-"))
+
+    def fresh(self, owner: str) -> Place:
+        """A new session of a browser."""
+        return Place(self.root, "".join(secrets.choice("abcdefghijkmnpqrstuvwxyz23456789") for _ in range(12)), owner)
+
+    def find(self, key: str, owner: str) -> Place | None:
+        """A session by its address; None where there is none, or it belongs to another browser."""
+        if not KEY.fullmatch(key) or self._state(key).get("owner") != _hashed(owner):
+            return None
+        return Place(self.root, key, owner)
+
+    def recent(self, owner: str) -> list[Listed]:
+        """The sessions of a browser, the last one first."""
+        own = _hashed(owner)
+        found = [(self._state(path.name), path.name) for path in self.root.iterdir() if KEY.fullmatch(path.name)]
+        listed = [
+            Listed(key, str(state["words"]), str(state["changed"])) for state, key in found if state.get("owner") == own
+        ]
+        return sorted(listed, key=lambda each: each.changed, reverse=True)[:SHOWN]
+
+    def _state(self, key: str) -> Mapping[str, Any]:
+        try:
+            state = json.loads((self.root / key / STATE).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return state if isinstance(state, dict) else {}
+
+
+def _hashed(owner: str) -> str:
+    return hashlib.sha256(owner.encode()).hexdigest()
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(value).encode()
+
+
+def _plain(snapshot: Snapshot) -> dict[str, Any]:
+    return asdict(snapshot) | {"off": sorted(snapshot.off), "removed": sorted(snapshot.removed)}
+
+
+def _snapshot(data: Mapping[str, Any]) -> Snapshot:
+    own = dict(data)
+    own["rungs"] = tuple(Rung(**rung) for rung in data["rungs"])
+    own["off"], own["removed"] = frozenset(data["off"]), frozenset(data["removed"])
+    own["commands"] = tuple(data["commands"])
+    return Snapshot(**own)
+
+
+def _source(data: Mapping[str, Any]) -> Source:
+    own: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+    own["answers"] = tuple(tuple(pair) for pair in data["answers"])
+    return Source(**own)

@@ -1,0 +1,35 @@
+"""Tables as HTML tables; everything that comes from a file is escaped."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+
+def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1, caption: str = "") -> str:
+    """A table.
+
+    Args:
+        head: titles of the columns; none for a list of facts, whose first column then is a head.
+        rows: cells.
+        words: leading columns that hold words.
+        caption: what it shows, for those who do not see it.
+
+    Returns:
+        HTML.
+    """
+    wordy = [' class="w"' if column < words else "" for column in range(40)]
+    top = "".join(f'<th scope="col"{wordy[i]}>{escape(title)}</th>' for i, title in enumerate(head))
+    body = "".join(
+        "<tr>"
+        + "".join(
+            f'<th scope="row" class="w">{escape(str(cell))}</th>'
+            if not head and i == 0
+            else f"<td{wordy[i]}>{escape(str(cell))}</td>"
+            for i, cell in enumerate(row)
+        )
+        + "</tr>"
+        for row in rows
+    )
+    said = f"<caption class='sr-only'>{escape(caption)}</caption>" if caption else ""
+    return (
+        f"<table class='st-plain'>{said}{f'<thead><tr>{top}</tr></thead>' if head else ''}<tbody>{body}</tbody></table>"
+    )

@@ -1,0 +1,88 @@
+"""Uploaded files in a session's folder: names without folders, beside whatever is there, never a program."""
+
+import unicodedata
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
+from ptt.errors import InputError
+from ptt.files import write_bytes
+from ptt.show.studio.guard import LIMIT
+from ptt.show.studio.results import ANSWERS, COLUMNS, EFFECTS, MENDED, SEAL
+
+RESERVED = (
+    "model.toml",
+    ANSWERS,
+    COLUMNS,
+    MENDED,
+    "sliders.csv",
+    "report.html",
+    "compensator",
+    "challenge",
+    "export",
+    EFFECTS,
+    SEAL,
+)
+
+
+def keep(folder: Path, name: str, data: bytes) -> str:
+    """Keep an uploaded file in a folder, beside whatever is there.
+
+    Args:
+        folder: of the session.
+        name: as the browser gives it; only its last part counts.
+        data: its content, never executed.
+
+    Returns:
+        The name in the folder; a number is added where another file has that name.
+
+    Raises:
+        InputError: larger than the limit, or a program.
+    """
+    if len(data) > LIMIT:
+        raise InputError(f"larger than {LIMIT >> 20} MB", where=safe_name(name), fix="split it")
+    wanted = safe_name(name)
+    if _folded(wanted).endswith(".py"):
+        fix = "name your own effects when starting the studio: ptt studio --effects FILE.py"
+        raise InputError("a program is not taken from the page", where=wanted, fix=fix)
+    taken = {_folded(file.name): file for file in folder.iterdir()} | dict.fromkeys(RESERVED)
+    for kept in _numbered(wanted):
+        there = taken.get(_folded(kept))
+        if _folded(kept) not in taken:
+            write_bytes(folder / kept, data)
+            return kept
+        if there is not None and there.is_file() and there.read_bytes() == data:
+            return there.name
+    raise AssertionError  # numbers do not end
+
+
+def keep_effects(folder: Path, name: str, data: bytes) -> None:
+    """Keep a file of effects that was named when the studio was started, or that it wrote; it will be executed.
+
+    Args:
+        folder: of the session.
+        name: of the file.
+        data: its content.
+    """
+    place = folder / EFFECTS
+    place.mkdir(exist_ok=True)
+    write_bytes(place / name, data)
+
+
+def safe_name(name: str) -> str:
+    """A file name without folders or odd characters."""
+    last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    kept = "".join(letter if letter.isalnum() or letter in "._- ()+" else "_" for letter in last).strip(". ")
+    return kept[-100:] or "file"
+
+
+def _numbered(name: str) -> Iterator[str]:
+    """The name itself, then 'name (2)' and so on, the ending kept."""
+    yield name
+    place = Path(name)
+    yield from (f"{place.stem} ({number}){place.suffix}" for number in count(2))
+
+
+def _folded(name: str) -> str:
+    """What a file system that ignores case and the spelling of accents compares."""
+    return unicodedata.normalize("NFC", name).casefold()

@@ -1,0 +1,377 @@
+"""Parts of the studio by themselves: sessions on disk, who is let in, shared processes, the card, ghosts, columns."""
+
+import asyncio
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptt.challenge.challenge import open_challenge
+from ptt.commands.main import run
+from ptt.errors import InputError, SetupError
+from ptt.machine import parse_machine
+from ptt.run.readers import load_mapping
+from ptt.show.card.bar import bar_html, parts_of_bar
+from ptt.show.card.ghost import ghosts_of
+from ptt.show.card.scene import Lines, legs_at_fault, moved, parts_of, usual_times
+from ptt.show.card.words import how_sure, length, prefixed, pretty
+from ptt.show.studio import jobs
+from ptt.show.studio.arrays import pack_look, unpack_look
+from ptt.show.studio.guard import COOKIE, Guard, same_origin
+from ptt.show.studio.opening import open_both
+from ptt.show.studio.page import doing
+from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
+from ptt.show.studio.pool import JobFailedError, Pool, SetupFoundError
+from ptt.show.studio.results import Learned, Source, Trained
+from ptt.show.studio.session import Session
+from ptt.show.studio.store import Place, Store
+from ptt.show.studio.verbs import use
+
+DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
+MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
+RUN = Source("run.csv")
+OWNER = "a" * 43
+
+
+def silent(what: str, done: int = 0, of: int = 0) -> None:
+    """Progress that nobody watches."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("parts")
+    for file in DATA.iterdir():
+        shutil.copy(file, place)
+    return place
+
+
+@pytest.fixture
+def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(folder)
+    use(run)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def learned(folder: Path) -> Learned:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return jobs.learn(RUN, MACHINE, silent)
+
+
+def sealed_gaps_um() -> list[float]:
+    """What was hidden in the sample, as its seal says."""
+    truth = open_challenge(DATA).drawn.truth
+    return [1e3 * value for value in truth["backlash"]["backlash_mm"]]
+
+
+def test_a_session_is_taken_up_as_it_was(here: Path, learned: Learned, tmp_path: Path):
+    look = jobs.look(RUN, MACHINE, silent)
+    added = jobs.change(RUN, MACHINE, "add", ("backlash",), silent)
+    session = Session().opened(RUN, MACHINE).remembering(look=look, learned=learned)
+    session = session.changed("add", ("backlash",), added).switched("backlash", False).undone()
+    session = session.remembering(trained=Trained({"share": 0.5}, b"zip"))
+    place = Store(tmp_path).fresh(OWNER)
+    place.save(session)
+    again = Store(tmp_path).find(place.key, OWNER)
+    assert again is not None
+    back = again.load()
+    assert (back.source, back.now, back.past, back.future) == (
+        session.source,
+        session.now,
+        session.past,
+        session.future,
+    )
+    assert back.undone().lesson == learned and back.training == session.training
+    shown = back.undone().look
+    assert shown is not None
+    np.testing.assert_array_equal(shown.residual, look.residual)
+    assert (
+        shown.understood == look.understood
+        and shown.columns == look.columns
+        and shown.views.keys() == look.views.keys()
+    )
+
+
+def test_a_session_belongs_to_the_browser_that_made_it(here: Path, tmp_path: Path):
+    store = Store(tmp_path)
+    place = store.fresh(OWNER)
+    place.save(Session().opened(RUN, MACHINE))
+    assert store.find(place.key, "b" * 43) is None and store.find("../../etc", OWNER) is None
+    assert [each.key for each in store.recent(OWNER)] == [place.key] and store.recent("b" * 43) == []
+    assert OWNER not in (place.folder / "session.json").read_text()  # whoever reads the disk cannot take its place
+
+
+def test_what_cannot_be_read_is_worked_out_anew(here: Path, tmp_path: Path):
+    place = Place(tmp_path, "abcdefghijkm", OWNER)
+    place.save(Session().opened(RUN, MACHINE).remembering(look=jobs.look(RUN, MACHINE, silent)))
+    (found,) = (place.folder / "found").iterdir()
+    found.write_bytes(found.read_bytes()[:100])
+    assert place.load().ready and place.load().look is None
+    (place.folder / "session.json").write_text("{")
+    assert not place.load().ready
+
+
+def test_a_look_travels_without_anything_that_could_run(here: Path):
+    look = jobs.look(RUN, MACHINE, silent)
+    data = pack_look(replace(look, name=("<b>", *look.name[1:])))
+    assert b"pickle" not in data and unpack_look(data).name[0] == "<b>"
+    with pytest.raises((ValueError, KeyError)):
+        unpack_look(b"PK\x03\x04 no archive")
+
+
+@pytest.mark.parametrize(
+    ("origin", "let_in"),
+    [
+        (None, True),
+        (b"http://127.0.0.1:8317", True),
+        (b"http://127.0.0.1:9999", False),
+        (b"null", False),
+        (b"https://127.0.0.1:8317", False),
+        (b"http://evil.example", False),
+        (b"http://127.0.0.1:8317.evil.example", False),
+    ],
+)
+def test_only_pages_of_this_server_are_let_in(origin: bytes | None, let_in: bool):
+    assert same_origin(origin, b"127.0.0.1:8317") is let_in
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_the_guard_refuses_foreign_pages_and_foreign_browsers(kind: str):
+    said: list[dict] = []
+
+    async def app(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"access-control-allow-origin", b"*")]})
+
+    def ask(path: str, cookie: str, origin: bytes) -> dict:
+        async def send(message):
+            said.append(message)
+
+        headers = [(b"host", b"127.0.0.1:1"), (b"origin", origin), (b"cookie", f"{COOKIE}={cookie}".encode())]
+        scope = {"type": kind, "path": path, "headers": headers, "query_string": b"client_id=mine", "method": "GET"}
+        asyncio.run(Guard(app, {"mine": OWNER}.get)(scope, None, send))
+        return said[-1] if kind == "websocket" else said[-1] | {"first": said[0]}
+
+    good = ask("/", OWNER, b"http://127.0.0.1:1")
+    assert good["status"] == 200
+    names = {name.lower() for name, _ in good["headers"]}
+    assert b"access-control-allow-origin" not in names and b"content-security-policy" in names
+    assert b"frame-ancestors 'none'" in dict(good["headers"])[b"content-security-policy"]
+    for path, cookie, origin in (("/", OWNER, b"http://evil.example"), ("/", "b" * 43, b"http://127.0.0.1:1")):
+        said.clear()
+        refused = ask(path, cookie, origin)
+        assert refused.get("first", refused).get("status", 403) == 403 and not any(m.get("status") == 200 for m in said)
+
+
+def test_a_browser_without_a_cookie_gets_one_of_its_own():
+    async def fetch() -> list[tuple[bytes, bytes]]:
+        kept: list[tuple[bytes, bytes]] = []
+
+        async def app(scope, receive, send):
+            kept.extend(value for value in scope["headers"] if value[0] == b"cookie")
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+
+        async def send(message):
+            kept.extend(message.get("headers", ()))
+
+        await Guard(app, lambda client: None)(
+            {"type": "http", "path": "/", "headers": [], "query_string": b""}, None, send
+        )
+        return kept
+
+    first, again = dict(asyncio.run(fetch())), dict(asyncio.run(fetch()))
+    cookie = first[b"set-cookie"].decode()
+    assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and first[b"cookie"] != again[b"cookie"]
+    assert cookie.startswith(first[b"cookie"].decode())
+
+
+def test_a_pool_shares_few_processes_gives_them_back_and_is_stopped(folder: Path):
+    async def course() -> None:
+        pool = Pool(most=1, idle=0.2)
+        try:
+            seen: list[str] = []
+            names = pool.run(folder, "names", ("serial", ()), lambda what, done, of: seen.append(what))
+            both = await asyncio.gather(pool.run(folder, "names", ("three-ptt", ())), names)
+            assert "backlash" in both[0] and "dh-offsets" in both[1] and len(pool._all) == 1
+            assert seen[0].startswith("waiting")
+            with pytest.raises(JobFailedError, match=r"No such file|no such file"):
+                await pool.run(folder, "look", (Source("none.csv"), MACHINE))
+            frame = pd.read_csv(folder / "run.csv", dtype=str)
+            frame["z_meas"] = (-frame["z_meas"].astype(float)).astype(str)
+            frame.to_csv(folder / "left.csv", index=False)
+            with pytest.raises(SetupFoundError) as found:
+                await pool.run(folder, "look", (Source("left.csv"), MACHINE))
+            assert found.value.findings[0]["rms_um"]["after"] < found.value.findings[0]["rms_um"]["before"] / 100.0
+            (hand,) = pool._all
+            task = asyncio.create_task(pool.run(folder, "learn", (RUN, MACHINE)))
+            await asyncio.sleep(0.3)
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            assert hand not in pool._all and not hand.process.is_alive()
+            await pool.run(folder, "names", ("serial", ()))
+            await asyncio.sleep(1.6)
+            assert not pool._all  # without work for longer than it may be
+        finally:
+            pool.close()
+
+    asyncio.run(course())
+
+
+def test_a_mistaken_set_up_is_said_with_its_proof_and_mended(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str)
+    frame["z_meas"] = (-frame["z_meas"].astype(float)).astype(str)
+    frame.to_csv("mirrored.csv", index=False)
+    source = Source("mirrored.csv")
+    with pytest.raises(SetupError) as met:
+        jobs.look(source, MACHINE, silent)
+    assert [finding.mistake for finding in met.value.check.sure] == ["axis-sign"]
+    mended, machine = jobs.mend(source, MACHINE, silent)
+    assert mended.run == "mended.csv" and parse_machine(machine).machine == parse_machine(MACHINE).machine
+    rms = float(np.sqrt(np.mean(jobs.look(mended, machine, silent).size_um ** 2)))
+    assert rms == pytest.approx(float(np.sqrt(np.mean(jobs.look(RUN, MACHINE, silent).size_um ** 2))), rel=1e-3)
+    assert jobs.look(replace(source, anyway=True), MACHINE, silent).setup[0]["mistake"] == "axis-sign"
+
+
+def test_columns_are_said_in_a_grid_and_kept(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str)
+    odd = {"x_meas": "A", "y_meas": "B", "z_meas": "C", "x_cmd": "goal 1", "y_cmd": "goal 2", "z_cmd": "goal 3"}
+    metres = frame.rename(columns=odd)
+    for title in ("A", "B", "C"):
+        metres[title] = (metres[title].astype(float) / 1000.0).map("{:.9f}".format)
+    metres.to_csv("odd.csv", index=False)
+    seen = jobs.peek(Source("odd.csv"), silent)
+    assert [c["quantity"] for c in seen["columns"] if c["title"] in "ABC"] == ["", "", ""]
+    assert next(c for c in seen["columns"] if c["title"] == "A")["cells"][0] == metres["A"][0]
+    said = {c["title"]: c["quantity"] or "ignore" for c in seen["columns"]}
+    said |= {new: old for old, new in odd.items()}
+    source = jobs.columns(Source("odd.csv"), said, dict.fromkeys("ABC", "m"), silent)
+    assert load_mapping("columns.toml").units["A"] == "m" and source.options == ("--map", "columns.toml")
+    np.testing.assert_allclose(
+        jobs.look(source, MACHINE, silent).residual, jobs.look(RUN, MACHINE, silent).residual, atol=2e-6
+    )
+
+
+def test_the_card_says_side_size_cure_and_how_sure(learned: Learned):
+    card = learned.card
+    assert (card["verdict"], len(card["findings"])) == ("missing", 1)
+    (finding,) = card["findings"]
+    values = {value["joint"]: value for value in finding["values"]}
+    for joint, truth in enumerate(sealed_gaps_um(), 1):
+        value = values[joint]
+        assert value["unit"] == "\N{MICRO SIGN}m" and abs(value["size"] - truth) < 5.0 * value["error"] + 0.5
+        assert "loses" in value["text"] and value["who"] == f"slider {joint}"
+    assert "raise the reversal compensation of slider" in finding["cure"] and finding["tie"] == ""
+    assert finding["probability"] > 0.9 and " um" not in json.dumps(card)
+    parts = parts_of_bar(card)
+    assert sum(size for _, size, _ in parts) == pytest.approx(card["error_um"], rel=0.02)
+    assert parts[0][0] == "noise" and "backlash" in bar_html(card)
+
+
+def test_the_fit_goes_through_this_runs_data(learned: Learned):
+    fit = learned.fits["backlash"]
+    data, through = np.asarray(fit["data_um"]), np.asarray(fit["fit_um"])
+    noise = learned.card["noise_um"]
+    assert np.std(data - through) < 1.5 * noise < 0.5 * np.std(data)
+    number = int(fit["labels"][1].split()[1])
+    gap = sealed_gaps_um()[number - 1]
+    assert np.ptp(through) == pytest.approx(gap, rel=0.7)  # the frame takes a part of it
+
+
+def test_a_ghost_moves_the_slider_that_lags_and_no_rail(learned: Learned):
+    shift = learned.ghosts["shift"]["backlash"]
+    gaps = np.asarray(sealed_gaps_um()) / 2e3
+    along = np.abs(np.asarray(shift["sliders"])[:, :, 2])
+    np.testing.assert_allclose(along.max(axis=0), gaps, rtol=0.1)
+    assert np.abs(shift["rails"]).max() == 0.0
+    kind, legs = legs_at_fault(shift)
+    assert kind == "slider" and int(np.argmax(gaps)) in legs
+
+
+@pytest.mark.parametrize(
+    ("values", "effect", "kind", "leg"),
+    [
+        ([0.0, 0.2, 0.0], "link-length", "link", 1),
+        ([0.0, 0.0, -0.25], "homing-offset", "slider", 2),
+    ],
+)
+def test_a_ghost_is_on_the_part_that_has_the_fault(values: list[float], effect: str, kind: str, leg: int, here: Path):
+    entry = {"link-length": "length_mm", "homing-offset": "offset_mm"}[effect]
+    text = f'{MACHINE}\n[[effect]]\nname = "{effect}"\n[effect.parameters]\n{entry} = {{ value = {values} }}\n'
+    opened = open_both(RUN, text)
+    shift = ghosts_of(opened.model, opened.problem, (effect,))["shift"][effect]
+    assert legs_at_fault(shift) == (kind, (leg,))
+    look = jobs.look(RUN, MACHINE, silent)
+    lines = Lines(look.drawing.rails, look.drawing.chains[5], look.drawing.platform[5])
+    there = moved(lines, shift, 0, 1.0)
+    if kind == "link":  # the linear ghost makes the link longer by what it is
+        rows = ghosts_of(opened.model, opened.problem, (effect,))["rows"]
+        at = Lines(look.drawing.rails, look.drawing.chains[rows[0]], look.drawing.platform[rows[0]])
+        grown = np.linalg.norm(np.diff(moved(at, shift, 0, 1.0).chains, axis=1)[:, 0], axis=1) - 300.0
+        np.testing.assert_allclose(grown, values, atol=2e-4)
+    else:
+        assert there.chains[leg, 0, 2] - lines.chains[leg, 0, 2] == pytest.approx(values[leg], abs=1e-6)
+    assert 20.0 < usual_times(lines, shift) < 5e4
+
+
+def test_solids_of_a_machine_are_closed_and_where_the_lines_are(here: Path):
+    look = jobs.look(RUN, MACHINE, silent)
+    lines = Lines(look.drawing.rails, look.drawing.chains[0], look.drawing.platform[0])
+    for name, solid in parts_of(lines).items():
+        edges = np.sort(
+            np.concatenate([solid.faces[:, [0, 1]], solid.faces[:, [1, 2]], solid.faces[:, [2, 0]]]), axis=1
+        )
+        assert (np.unique(edges, axis=0, return_counts=True)[1] % 2 == 0).all(), name  # every edge has two sides
+        assert np.isfinite(solid.points).all() and solid.faces.max() < len(solid.points)
+    middle = parts_of(lines)["platform"].points.mean(axis=0)
+    np.testing.assert_allclose(middle, look.target[0], atol=0.1)
+
+
+def test_words_have_prefixes_that_a_person_uses():
+    assert [length(value) for value in (0.0, 5.6, 70.94, 1186.0, 2.5e6)] == [
+        "0 \N{MICRO SIGN}m",
+        "5.60 \N{MICRO SIGN}m",
+        "70.9 \N{MICRO SIGN}m",
+        "1.19 mm",
+        "2.5 m",
+    ]
+    assert prefixed([12_000.0, -3.0], "urad") == (1e-3, "mrad") and prefixed([900.0], "um") == (1.0, "\N{MICRO SIGN}m")
+    assert prefixed([5e-4], "um")[1] == "nm" and prefixed([0.0, 8e6], "s")[1] == "days"
+    assert pretty("falls from 7 to 3 um, 2 urad/N m; a sum of um/m/K -> x") == (
+        "falls from 7 to 3 \N{MICRO SIGN}m, 2 \N{MICRO SIGN}rad/N m; a sum of \N{MICRO SIGN}m/m/K "
+        "\N{RIGHTWARDS ARROW} x"
+    )
+    assert how_sure(0.999).endswith("(> 99 %)") and how_sure(0.5) == "about even (50 %)"
+    assert doing("x", 3, 12, 6.0) == "x: 3 of 12, 2 s each, 18 s left" and doing("x", 0, 0, 0.5) == "x"
+
+
+def test_the_machine_form_writes_files_that_are_read(tmp_path: Path):
+    values = {
+        "base_radius_mm": 210.0,
+        "platform_radius_mm": 95.0,
+        "link_length_mm": 310.0,
+        "least": 100.0,
+        "most": 450.0,
+    }
+    values |= {"screw_lead_mm": None, "platform_mass_kg": 2.0}
+    spec = parse_machine(three_ptt_text('say "hi"', False, values)).machine
+    assert spec.kind == "three-ptt" and (spec.base_radius_mm, spec.sliders, spec.name) == (210.0, "below", "say hi")
+    described = jobs.describe(three_ptt_text("m", True, values), silent)
+    assert described["svg"].startswith("<svg") and "b1 =" in described["words"]
+    for name, (convention, rows) in PRESETS.items():
+        joints = [
+            dict(zip(("a_mm", "alpha_deg", "d_mm", "theta_offset_deg"), map(float, row), strict=True)) for row in rows
+        ]
+        text = arm_text(name, convention, joints)
+        assert len(parse_machine(text).machine.joint) == len(rows)
+        assert len(jobs.describe(text, silent)["chain"]) == len(rows) + 2
+
+
+def test_a_store_that_cannot_be_written_is_refused(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        Store(tmp_path / "file" / "store")
