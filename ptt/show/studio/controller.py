@@ -94,6 +94,8 @@ class Studio:
                 self.place.save(self.session)
             except InputError as error:
                 self.trouble = f"this session cannot be kept on disk: {error}"
+        if getattr(self.client, "is_deleted", False):
+            return  # nobody looks any more
         # A button that is replaced by its own doing leaves no place to put things in; the page itself stays.
         with self.client:
             for listener in self._listeners[topic]:

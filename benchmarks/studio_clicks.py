@@ -1,0 +1,127 @@
+"""The page under many clicks: 200 adds and undos, none lost; and how long each thing takes from click to picture.
+
+    python benchmarks/studio_clicks.py [--count 200] [--out table.md]
+
+Starts a studio of its own on a free port, with sessions in a temporary folder, and drives Debian's Chromium.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+
+from playwright.sync_api import Page, expect, sync_playwright
+
+START = "import sys; from ptt.commands.main import main; sys.argv = ['ptt', *sys.argv[1:]]; main()"
+FLAGS = ("--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+WAIT = 120_000  # ms
+
+
+def main() -> None:
+    """Drive the page and print the table."""
+    reader = argparse.ArgumentParser(description=__doc__)
+    reader.add_argument("--count", type=int, default=200)
+    reader.add_argument("--out", type=Path)
+    given = reader.parse_args()
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as tools:
+        process, place = _server(Path(folder))
+        try:
+            chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
+            browser = tools.chromium.launch(executable_path=chromium, args=list(FLAGS))
+            page = browser.new_page(viewport={"width": 1440, "height": 900})
+            page.set_default_timeout(WAIT)
+            lines = _walk(page, place, given.count)
+            browser.close()
+        finally:
+            process.terminate()
+            process.wait(20)
+    text = "\n".join(lines)
+    print(text)
+    if given.out:
+        given.out.write_text(f"{text}\n", encoding="utf-8")
+
+
+def _server(folder: Path) -> tuple[subprocess.Popen, str]:
+    log = folder / "log.txt"
+    command = [sys.executable, "-c", START, "studio", "--port", "0", "--no-show", "--store", str(folder / "store")]
+    process = subprocess.Popen(
+        command, stdout=log.open("w"), stderr=subprocess.STDOUT, env=os.environ | {"PYTHONUNBUFFERED": "1"}
+    )
+    for _ in range(600):
+        if found := re.search(r"http://127\.0\.0\.1:\d+", log.read_text()):
+            try:
+                urllib.request.urlopen(found[0], timeout=10).close()
+                return process, found[0]
+            except OSError:
+                pass
+        time.sleep(0.1)
+    raise SystemExit(log.read_text())
+
+
+def _walk(page: Page, place: str, count: int) -> list[str]:
+    took: dict[str, list[float]] = {}
+
+    def timed(what: str, act: Callable[[], None], seen: Callable[[], None]) -> None:
+        start = time.perf_counter()
+        act()
+        seen()
+        took.setdefault(what, []).append(time.perf_counter() - start)
+
+    def shown(selector: str) -> Callable[[], None]:
+        return lambda: page.locator(selector).first.wait_for(timeout=WAIT)
+
+    timed("first page", lambda: page.goto(place), lambda: page.get_by_role("button", name="Load sample").wait_for())
+    page.wait_for_timeout(4000)  # a process has loaded the library meanwhile
+    sample = page.get_by_role("button", name="Load sample")
+    timed("sample: run and machine opened", sample.click, lambda: page.wait_for_url("**/result"))
+    timed("sample: diagnosed, card shown", lambda: None, shown(".st-finding"))
+    views = {
+        "Look": ".st-field canvas",
+        "Model": ".st-ladder .main-svg",
+        "Finish": "text=For the controller",
+        "Result": ".st-finding",
+    }
+    for _ in range(3):
+        for view, selector in views.items():
+            timed(f"tab {view}", page.get_by_role("tab", name=view).click, shown(selector))
+    card = page.get_by_role("button", name="card of backlash")
+    for _ in range(3):
+        timed("why: this run's data with the fit", card.click, shown("[role=dialog] .main-svg"))
+        page.keyboard.press("Escape")
+        page.wait_for_timeout(300)
+    add = page.get_by_role("button", name="add backlash", exact=True)
+    with_it, without = (page.locator(".st-told", has_text=words) for words in ("bench, backlash", "no effects"))
+    lost = 0
+    for number in range(count):
+        start = time.perf_counter()
+        add.click()
+        try:
+            expect(with_it).to_be_visible(timeout=WAIT if number == 0 else 30_000)
+        except AssertionError:
+            lost += 1
+            continue
+        took.setdefault("add", []).append(time.perf_counter() - start)
+        timed("undo", lambda: page.keyboard.press("Control+z"), lambda: without.wait_for(timeout=WAIT))
+    timed("reload", page.reload, shown(".st-finding"))
+    lines = [
+        f"{count} adds and undos: {lost} clicks lost",
+        "",
+        "| from click to picture | median s | worst s | times |",
+        "| --- | ---: | ---: | ---: |",
+    ]
+    lines += [
+        f"| {what} | {statistics.median(each):.2f} | {max(each):.2f} | {len(each)} |" for what, each in took.items()
+    ]
+    return lines
+
+
+if __name__ == "__main__":
+    main()
