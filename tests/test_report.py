@@ -32,6 +32,7 @@ from ptt.show.report.html import render, write_report
 from ptt.show.report.numbers import chance, percent, plus_minus
 from ptt.show.report.sections import sections_of
 from ptt.show.report.source import Source, short_names, source_of
+from ptt.show.report.words import words_of
 
 HOSTILE = "<script>alert('x')</script>\"><img src=http://evil.example/x>"
 VOID = {"meta", "img", "br", "link", "hr", "input"}
@@ -326,3 +327,40 @@ def test_rows_stand_side_by_side() -> None:
     rows = [(str(number), "a", "b") for number in range(3)]
     assert side_by_side(rows) == [("0", "a", "b", "2", "a", "b"), ("1", "a", "b", "", "", "")]
     assert side_by_side([]) == [] and side_by_side(rows[:2]) == [("0", "a", "b", "1", "a", "b")]
+
+
+def test_the_card_and_the_machine_stand_on_top(told: tuple[dict, str]) -> None:
+    data, html = told
+    top = html[html.index('id="card"') : html.index("<nav")]
+    page = Page(f"<section {top}")
+    assert "One cause found" in page.text and "on reversal: backlash." in page.text and page.tags.count("img") == 1
+    first = data["diagnose"]["drawing"]["candidates"][0]
+    largest = max(abs(value["value"]) for value in first["parameters"])
+    assert f"{1e3 * largest:.0f} \N{MICRO SIGN}m" in page.text  # the size of what was found, in the page's unit
+    assert "pc-bar" in top and "To set right" in page.text
+
+
+def test_every_table_has_heads_and_scrolls_by_itself(told: tuple[dict, str]) -> None:
+    html = told[1]
+    assert re.search(r"<th[^>]*>\s*</th>", html) is None
+    assert html.count('<div class="wide"') == html.count("<table") > 5
+    assert ".wide { overflow-x: auto" in html
+
+
+def test_words_in_chinese_come_from_one_file(minimal: Contents) -> None:
+    say = words_of("zh")
+    page = Page(render(minimal, language="zh", say=say))
+    assert (
+        page.faults == []
+        and "误差报告" in page.text
+        and "测量内容" in page.text
+        and "What was measured" not in page.text
+    )
+    assert (
+        say("Slider 2 loses 38 \N{MICRO SIGN}m on reversal: backlash.")
+        == "滑块 2 反向时丢失 38 \N{MICRO SIGN}m：反向间隙。"
+    )
+    assert say("a phrase that nobody translated") == "a phrase that nobody translated"
+    assert words_of("en")("In short") == "In short"
+    with pytest.raises(InputError, match="take one of en, zh"):
+        words_of("xx")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The HTML file to write.")]
 Interactive = Annotated[bool, typer.Option("--interactive", help="Embed pictures to turn and point at (plotly).")]
+Language = Annotated[str, typer.Option("--language", metavar="LANG", help="Language of the page: en, zh.")]
 Trained = Annotated[
     Path | None, typer.Option("--compensator", metavar="DIR", help="Folder that train.py wrote for this model.")
 ]
@@ -37,6 +38,7 @@ def report(
     out: Out,
     compensator: Trained = None,
     interactive: Interactive = False,
+    language: Language = "en",
     also: Also = None,
     targets: Targets = None,
     set_: Set = None,
@@ -53,7 +55,7 @@ def report(
     with progress() as tell:
         contents = report_run(
             opened, out, run=run, model=model, compensator=compensator, reading=reading, interactive=interactive,
-            progress=tell,
+            language=language, progress=tell,
         )  # fmt: skip
     data = {"out": str(out), "bytes": out.stat().st_size, **contents.to_dict()}
     show(data, _text(contents, out), json)

@@ -1,5 +1,6 @@
 """A report as one HTML file: no scripts, no addresses, pictures inside; to be mailed, read and printed."""
 
+from importlib.resources import files
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -11,11 +12,16 @@ from ptt.files import write_text
 from ptt.machine import MachineFile
 from ptt.run.problem import Problem
 from ptt.run.table import Table
+from ptt.show.card.words import length, value_in_words
+from ptt.show.report.card import top_card
 from ptt.show.report.contents import Contents, Progress, gather
 from ptt.show.report.interactive import interactive_parts
 from ptt.show.report.pictures import data_uri, draw_pictures
 from ptt.show.report.sections import sections_of
 from ptt.show.report.source import Source
+from ptt.show.report.words import Say, words_of
+
+BAR = files("ptt.show.card").joinpath("style.css").read_text(encoding="utf-8")
 
 
 def write_report(
@@ -27,6 +33,7 @@ def write_report(
     known: Library | None = None,
     problem: Problem | None = None,
     interactive: bool = False,
+    language: str = "en",
     progress: Progress | None = None,
 ) -> Contents:
     """Work a report out and write it; the file appears whole or not at all.
@@ -39,6 +46,7 @@ def write_report(
         known: effects by name; None for the library.
         problem: the same table seen through the machine; None builds it.
         interactive: embed plotly and two pictures to turn and point at.
+        language: 'en', or one that has a file of words.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -47,17 +55,20 @@ def write_report(
     Raises:
         InputError: run and machine cannot be brought together, plotly is missing, or the file cannot be written.
     """
+    say = words_of(language)  # a language that is not there is said before anything is worked out
     contents = gather(table, machine, source, known=known, problem=problem, progress=progress)
-    write_text(out, render(contents, interactive=interactive))
+    write_text(out, render(contents, interactive=interactive, language=language, say=say))
     return contents
 
 
-def render(contents: Contents, *, interactive: bool = False) -> str:
+def render(contents: Contents, *, interactive: bool = False, language: str = "en", say: Say = str) -> str:
     """A report as HTML.
 
     Args:
         contents: what it says.
         interactive: embed plotly and two pictures to turn and point at.
+        language: of the page.
+        say: translates words into it.
 
     Returns:
         The whole page.
@@ -68,15 +79,23 @@ def render(contents: Contents, *, interactive: bool = False) -> str:
     moving = interactive_parts(contents) if interactive else {}
     sections = sections_of(contents)
     pictures = {name: data_uri(png) for name, png in draw_pictures(contents, sections).items()}
+    top = top_card(contents, say)
     environment = Environment(
         loader=PackageLoader("ptt.show.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
     return environment.get_template("report.html").render(
         contents=contents,
+        say=say,
+        language=language,
+        length=length,
+        top=top,
+        top_bar=Markup(top.bar) if top else "",  # escaped where it is made
+        top_picture=data_uri(top.picture) if top and top.picture else "",
+        value_in_words=value_in_words,
         sections=sections,
         pictures=pictures,
-        style=Markup(environment.loader.get_source(environment, "report.css")[0]),  # type: ignore[union-attr]
+        style=Markup(f"{BAR}{environment.loader.get_source(environment, 'report.css')[0]}"),  # type: ignore[union-attr]
         moving={name: Markup(text) for name, text in moving.items()},
         run=contents.problem.table.source,
         version=dict(contents.versions)["ptt"],

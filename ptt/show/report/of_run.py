@@ -20,6 +20,7 @@ def report_run(
     compensator: Path | None = None,
     reading: Reading,
     interactive: bool = False,
+    language: str = "en",
     progress: Progress = unwatched,
 ) -> Contents:
     """Write the report.
@@ -32,6 +33,7 @@ def report_run(
         compensator: folder of a network that was trained for this model.
         reading: how the run was read.
         interactive: whether pictures can be turned and pointed at.
+        language: 'en', or one that has a file of words.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -48,6 +50,7 @@ def report_run(
         known=opened.library,
         problem=opened.problem,
         interactive=interactive,
+        language=language,
         progress=progress,
     )
 

@@ -1,0 +1,85 @@
+"""The machine with its fault on paper: solid parts shaded, what is off as an orange ghost, its sizes beside it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from ptt.show.card.scene import Lines, legs_at_fault, moved, only, parts_of, place_of_part
+from ptt.show.card.solids import Solid
+from ptt.show.card.words import value_in_words
+
+COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
+GHOST, FAULT = "#e69f00", "#b34700"
+TURN, RISE = np.radians(38.0), np.radians(20.0)  # from where it is seen
+LIGHT = np.array([0.35, -0.5, 0.8])
+DIM = 0.55  # of a colour that is left on the far side of a part
+
+
+def draw_scene(lines: Lines, shift: Mapping[str, Any] | None, values: list[Mapping[str, Any]], times: float) -> Figure:
+    """Draw a machine at one pose.
+
+    Args:
+        lines: the machine.
+        shift: how far an effect moves its parts, the middle pose of it; None for no ghost.
+        values: of the finding, written beside their parts.
+        times: how much the ghost is enlarged.
+
+    Returns:
+        The figure.
+    """
+    figure = Figure(figsize=(7.2, 5.6), layout="constrained")
+    axes = figure.add_subplot()
+    parts = [(solid, COLOURS[name], 1.0) for name, solid in parts_of(lines).items()]
+    there = lines
+    if shift is not None:
+        at = len(shift["platform"]) // 2
+        there = moved(lines, shift, at, times)
+        parts += [(solid, GHOST, 0.55) for solid in only(there, *legs_at_fault(shift)).values()]
+    _fill(axes, parts)
+    middle = float(_seen(lines.chains.reshape(-1, 3))[0][:, 0].mean())
+    for value in values if shift is not None else ():
+        place, _ = _seen(place_of_part(there, value["who"])[None])
+        words = f"{value['who']}: {value_in_words(value)}"
+        box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GHOST, "alpha": 0.9}
+        right = place[0, 0] > middle
+        axes.annotate(
+            words, (float(place[0, 0]), float(place[0, 1])), (-14 if right else 14, 16), textcoords="offset points",
+            color=FAULT, fontsize=12, fontweight="bold", bbox=box, ha="right" if right else "left",
+        )  # fmt: skip
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.margins(0.12)
+    axes.axis("off")
+    return figure
+
+
+def _fill(axes: Any, parts: list[tuple[Solid, str, float]]) -> None:
+    """Triangles from the far ones to the near ones."""
+    corners, colours, depth = [], [], []
+    light = LIGHT / np.linalg.norm(LIGHT)
+    for solid, colour, alpha in parts:
+        flat, away = _seen(solid.points)
+        spots = solid.points[solid.faces]  # shape: (f, 3, 3)
+        normal = np.cross(spots[:, 1] - spots[:, 0], spots[:, 2] - spots[:, 0])
+        bright = np.abs(normal @ light) / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+        shade = DIM + (1.0 - DIM) * bright
+        corners.append(flat[solid.faces])
+        colours.append(np.column_stack([shade[:, None] * np.asarray(to_rgb(colour)), np.full(len(shade), alpha)]))
+        depth.append(away[solid.faces].mean(axis=1))
+    order = np.argsort(-np.concatenate(depth))
+    faces = PolyCollection(
+        list(np.concatenate(corners)[order]), facecolors=np.concatenate(colours)[order], linewidths=0.0
+    )
+    axes.add_collection(faces)
+
+
+def _seen(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points as they are seen from the side and a little from above: (n, 2) and their depth (n,)."""
+    across = np.array([-np.sin(TURN), np.cos(TURN), 0.0])
+    toward = np.array([np.cos(TURN) * np.cos(RISE), np.sin(TURN) * np.cos(RISE), np.sin(RISE)])
+    up = np.cross(toward, across)
+    return np.stack([points @ across, points @ up], axis=1), -(points @ toward)

@@ -1,0 +1,96 @@
+"""The card on top of a report: the bar, the findings and the machine that has them, as plain values for the page."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from ptt.show.card.bar import MOST, bar_html
+from ptt.show.card.ghost import ghosts_of, lines_at
+from ptt.show.card.picture import draw_scene
+from ptt.show.card.result import card_of_diagnosis
+from ptt.show.card.scene import usual_times
+from ptt.show.card.words import how_sure, length
+from ptt.show.report.contents import Contents, Look
+
+DPI = 130
+
+
+@dataclass(frozen=True)
+class TopCard:
+    """What stands on top.
+
+    Attributes:
+        card: the result card as plain values.
+        bar: HTML.
+        sure: how sure the verdict is, in words.
+        picture: PNG of the machine; None where there is nothing to draw.
+        caption: what it shows.
+        more: findings beyond those that are shown.
+    """
+
+    card: dict[str, Any]
+    bar: str
+    sure: str
+    picture: bytes | None
+    caption: str
+    more: int
+
+    @property
+    def findings(self) -> list[dict[str, Any]]:
+        """Those that are shown."""
+        return list(self.card["findings"][:MOST])
+
+
+def top_card(contents: Contents, say: Callable[[str], str]) -> TopCard | None:
+    """Put the leading diagnosis in short: of the model, or of the drawing where the model leaves nothing.
+
+    Args:
+        contents: of the report.
+        say: translates words.
+
+    Returns:
+        The card; None where there is no diagnosis.
+    """
+    look = _leading(contents)
+    if look is None or look.diagnosis is None:
+        return None
+    found = look.diagnosis
+    card = card_of_diagnosis(found, contents.problem).to_dict()
+    for one in card["findings"]:
+        one["sure"] = how_sure(one["probability"])
+        one["fall"] = f"{length(one['before_um'])} \N{RIGHTWARDS ARROW} {length(one['after_um'])}"
+    picture, caption = _picture(look, card, contents)
+    more = max(0, len(card["findings"]) - MOST)
+    return TopCard(card, bar_html(card, say), how_sure(card["probability"]), picture, caption, more)
+
+
+def _leading(contents: Contents) -> Look | None:
+    """The model's own diagnosis where it finds something, else the drawing's, which led to the model."""
+    given, drawing = contents.given, contents.drawing
+    if given.diagnosis is not None and (contents.bare or given.diagnosis.suggested or drawing.diagnosis is None):
+        return given
+    return drawing if drawing.diagnosis is not None else None
+
+
+def _picture(look: Look, card: dict[str, Any], contents: Contents) -> tuple[bytes | None, str]:
+    found, problem = look.diagnosis, contents.problem
+    rows = np.flatnonzero(problem.used)
+    if found is None or not len(rows):
+        return None, ""
+    keys = tuple(step[0] for step in found.suggested)
+    ghosts = ghosts_of(found.model, problem, keys[:1])
+    middle = ghosts["rows"][len(ghosts["rows"]) // 2]
+    lines = lines_at(problem, int(middle))
+    shift = ghosts["shift"].get(keys[0]) if keys else None
+    times = 1.0 if shift is None else usual_times(lines, shift)
+    figure = draw_scene(lines, shift, card["findings"][0]["values"] if keys else [], times)
+    figure.set_dpi(DPI)
+    buffer = BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    if shift is None:
+        return buffer.getvalue(), "The machine at the middle of the run."
+    return buffer.getvalue(), f"The machine as drawn; in orange {keys[0]}, {times:,.0f} times as large as it is."
