@@ -340,4 +340,7 @@ def test_the_command_tells_a_program_and_heads_its_files(tmp_path: Path, capsys:
     head = out.read_text().split("[printer]")[0]
     assert sha256(model) in head and "m.toml" in head and re.search(r"\d{4}-\d\d-\d\d", head)
     assert run(["export", "--model", str(model), "--to", "urdf", "--out", str(out)]) == 2
+    assert run(["export", "--model", str(model), "--to", "klipper", "--out", str(tmp_path)]) == 2
+    assert run(["export", "--model", str(model), "--to", "linuxcnc", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "lineardelta.ini").exists() and (tmp_path / "lineardelta_joint_2.comp").exists()
     assert run(["export", "--model", str(DATA / "machines" / "ur10.toml"), "--to", "marlin", "--out", str(out)]) == 2

@@ -240,6 +240,14 @@ def test_lines_that_the_machine_cannot_run_are_refused_by_number(tmp_path: Path,
     assert run(["program", str(part), "--model", str(DATA / "machines" / "ur10.toml"), "--out", str(out)]) == 2
 
 
+def test_a_program_keeps_its_letters_and_line_ends(tmp_path: Path) -> None:
+    model, part, out = tmp_path / "m.toml", tmp_path / "p.ngc", tmp_path / "o.ngc"
+    save_machine(FILE, model)
+    part.write_bytes("(Tr\u00e4ger, 45\u00b0)\r\nG0 X1 Y2 Z3\r\nM2\r\n".encode("latin-1"))
+    assert run(["program", str(part), "--model", str(model), "--out", str(out)]) == 0
+    assert out.read_bytes() == part.read_bytes()
+
+
 def test_the_command_tells_a_program(tmp_path: Path, capsys) -> None:
     model, out = tmp_path / "m.toml", tmp_path / "o.ngc"
     save_machine(replace(WORN.model.file, text=""), model)

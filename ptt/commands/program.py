@@ -52,14 +52,15 @@ def program(
     import numpy as np
 
     from ptt.correct.program.program import correct_program
-    from ptt.files import read_text, write_text
+    from ptt.files import write_bytes
 
     _refuse_itself(source, out)
     refuse_readings(out)
     compensator = open_model(model, open_library(Reading(effects=effects, json=json)))
+    text, encoding, end = _read(source)
     result = correct_program(
         compensator,
-        read_text(source),
+        text,
         str(source),
         chord_um=chord_um,
         offset=None if offset is None else np.array(offset),
@@ -67,11 +68,25 @@ def program(
         limit=limit_mm,
         context=_context(set_),
     )
-    write_text(out, result.text)
+    write_bytes(out, result.text.replace("\n", end).encode(encoding))
     for line in result.notes:
         note(line)
     data = {"program": str(source), "model": str(model), "out": str(out), **result.to_dict()}
     show(data, _text(data), json)
+
+
+def _read(source: Path) -> tuple[str, str, str]:
+    """A program's text, its encoding and the end of its lines; old controllers' comments are in Latin 1."""
+    from ptt.errors import InputError
+    from ptt.files import read_text
+
+    try:
+        text, encoding = read_text(source), "utf-8"
+    except InputError as error:
+        if "UTF-8" not in error.what:
+            raise
+        text, encoding = source.read_bytes().decode("latin-1"), "latin-1"
+    return text, encoding, "\r\n" if b"\r\n" in source.read_bytes() else "\n"
 
 
 def _context(set_: list[str] | None) -> dict[str, float]:

@@ -12,8 +12,8 @@ from ptt.correct.exports.format import ErrorLeft, Exported, Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.exports.whole import write_all
 from ptt.errors import InputError
-from ptt.files import write_text
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -70,8 +70,8 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
     why = cannot_hold(ground, tangent, SHAPE, hints=HINTS)
     holds, cannot = holdings(ground, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
-    write_text(out, "\n".join([*(f"{firmware.comment} {line}" for line in told), *lines]) + "\n")
-    return Exported((out,), holds, cannot, left, network_note(ground))
+    text = "\n".join([*(f"{firmware.comment} {line}" for line in told), *lines]) + "\n"
+    return Exported(write_all({out: text}), holds, cannot, left, network_note(ground))
 
 
 def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[str]:

@@ -87,7 +87,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     why = cannot_hold(ground, tangent, SHAPE, known=("direction",), tabled=tabled(ground, drives, at))
     holds, cannot = holdings(ground, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
-    ini = out if out.suffix else out / "lineardelta.ini"
+    ini = out.with_suffix(".ini") if out.suffix == ".hal" else out
+    ini = ini if out.suffix and not out.is_dir() else out / "lineardelta.ini"
     notes = _notes(compensator, fit)
     written = write_all(_texts(ini, fit, told, notes))
     return Exported(written, holds, cannot, left, (*notes, *network_note(ground)))

@@ -29,9 +29,9 @@ from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.exports.whole import write_all
 from ptt.correct.newton import least_move
 from ptt.correct.terms import split_terms
-from ptt.files import write_text
 from ptt.model.chain import predict
 from ptt.run.view import build_view
 
@@ -68,9 +68,9 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     why = cannot_hold(ground, tangent, SHAPE, hints=hints, tabled=tabled(ground, drives, at))
     holds, cannot = holdings(ground, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
-    write_text(out, "\n".join(_lines(tables, unit, told)) + "\n")
+    written = write_all({out: "\n".join(_lines(tables, unit, told)) + "\n"})
     note = f"MD38000 $MA_MM_ENC_COMP_MAX_POINTS must be {len(at)} or more; load with MD32700 ENC_COMP_ENABLE[0] = 0"
-    return Exported((out,), holds, cannot, left, (note, *network_note(ground)))
+    return Exported(written, holds, cannot, left, (note, *network_note(ground)))
 
 
 def _curves(ground: Ground, drives: Drives) -> tuple[Array, Array]:

@@ -19,9 +19,9 @@ from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.exports.whole import write_all
 from ptt.correct.newton import least_move
 from ptt.correct.terms import split_terms
-from ptt.files import write_text
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.mechanisms.serial import Serial
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SHAPE = "a chain of rigid links has no place for it"
+UNKNOWN = "effort and velocity of the joints are not known: 0 stands for them"
 ROUNDS = 10
 USUAL_MM, USUAL_RAD = 1.0, 1e-3  # errors of links; what no position tells stays as drawn
 FAINT = 1e-7  # mm: a chain that leaves less is the model
@@ -57,8 +58,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     left = error_left(ground, _inverse(arm, geometry, ground))
     holds, cannot = holdings(ground, cannot_hold(ground, tangent, SHAPE))
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
-    write_text(out, _text(arm, origins(arm, geometry), told))
-    return Exported((out,), holds, cannot, left, network_note(ground))
+    written = write_all({out: _text(arm, origins(arm, geometry), [*told, UNKNOWN])})
+    return Exported(written, holds, cannot, left, network_note(ground))
 
 
 def fit_links(ground: Ground, arm: Serial) -> tuple[Array, Array]:

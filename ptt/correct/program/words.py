@@ -105,7 +105,8 @@ def read_blocks(text: str, source: str) -> list[Block]:
     Raises:
         InputError: a line that holds anything but words and comments.
     """
-    return [_read(number, line, source) for number, line in enumerate(text.splitlines(), 1)]
+    lines = re.split(r"\r\n|\r|\n", text)  # not what else counts as a line's end in a comment
+    return [_read(number, line, source) for number, line in enumerate(lines if lines[-1] else lines[:-1], 1)]
 
 
 def _read(number: int, line: str, source: str) -> Block:
