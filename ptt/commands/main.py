@@ -21,7 +21,7 @@ from ptt.files import FULL
 
 VERBS = (
     "check", "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso",
-    "export", "program", "plan", "challenge", "dexterity", "effects", "report", "studio", "fleet",
+    "recheck", "export", "program", "plan", "challenge", "dexterity", "effects", "report", "studio", "fleet",
 )  # fmt: skip
 UNLISTED = ("train",)  # train.py has a program of its own; `run` and `ptt train` do the same
 PROGRAM = "ptt"

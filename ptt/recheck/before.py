@@ -1,0 +1,115 @@
+"""What a solved model says of the machine as it was: values, what their run left uncertain, and when that was."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from ptt.errors import ModelError
+from ptt.fitting.kept import kept_covariance
+from ptt.fitting.layout import Layout, lay_out
+from ptt.judge.history import Entry, read_entries
+from ptt.model.model import Model, Term
+from ptt.run.problem import Problem
+
+LEAST = 1e-6  # share of the largest uncertainty below which one is none
+
+
+@dataclass(frozen=True)
+class Before:
+    """A solved model as the prior of a machine that has not changed.
+
+    Attributes:
+        model: with the effects of the machine alone; every linear value free to be looked at.
+        layout: of its values, then of the new run's mounts and frames.
+        values: (w,) of the effects, in usual sizes.
+        root: (w, r) factor of their covariance, in usual sizes.
+        last: the last step of its history; None where it has none.
+        left: what it left unexplained of rows it had not seen, beyond the noise then, um.
+        notes: what is not carried over, in words.
+    """
+
+    model: Model
+    layout: Layout
+    values: np.ndarray
+    root: np.ndarray
+    last: Entry | None
+    left: float
+    notes: tuple[str, ...]
+
+    @property
+    def width(self) -> int:
+        """Number of values w."""
+        return len(self.values)
+
+    @property
+    def std(self) -> np.ndarray:
+        """(w,) what their run left uncertain, in usual sizes."""
+        return np.asarray(np.sqrt(np.square(self.root).sum(axis=1)))
+
+    @property
+    def since(self) -> str | None:
+        """Date of the model, ISO 8601; None where it does not say."""
+        return None if self.last is None else self.last.date
+
+
+def look_back(model: Model, problem: Problem) -> Before:
+    """Take a solved model as the prior for another run.
+
+    Args:
+        model: as it holds for the run.
+        problem: the run.
+
+    Returns:
+        The prior.
+
+    Raises:
+        ModelError: nothing was fitted in it.
+    """
+    carried = tuple(replace(t, fixed=frozenset()) for t in model.terms if not t.effect.of_run and len(t.theta))
+    if not carried:
+        raise ModelError(
+            "the model has no fitted effects, so nothing tells how the machine was",
+            where=model.file.source,
+            fix="solve the machine first: `ptt diagnose`, then `ptt add ... --out solved.toml`",
+        )
+    own = replace(model, terms=carried)
+    layout = lay_out(own, problem, carried)
+    width = int((layout.owner >= 0).sum())
+    values, scale = layout.start()[:width], layout.scale[:width]
+    root, notes = _uncertainty(model, carried, layout, scale)
+    entries = read_entries(model.file)
+    last = entries[-1] if entries else None
+    return Before(own, layout, values, root, last, _left(last), (*_not_carried(model), *notes))
+
+
+def _not_carried(model: Model) -> list[str]:
+    gone = [term.effect.key for term in (*model.terms, *model.aside) if term.effect.of_run]
+    return [f"{key} belongs to the set-up of another run and is not carried over" for key in gone]
+
+
+def _uncertainty(
+    model: Model, terms: tuple[Term, ...], layout: Layout, scale: np.ndarray
+) -> tuple[np.ndarray, list[str]]:
+    """Factor of the covariance of all values in usual sizes, (w, r); what it had to be put together from."""
+    kept = kept_covariance(model)
+    if kept is not None:
+        rows = kept.rows(layout.names[: len(scale)]) / scale[:, None]
+        ways, size, _ = np.linalg.svd(rows, full_matrices=False)
+        some = size > LEAST * size.max(initial=0.0)
+        return ways[:, some] * size[some], []
+    std = torch.cat([_stated(term) for term in terms]).numpy()[layout.columns()]
+    note = "the model keeps no covariance of its values as they are: each is taken to be as uncertain as it says"
+    return np.diag(np.where(np.isfinite(std), std / scale, 1.0)), [note]
+
+
+def _stated(term: Term) -> torch.Tensor:
+    return torch.full_like(term.theta, torch.nan) if term.std is None else term.std
+
+
+def _left(last: Entry | None) -> float:
+    """What was left of held-out rows beyond the noise of that run, um."""
+    if last is None:
+        return 0.0
+    excess = last.heldout_after_um["total"] ** 2 - float(last.noise_um["total"]) ** 2
+    return float(np.sqrt(max(excess, 0.0)))

@@ -1,0 +1,128 @@
+"""What may have changed: every value by itself, a curve as a whole; each a hypothesis with its prior odds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.atoms import LARGEST_EFFECT, Atom
+from ptt.effects import Effect
+from ptt.model.model import parameter_names
+from ptt.recheck.before import Before
+
+# Markov's inequality: a Bayes factor of a hundred for anything at all comes by chance in one sound run of a hundred.
+CHANGE_ODDS = float(np.log(100.0))
+CURVE = 3  # values of one joint's parameter from which they are one curve
+PREFIX = "changed: "
+
+
+@dataclass(frozen=True)
+class Change:
+    """One thing that may be otherwise than it was.
+
+    Attributes:
+        key: its own among all atoms.
+        effect: that it is a value of.
+        places: (m,) of its values among those of `Before`.
+        names: of each value, as in 'gap_mm 2'.
+        parameters: name of the parameter of each value.
+        joints: number of the joint of each value, from 1; 0 where it belongs to none.
+        units: of each value.
+        at: (m,) place of each value in the effect's own flat parameters.
+        ways: (m, d) how the values move with what is looked for, in usual sizes.
+        whole: whether all values of an effect move in proportion, as when it is cured, or grows.
+    """
+
+    key: str
+    effect: Effect
+    places: np.ndarray
+    names: tuple[str, ...]
+    parameters: tuple[str, ...]
+    joints: tuple[int, ...]
+    units: tuple[str, ...]
+    at: np.ndarray
+    ways: np.ndarray
+    whole: bool = False
+
+
+def changes_of(before: Before, joints: int) -> tuple[Change, ...]:
+    """Everything in a model that may have changed.
+
+    Args:
+        before: the solved model.
+        joints: k.
+
+    Returns:
+        The changes; searched values (a length, a time constant) only follow the others.
+    """
+    kind, found, first = before.model.file.machine.kind, list[Change](), 0
+    wholes = list[Change]()
+    for term, free in zip(before.layout.terms, before.layout.free, strict=True):
+        names = parameter_names(term.effect, kind, joints)
+        place = first + np.cumsum(free) - 1
+        start, mine = 0, len(found)
+        for parameter in (declared.on(kind) for declared in term.effect.parameters):
+            size = parameter.size(joints)
+            own = np.arange(start, start + size)
+            start += size
+            if parameter.role != "linear":
+                continue
+            apart = parameter.count if parameter.per_joint and parameter.count >= CURVE else 1
+            for part in own.reshape(-1, apart):
+                each = [_joint(int(at - own[0]), parameter.per_joint, parameter.count) for at in part]
+                label = names[part[0]] if apart == 1 else f"{parameter.name} {each[0]}"
+                key = f"{PREFIX}{term.effect.key} {label}"
+                found.append(
+                    Change(
+                        key, term.effect, place[part], tuple(names[at] for at in part), (parameter.name,) * apart,
+                        tuple(each), (parameter.unit,) * apart, part, np.eye(apart),
+                    )
+                )  # fmt: skip
+        wholes += _whole(found[mine:], before)
+        first += int(free.sum())
+    return (*found, *wholes)
+
+
+def _whole(parts: Sequence[Change], before: Before) -> list[Change]:
+    """All values of an effect at once, in the proportion that they have."""
+    if sum(len(part.places) for part in parts) < 2:
+        return []
+    places = np.concatenate([part.places for part in parts])
+    ways = before.values[places][:, None]
+    if not ways.any():
+        return []
+    effect = parts[0].effect
+    every = [(n, p, j, u) for part in parts for n, p, j, u in zip(*_columns(part), strict=True)]
+    names, parameters, joints, units = zip(*every, strict=True)
+    at = np.concatenate([part.at for part in parts])
+    key = f"{PREFIX}{effect.key} as a whole"
+    return [Change(key, effect, places, names, parameters, joints, units, at, ways, True)]
+
+
+def _columns(part: Change) -> tuple[tuple[str, ...], tuple[str, ...], tuple[int, ...], tuple[str, ...]]:
+    return part.names, part.parameters, part.joints, part.units
+
+
+def _joint(index: int, per_joint: bool, count: int) -> int:
+    return index // count + 1 if per_joint else 0
+
+
+def atoms_of_changes(changes: Sequence[Change], first: int) -> dict[str, Atom]:
+    """Changes as hypotheses beside others, all equally likely; columns stand one behind the other.
+
+    Args:
+        changes: what may have changed.
+        first: place of the first column.
+
+    Returns:
+        The atoms by key.
+    """
+    odds, atoms = CHANGE_ODDS + float(np.log(max(len(changes), 1))), dict[str, Atom]()
+    for change in changes:
+        width = change.ways.shape[1]
+        atoms[change.key] = Atom(
+            change.key, change.key, np.arange(first, first + width), np.zeros(width, dtype=int),
+            np.array([LARGEST_EFFECT]), odds, np.zeros(width, dtype=bool), effect=change.effect,
+        )  # fmt: skip
+        first += width
+    return atoms

@@ -1,0 +1,63 @@
+"""What differs between two runs beside the machine: loads and warmth that a model has or has not seen."""
+
+from typing import Any
+
+import numpy as np
+
+from ptt.recheck.before import Before
+from ptt.run.problem import Problem
+
+SEEN = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
+LEAST = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # that is worth a word
+
+
+def ranges_of(problem: Problem) -> dict[str, list[float]]:
+    """The range of every context that a run's readings have, as a history keeps it.
+
+    Args:
+        problem: the run.
+
+    Returns:
+        Column -> lowest and highest value.
+    """
+    found = {}
+    for column in SEEN:
+        values = getattr(problem.table, column)
+        if values is not None and np.isfinite(values[problem.used]).any():
+            found[column] = [float(np.nanmin(values[problem.used])), float(np.nanmax(values[problem.used]))]
+    return found
+
+
+def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
+    """What the model extrapolates to in this run.
+
+    Args:
+        before: the solved model.
+        problem: the run.
+
+    Returns:
+        One line for each context that its run did not have, or of which nothing says so.
+    """
+    steps = [row for row in before.model.file.history if "kind" in row]
+    then: dict[str, Any] = dict(steps[-1].get("ranges", {})) if steps else {}
+    told = bool(steps) and "ranges" in steps[-1]
+    needs = {context for term in before.model.terms for context in term.effect.requires}
+    lines = []
+    for column, (low, high) in ranges_of(problem).items():
+        context, unit = SEEN[column]
+        has = "follows" if context in needs else "has no effect that follows"
+        now = f"{low:.3g} to {high:.3g} {unit}" if high - low > LEAST[column] else f"{high:.3g} {unit}"
+        if column in then:
+            beyond = max(then[column][0] - low, high - then[column][1])
+            if beyond > LEAST[column]:
+                old = f"{then[column][0]:.3g} to {then[column][1]:.3g}"
+                lines.append(f"{context} goes beyond the model's run ({now}; then {old}), and the model {has} it")
+        elif column != "feed_mm_s" and (told or context not in needs) and _matters(column, low, high, problem):
+            which = "the model's run did not record it" if told else "nothing says which it was in the model's run"
+            lines.append(f"{context} is {now} in this run; {which}, and the model {has} it")
+    return tuple(lines)
+
+
+def _matters(column: str, low: float, high: float, problem: Problem) -> bool:
+    usual = problem.file.machine.reference_temp_c if column == "temp_c" else 0.0
+    return max(abs(low - usual), abs(high - usual)) > LEAST[column]

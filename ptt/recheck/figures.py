@@ -1,0 +1,148 @@
+"""Figures of a recheck: how far each value has moved, and what the machine misses by, then and now."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.fitting.evidence import WIDE, inverse
+from ptt.fitting.solve import rms
+from ptt.recheck.changes import Change
+from ptt.recheck.weigh import Weighed
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One value, then and now.
+
+    Attributes:
+        effect: key of its effect.
+        parameter: its name.
+        joint: number of the joint, from 1; 0 where it belongs to none.
+        name: as in 'gap_mm 2'.
+        unit: of the values.
+        before: as the model has it.
+        now: as this run has it, if this and what else is said to have changed is all that did.
+        std: standard error of the difference.
+    """
+
+    effect: str
+    parameter: str
+    joint: int
+    name: str
+    unit: str
+    before: float
+    now: float
+    std: float
+
+    @property
+    def z(self) -> float:
+        """The difference in standard errors."""
+        return (self.now - self.before) / self.std if self.std > 0.0 else 0.0
+
+    def to_dict(self) -> dict[str, str | float | int]:
+        """For JSON."""
+        return {
+            "effect": self.effect, "parameter": self.name, "unit": self.unit, "joint": self.joint,
+            "before": self.before, "now": self.now, "std": self.std, "z": self.z,
+        }  # fmt: skip
+
+
+def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
+    """How far some values have moved, all of them free together beside what has changed, no prior on any.
+
+    Args:
+        found: the best explanation.
+        changes: of these.
+
+    Returns:
+        One for each value of the changes.
+    """
+    state, system, before = found.state, found.system, found.before
+    free = [change.key for change in changes]
+    own = np.concatenate([found.columns_of(change) for change in changes])
+    rest = [state.of(key) for key in state.keys if key not in free]
+    kept = np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)
+    columns = np.concatenate([state.columns[kept], own]).astype(int)
+    others = [found.system.atoms[change.key].columns for change in found.changed]
+    loose = np.isin(columns, np.concatenate([own, *others]))
+    prior = np.where(loose, WIDE, np.concatenate([state.posterior.prior[kept], np.full(len(own), WIDE)]))
+    sums = system.sums_of(columns, state.memory)
+    covariance = inverse(sums.gram + np.diag(1.0 / prior))
+    values, error = covariance @ sums.side, state.posterior.phi * covariance
+    result, at = [], len(kept)
+    for change in changes:
+        part = slice(at, at + change.ways.shape[1])
+        at = part.stop
+        size = before.layout.scale[change.places]
+        then, step = before.values[change.places] * size, change.ways @ values[part] * size
+        std = np.sqrt(np.diag(change.ways @ error[part, part] @ change.ways.T)) * size
+        rows = zip(change.parameters, change.joints, change.names, change.units, strict=True)
+        result += [
+            Moved(change.effect.key, *row, float(then[i]), float(then[i] + step[i]), float(std[i]))
+            for i, row in enumerate(rows)
+        ]
+    return tuple(result)
+
+
+def every_value(found: Weighed) -> tuple[Moved, ...]:
+    """Every value that may have changed: what has, together; each of the others as if it alone had changed besides."""
+    named, rows = found.changed, dict[tuple[str, str], Moved]()
+    for change in found.changes:
+        if not change.whole and change not in named:
+            rows |= {(one.effect, one.name): one for one in moved_of(found, [change])}
+    for one in moved_of(found, named) if named else ():
+        if (one.effect, one.name) not in rows or one.std > 0.0:
+            rows[one.effect, one.name] = one
+    return tuple(rows.values())
+
+
+def errors_of(found: Weighed) -> dict[str, float]:
+    """What the machine misses by beside the solved model, root mean square in total, um.
+
+    Returns:
+        expected: what a machine that has not changed would show in this run: its noise, what the model's values leave
+        uncertain at these poses, and what the model left unexplained; now: with the model as it was; left: with what is
+        said to have changed.
+    """
+    system, state, before = found.system, found.state, found.before
+    frame, loose = found.frame, system.frame[len(found.frame) :]
+    flat = system.columns.reshape(3 * len(system.rows), -1)
+    basis, _ = np.linalg.qr(flat[:, frame])
+    value = system.values.ravel()
+    off = value - basis @ (basis.T @ value)
+    doubt = flat[:, loose] - basis @ (basis.T @ flat[:, loose])
+    spread = [system.in_mm(column.reshape(-1, 3)) for column in doubt.T]
+    doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)
+    wander = 0.0 if state.memory.wander is None else state.memory.wander.share
+    noise = (1e3 * found.noise.total) ** 2 * (1.0 + wander)
+    named = found.scorer.score([change.key for change in found.changed], state.memory)
+    left = system.left(named.columns, named.posterior.values)
+    every = np.ones(len(system.rows), dtype=bool)
+    return {
+        "expected": float(np.sqrt(noise + doubtful + before.left**2)),
+        "now": rms(system.in_mm(off.reshape(-1, 3)), every)["total"],
+        "left": rms(system.in_mm(left), every)["total"],
+    }
+
+
+def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:
+    """What each effect does to the tool in this run, the tracker's frame taken off, um.
+
+    Args:
+        found: for the columns.
+        values: (w,) of the model, in usual sizes.
+
+    Returns:
+        Key of the effect -> root mean square; '' for all together.
+    """
+    layout, system = found.at.fitted.layout, found.system
+    flat = found.own.reshape(3 * len(system.rows), -1)
+    basis, _ = np.linalg.qr(system.columns.reshape(3 * len(system.rows), -1)[:, found.frame])
+    owner, made = layout.owner[: len(values)], {}
+    for index, term in enumerate((*layout.terms, None)):
+        mine = np.ones(len(values), dtype=bool) if term is None else owner == index
+        work = flat[:, mine] @ values[mine]
+        work = system.in_mm((work - basis @ (basis.T @ work)).reshape(-1, 3))
+        made["" if term is None else term.effect.key] = rms(work, np.ones(len(work), dtype=bool))["total"]
+    return made

@@ -1,0 +1,93 @@
+"""What a run shows that a solved model does not have: diagnosed on top of it, unless it was there then, too."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.diagnosis.noise import noise_left
+from ptt.diagnosis.rest import look_for_rest
+from ptt.diagnosis.verdict import EXCESS, Diagnosis, diagnose
+from ptt.effects import Library
+from ptt.effects.registry import parse_key
+from ptt.fitting.solve import hold, rms
+from ptt.model.model import Model
+from ptt.recheck.weigh import Weighed
+from ptt.recheck.words import on_date
+from ptt.run.problem import Problem
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class News:
+    """What is new.
+
+    Attributes:
+        diagnosis: of what the model does not have; None where nothing is new.
+        notes: what is to be said besides.
+    """
+
+    diagnosis: Diagnosis | None
+    notes: tuple[str, ...] = ()
+
+
+def look_for_news(
+    found: Weighed, model: Model, problem: Problem, known: Library, tell: Progress, seed: int = 0
+) -> News:
+    """Diagnose what a run shows beside a solved model and its changes.
+
+    Args:
+        found: the best explanation.
+        model: the solved model with its values as the run has them.
+        problem: the run.
+        known: effects by name.
+        tell: told what is being done.
+        seed: of the permutation tests.
+
+    Returns:
+        What is new; the diagnosis has to find it as well.
+    """
+    left = found.before.left
+    if found.new and (size := size_of_new(found)) <= left:
+        names = ", ".join(dict.fromkeys(found.system.atoms[key].name for key in found.new))
+        then = on_date(found.before.since)
+        return News(None, (f"{then} the model left {left:.1f} um unexplained; {names} ({size:.1f} um) is no more",))
+    if not found.new and not _objects(found, problem, tell, seed):
+        return News(None)
+    tell("what is new")
+    still = replace(model, terms=tuple(hold(term) for term in model.terms))
+    diagnosis = diagnose(still, problem.masked(found.gross), known, seed=seed)
+    return News(None if _nothing_of_machine(diagnosis, known) else diagnosis)
+
+
+def size_of_new(found: Weighed) -> float:
+    """What is new does to the readings, the set-up's part taken off, root mean square in um."""
+    system, state = found.system, found.state
+    rows = len(system.rows)
+    places = np.concatenate([state.of(key) for key in found.new])
+    work = (system.columns[:, :, state.columns[places]] @ state.posterior.values[places]).ravel()
+    basis, _ = np.linalg.qr(system.columns[:, :, found.frame].reshape(3 * rows, -1))
+    return rms(system.in_mm((work - basis @ (basis.T @ work)).reshape(-1, 3)), np.ones(rows, dtype=bool))["total"]
+
+
+def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:
+    """Whether all that is missing is what happened to the set-up during the run."""
+    if diagnosis.verdict != "missing":
+        return diagnosis.verdict == "nothing-missing"
+    return all(known[parse_key(step[0])[0]].of_run for step in diagnosis.suggested)
+
+
+def _objects(found: Weighed, problem: Problem, tell: Progress, seed: int) -> bool:
+    """Whether what is left is more than noise and more than the model left then."""
+    system, state = found.system, found.state
+    after = noise_left(system, state).total
+    if problem.noise is not None and 1e3 * np.sqrt(max(after**2 - problem.noise.total**2, 0.0)) <= found.before.left:
+        return False
+    if state.memory.pose > 0.0 or system.clock.is_fault(state.memory.wander):
+        return True
+    if problem.noise is not None and after > EXCESS * problem.noise.total:
+        return True
+    tell("rest")
+    clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), system.rows))
+    return look_for_rest(system, state, clean, seed=seed).significant

@@ -1,0 +1,148 @@
+"""Recheck: has a machine changed since its model was fitted, and in what?"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.diagnosis.noise import noise_after
+from ptt.diagnosis.steps import Step, name_steps
+from ptt.diagnosis.verdict import enough
+from ptt.effects import Library, library
+from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.model.model import Model, Term
+from ptt.recheck.before import look_back
+from ptt.recheck.changes import PREFIX, Change
+from ptt.recheck.contexts import context_notes
+from ptt.recheck.figures import Moved, errors_of, every_value, made_by, moved_of
+from ptt.recheck.news import Progress, look_for_news
+from ptt.recheck.result import Changed, Recheck, Verdict
+from ptt.recheck.supposed import model_at
+from ptt.recheck.weigh import Weighed, moved_by, weigh
+from ptt.recheck.words import explain, say_change, say_whole
+from ptt.run.problem import Problem
+
+GONE = 0.2  # share of what a value was below which it is called repaired
+CLEAR = 3.0  # standard errors
+
+
+def recheck(
+    model: Model, problem: Problem, known: Library | None = None, *, progress: Progress | None = None, seed: int = 0
+) -> Recheck:
+    """Hold a new run against a solved model.
+
+    The posterior of the model's fit is the prior of a machine that has not changed; against it stand changes of single
+    values, effects that the model does not have, and unknown physics, all by their evidence.
+
+    Args:
+        model: solved, as it holds for the run (`ptt.model.of_run.for_runs`).
+        problem: the new run, with a set-up and a noise of its own.
+        known: effects by name; None for the library.
+        progress: told what is being done.
+        seed: of the permutation tests.
+
+    Returns:
+        What has changed.
+
+    Raises:
+        ModelError: nothing was fitted in the model.
+        TableError: too few readings, or nothing tells their noise.
+    """
+    enough(problem)
+    known = library() if known is None else known
+    tell = progress or (lambda what: None)
+    notes = list(_same_run(model, problem))
+    if problem.table.rows > LONG:
+        notes.append(f"of {problem.table.rows} rows, stretches of about {SAMPLE} in all were looked at")
+        problem = take(problem, sample_stretches(problem, SAMPLE))
+    before = look_back(model, problem)
+    found = weigh(before, problem, known, tell)
+    now = model_at(before, _stands(found))
+    news = look_for_news(found, now, problem, known, tell, seed)
+    named = {step.key: step for step in name_steps(found.scorer, found.state) if step.key.startswith(PREFIX)}
+    changed = _changed(found, named, problem)
+    verdict: Verdict = "new" if news.diagnosis is not None else "changed" if changed else "same"
+    result = Recheck(
+        verdict=verdict,
+        changed=changed,
+        new=news.diagnosis,
+        parameters=every_value(found),
+        error_um=errors_of(found),
+        made_um={"before": made_by(found, before.values), "now": made_by(found, before.values + _stands(found))},
+        noise_um=noise_after(problem, found.system, found.state).to_dict(),
+        since=before.since,
+        rows=len(found.system.rows),
+        outlier_rows=tuple(int(row) for row in np.flatnonzero(found.gross)),
+        notes=(*notes, *before.notes, *news.notes, *_set_up(found), *context_notes(before, problem)),
+        words="",
+        model=replace(model, terms=_merged(model, now)),
+    )
+    return replace(result, words=explain(result))
+
+
+def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
+    """A word where the model was fitted on this very run."""
+    steps = [row for row in model.file.history if "kind" in row]
+    files = {item["sha256"] for item in steps[-1].get("files", ())} if steps else set()
+    if files & {digest for digest in problem.table.run_sha256 if digest}:
+        return ("this is the run that the model was fitted on: it cannot tell whether the machine has changed since",)
+    return ()
+
+
+def _stands(found: Weighed) -> np.ndarray:
+    """How far all values are from those of the model, (w,) in usual sizes: changes, and what was uncertain."""
+    unsure = np.flatnonzero(found.state.owner < 0)[len(found.frame) :]
+    return moved_by(found) + found.before.root @ found.state.posterior.values[unsure]
+
+
+def _merged(model: Model, now: Model) -> tuple[Term, ...]:
+    own = {term.effect.key: term for term in now.terms}
+    return tuple(replace(t, theta=own[t.effect.key].theta) if t.effect.key in own else t for t in model.terms)
+
+
+def _changed(found: Weighed, named: Mapping[str, Step], problem: Problem) -> tuple[Changed, ...]:
+    """What has changed, value by value, the surest first."""
+    changes = [change for change in found.changed if change.key in named]
+    if not changes:
+        return ()
+    values, rows, at = moved_of(found, changes), list[Changed](), 0
+    for change in changes:
+        ties = tuple(name.removeprefix(PREFIX) for name in named[change.key].others if name != change.key)
+        own = values[at : at + len(change.names)]
+        at += len(own)
+        rows += _rows_of(change, own, ties, problem, found.before.since)
+    return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
+
+
+def _rows_of(
+    change: Change, values: Sequence[Moved], ties: tuple[str, ...], problem: Problem, since: str | None
+) -> list[Changed]:
+    """The values of one change that are clearly otherwise, each with its words; one sentence where they are one."""
+    pairs = list(zip(values, change.at, strict=True))
+    clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
+    clear = clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
+    if change.whole:
+        words = say_whole(change.effect, change.at, values, problem.view, since)
+        return [Changed(value, is_repaired(value), ties, words) for value, _ in clear]
+    return [
+        Changed(value, cured, ties, say_change(change.effect, int(place), value, problem.view, since, cured))
+        for value, place in clear
+        for cured in [is_repaired(value)]
+    ]
+
+
+def is_repaired(value: Moved) -> bool:
+    """Whether a value that was clearly off is back near zero.
+
+    Args:
+        value: then and now.
+
+    Returns:
+        Whether it is.
+    """
+    was, now = abs(value.before), abs(value.now)
+    return was > CLEAR * value.std and (now < GONE * was or (now < CLEAR * value.std and now < 0.5 * was))
+
+
+def _set_up(found: Weighed) -> tuple[str, ...]:
+    return tuple(f"during this run the set-up has moved: {name}; taken off" for name in found.set_up)

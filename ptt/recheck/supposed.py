@@ -1,0 +1,160 @@
+"""The linear problem of a run against a solved model: what was uncertain, what may have changed, what may be new."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.diagnosis.system import RowSystem, build_system
+from ptt.effects import Effect
+from ptt.fitting.linear import Shape, linear_columns
+from ptt.fitting.solve import FitResult, fit, hold
+from ptt.model.model import Model
+from ptt.recheck.before import Before
+from ptt.recheck.changes import Change, atoms_of_changes
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+
+@dataclass(frozen=True)
+class At:
+    """A solved model at some of its values, seen by a run.
+
+    Attributes:
+        fitted: all values free, frames and mounts where they fit the run.
+        moved: (w,) how far its values are from those of the model, in usual sizes.
+    """
+
+    fitted: FitResult
+    moved: np.ndarray
+
+
+def stand_at(before: Before, moved: np.ndarray, problem: Problem, noise: Noise) -> At:
+    """Put a solved model at other values, and the new run's set-up where it belongs.
+
+    Args:
+        before: the solved model.
+        moved: (w,) in usual sizes.
+        problem: the run.
+        noise: the noise floor.
+
+    Returns:
+        Where to linearise.
+    """
+    layout, model = before.layout, model_at(before, moved)
+    values = np.concatenate([term.theta.numpy()[free] for term, free in zip(model.terms, layout.free, strict=True)])
+    values = values / layout.scale[: before.width]
+    still = replace(model, terms=tuple(hold(term) for term in model.terms))
+    framed = fit(still, problem, noise=noise, robust=False, coarse=True)
+    unknowns = np.concatenate([values, framed.unknowns])
+    own = replace(layout, terms=model.terms)
+    return At(replace(framed, model=model, layout=own, unknowns=unknowns), values - before.values)
+
+
+def model_at(before: Before, moved: np.ndarray) -> Model:
+    """The solved model with its values moved, within what physics allows.
+
+    Args:
+        before: the solved model.
+        moved: (w,) in usual sizes.
+
+    Returns:
+        The model.
+    """
+    layout, width = before.layout, before.width
+    values = np.clip(before.values + moved, layout.lower[:width], layout.upper[:width])
+    rest = np.zeros(len(layout.scale) - width)
+    thetas = layout.thetas(np.concatenate([values, rest]))
+    terms = tuple(replace(term, theta=theta) for term, theta in zip(layout.terms, thetas, strict=True))
+    return replace(before.model, terms=terms)
+
+
+def suppose(
+    before: Before,
+    at: At,
+    problem: Problem,
+    changes: Sequence[Change],
+    candidates: Sequence[Effect],
+    noise: Noise,
+    freedom: float,
+    rows: np.ndarray,
+    shapes: Mapping[str, Sequence[Shape]],
+) -> tuple[RowSystem, np.ndarray]:
+    """Linearise: y = frame + X (uncertain then + changed since) + what may be new + noise.
+
+    What was uncertain then is part of every hypothesis, as the frame is; its prior enters as readings of zero with
+    the standard errors of the fit, so that directions that the old run did not see stay free.
+
+    Args:
+        before: the solved model.
+        at: where to linearise.
+        problem: the run.
+        changes: what may have changed.
+        candidates: effects that may be new.
+        noise: the noise floor.
+        freedom: degrees of freedom behind it.
+        rows: rows that count, (n,) bool.
+        shapes: of candidates, by key.
+
+    Returns:
+        The system, whose values are what the model as it was leaves; and the columns of the model's values, (m, 3, w).
+    """
+    system = build_system(at.fitted, problem, candidates, noise, freedom, rows, shapes=shapes)
+    linear = linear_columns(at.fitted, problem, [], noise)
+    own = linear.columns[rows][:, :, : before.width]
+    ways = ways_of(changes, before.width)
+    first, more = system.columns.shape[2], ways.shape[1]
+    unsure, width = before.root.shape[1], before.root.shape[1] + more
+    atoms = {key: atom for key, atom in system.atoms.items() if atom.effect is None or atom.shape is not None}
+    told, zero = _readings_of_zero(unsure)
+    base = np.pad(system.base_columns, [(0, 0), (0, 0), (0, width)])
+    prior = np.pad(told, [(0, 0), (0, 0), (first, more)])
+    if len(linear.base_values):
+        base[:, :, first:] = linear.base_columns[:, :, : before.width] @ np.hstack([before.root, ways])
+    supposed = replace(
+        system,
+        frame=np.concatenate([system.frame, np.arange(first, first + unsure)]).astype(int),
+        atoms=atoms | atoms_of_changes(changes, first + unsure),
+        columns=np.concatenate([system.columns, own @ before.root, own @ ways], axis=2),
+        values=linear.residual[rows] + own @ at.moved,
+        scale=np.concatenate([system.scale, np.ones(unsure + more)]),
+        base_columns=np.concatenate([base, prior]),
+        base_values=np.concatenate([system.base_values, zero]),
+        _sums={},
+    )
+    return supposed, own
+
+
+def with_contexts(problem: Problem) -> Problem:
+    """The run with what is constant in it, but need not have been so then, as something that may have an effect.
+
+    Args:
+        problem: the run.
+
+    Returns:
+        The same rows, seen so that effects of a load or a warmth that differs from none can be tested.
+    """
+    view, more = problem.view, set[str]()
+    if float(view.payload.abs().max()) > 0.0:
+        more.add("payload")
+    if float(view.warmth.abs().max()) > 0.0:
+        more.add("temperature")
+    return replace(problem, view=replace(view, varies=view.varies | more))
+
+
+def ways_of(changes: Sequence[Change], width: int) -> np.ndarray:
+    """How the values of a model move with its changes, (w, columns) in usual sizes."""
+    ways = [np.zeros((width, 0))]
+    for change in changes:
+        own = np.zeros((width, change.ways.shape[1]))
+        own[change.places] = change.ways
+        ways.append(own)
+    return np.concatenate(ways, axis=1)
+
+
+def _readings_of_zero(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Each of some unknowns read once as zero with unit error, three to a row, (m, 3, count) and (m, 3)."""
+    rows = -(-count // 3)
+    columns = np.zeros((3 * rows, count))
+    columns[:count] = np.eye(count)
+    return columns.reshape(rows, 3, count), np.zeros((rows, 3))

@@ -1,0 +1,215 @@
+"""Weigh what may have happened to a machine since its model: the same, some values changed, something new."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.gross import MOST, alone, gross_errors, stand_out
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moment import best_moment
+from ptt.diagnosis.noise import noise_again, starting_noise
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import improve, search, without
+from ptt.diagnosis.steps import BESIDE
+from ptt.diagnosis.system import RowSystem
+from ptt.effects import Effect, Library
+from ptt.effects.sudden import Sudden
+from ptt.fitting.linear import Shape, few_shapes, linear_columns
+from ptt.recheck.before import Before
+from ptt.recheck.changes import PREFIX, Change, changes_of
+from ptt.recheck.supposed import At, stand_at, suppose
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+TURNS = 4  # of linearising and searching
+STEPS = 12  # changes and new effects that may be named
+SETTLED = 0.05  # usual sizes by which a value may still move when it is linearised for the last time
+KNOWN_REST = 0.5  # share of the noise of then from which what a model left unexplained is known to be there
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The best explanation of a run by a solved model.
+
+    Attributes:
+        before: the solved model.
+        at: where it was linearised last.
+        system: linearised there.
+        scorer: with all that was scored there.
+        state: the best set.
+        changes: what may have changed.
+        noise: the noise floor as it ended.
+        gross: rows left out as gross errors, (n,) bool.
+        untestable: effect -> what the run lacks.
+        own: columns of the model's values, (m, 3, w) whitened, in usual sizes.
+    """
+
+    before: Before
+    at: At
+    system: RowSystem
+    scorer: Scorer
+    state: State
+    changes: tuple[Change, ...]
+    noise: Noise
+    gross: np.ndarray
+    untestable: dict[str, str]
+    own: np.ndarray
+
+    @property
+    def changed(self) -> tuple[Change, ...]:
+        """What has changed."""
+        return tuple(change for change in self.changes if change.key in self.state.keys)
+
+    @property
+    def new(self) -> tuple[str, ...]:
+        """Keys of effects and unknown physics of the machine that the model does not have."""
+        atoms = self.system.atoms
+        rest = [key for key in self.state.keys if not key.startswith(PREFIX)]
+        return tuple(key for key in rest if not _of_set_up(atoms[key].effect))
+
+    @property
+    def set_up(self) -> tuple[str, ...]:
+        """Names of what happened to the set-up during the run, which is no change of the machine."""
+        atoms = self.system.atoms
+        mine = [key for key in self.state.keys if not key.startswith(PREFIX) and _of_set_up(atoms[key].effect)]
+        return tuple(atoms[key].name for key in mine)
+
+    @property
+    def frame(self) -> np.ndarray:
+        """Columns of the run's own frames and mounts in the system."""
+        return self.system.frame[: len(self.system.frame) - self.before.root.shape[1]]
+
+    def columns_of(self, change: Change) -> np.ndarray:
+        """Places of a change's columns in the system."""
+        return self.system.atoms[change.key].columns
+
+
+def weigh(before: Before, problem: Problem, known: Library, tell: Progress) -> Weighed:
+    """Find the best explanation of a run by a solved model.
+
+    Args:
+        before: the solved model.
+        problem: the run.
+        known: effects by name.
+        tell: told what is being done.
+
+    Returns:
+        What was found.
+    """
+    noise, freedom = starting_noise(problem)
+    changes = changes_of(before, problem.view.joints)
+    moved, gross = np.zeros(before.width), np.zeros(problem.table.rows, dtype=bool)
+    kept: tuple[str, ...] | None = None
+    moments: dict[str, list[Shape]] = {}
+    memory = WHITE
+    for turn in range(TURNS):
+        tell(f"weigh {turn + 1}")
+        at = stand_at(before, moved, problem.masked(gross), noise)
+        candidates, untestable = present_candidates(at.fitted, problem, known)
+        if turn == 0:
+            gross = _sift(at, problem, candidates, noise)
+        rows = problem.used & ~gross & np.isfinite(at.fitted.residual).all(axis=1)
+        shapes = {effect.key: [*effect.search(problem.view), *moments.get(effect.key, ())] for effect in candidates}
+        system, own = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
+        system.atoms = _priced(system, before)
+        scorer = Scorer(system, (), STEPS)
+        if kept is None:
+            state = search(scorer)
+        else:
+            state = scorer.score([key for key in kept if key in system.atoms], memory)
+            state = improve(scorer, state)
+        state = _known_first(scorer, state)
+        found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own)
+        if turn == TURNS - 1:
+            break
+        gross = _sift_again(found, problem)
+        there = moved_by(found)
+        still = np.abs(there - at.moved).max(initial=0.0) < SETTLED and (gross == found.gross).all()
+        if turn > 0 and still and _same_names(kept, state):
+            break
+        moments = _moments(found, candidates)
+        noise, moved = noise_again(problem, system, state), there
+        kept, memory = state.keys, state.memory
+    return found
+
+
+def moved_by(found: Weighed) -> np.ndarray:
+    """How far the changes that are named move the values of the model, (w,) in usual sizes."""
+    moved = np.zeros(found.before.width)
+    for change in found.changed:
+        moved[change.places] += change.ways @ found.state.posterior.values[found.state.of(change.key)]
+    return moved
+
+
+def _known_first(scorer: Scorer, state: State) -> State:
+    """The best set without anything new, unless the one with it is worth clearly more.
+
+    What is known of the machine is itself only approximate: what the rest of it leaves must not be called new.
+    """
+    atoms = scorer.system.atoms
+
+    def known(key: str) -> bool:
+        return key.startswith(PREFIX) or _of_set_up(atoms[key].effect)
+
+    if all(known(key) for key in state.keys):
+        return state
+    start = scorer.score([key for key in state.keys if known(key)], state.memory)
+    ends = [improve(scorer, one, lambda atom: known(atom.key)) for one in (start, scorer.score((), WHITE))]
+    best = max(ends, key=lambda other: other.total)
+    return best if state.total < best.total + BESIDE else state
+
+
+def _of_set_up(effect: Effect | None) -> bool:
+    return effect is not None and effect.of_run
+
+
+def _same_names(kept: Sequence[str] | None, state: State) -> bool:
+    return kept is not None and set(kept) == set(state.keys)
+
+
+def _priced(system: RowSystem, before: Before) -> dict[str, Atom]:
+    """Unknown physics costs no more than the choice among its kinds where the model is known to leave some."""
+    if before.last is None or before.left < KNOWN_REST * float(before.last.noise_um["total"]):
+        return system.atoms
+    kinds = sum(atom.effect is None for atom in system.atoms.values())
+    odds = float(np.log(max(kinds, 1)))
+    return {key: atom if atom.effect else replace(atom, odds=odds) for key, atom in system.atoms.items()}
+
+
+def _sift(at: At, problem: Problem, candidates: Sequence[Effect], noise: Noise) -> np.ndarray:
+    """Lone rows that neither the model with all its values free nor all effects together can explain, (n,) bool."""
+    linear = linear_columns(at.fitted, problem, candidates, noise)
+    saturated = few_shapes(linear.trials, linear.simple)
+    return gross_errors(linear.columns, linear.residual, linear.rows, linear.simple, saturated, problem.view.q.numpy())
+
+
+def _sift_again(found: Weighed, problem: Problem) -> np.ndarray:
+    """The same against the explanation that was found, beside the rows that were left out before."""
+    system, state = found.system, found.state
+    white = system.innovation(state.columns, state.posterior.values, state.memory) / np.sqrt(state.posterior.phi)
+    here = np.ones(len(white), dtype=bool)
+    gross, travel = found.gross.copy(), problem.view.q.numpy()[system.rows]
+    gross[system.rows[alone(stand_out(white, here), white, here, travel)]] = True
+    return gross if gross.sum() <= MOST * problem.used.sum() else found.gross
+
+
+def _moments(found: Weighed, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
+    """The row at which each sudden effect would do best in place of everything that changes in time."""
+    system, state, atoms = found.system, found.state, found.system.atoms
+    timely = [key for key in state.keys if isinstance(atoms[key].effect, Sudden) or _in_time(atoms[key].block)]
+    timely = [key for key in timely if not key.startswith(PREFIX)]
+    still = found.scorer.score(without(state, *timely), WHITE, state.scales)
+    left = np.zeros((system.at.problem.table.rows, 3))
+    left[system.rows] = system.left(still.columns, still.posterior.values)
+    used = np.isin(np.arange(len(left)), system.rows)
+    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
+    return {effect.key: [best_moment(system.at, left, used, effect)] for effect in sudden}
+
+
+def _in_time(block: object) -> bool:
+    return block is not None and "time" in block.on  # type: ignore[attr-defined]

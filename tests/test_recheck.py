@@ -1,0 +1,161 @@
+"""Recheck on the virtual machine, which shares no equation with the model: same, changed, repaired, new, refused."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.truth import table_of
+from ptt.commands import main as commands
+from ptt.effects import library
+from ptt.errors import ModelError
+from ptt.judge.history import record
+from ptt.judge.ladder.climb import climb
+from ptt.machine import format_machine, parse_machine, save_machine
+from ptt.model.model import Model, Term, read_model
+from ptt.model.of_run import for_runs
+from ptt.recheck.recheck import recheck
+from ptt.recheck.result import Recheck
+from ptt.rig import parse_rig, simulate
+from ptt.rig.nominal import draw_machine
+from ptt.rig.targets import make_volume
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import write_table
+
+MACHINE = {"kind": "three-ptt", "base_radius_mm": 200, "platform_radius_mm": 100, "link_length_mm": 300,
+           "slider_travel_mm": [150, 420], "screw_lead_mm": 5}  # fmt: skip
+DATE = "2026-03-15T10:00:00+00:00"
+GAPS, LINKS = (0.03, 0.02, 0.045), (0.08, -0.05, 0.0)
+SIGMA = 0.004
+
+
+def run_of(seed: int, rows: int = 80, **sections: dict) -> Problem:
+    """A run of the machine with its faults, changed as said; path, tracker's place and noise by the seed."""
+    random = np.random.default_rng(seed)
+    tracker = {"white_mm": SIGMA, "translation_mm": random.uniform(-1, 1, 3).tolist(),
+               "rotation_mrad": random.uniform(-1, 1, 3).tolist()}  # fmt: skip
+    content = {"drive": {"backlash_mm": GAPS}, "geometry": {"link_mm": LINKS}, "tracker": tracker}
+    for name, values in sections.items():
+        content[name] = {**content.get(name, {}), **values}
+    rig = parse_rig({"machine": MACHINE, "seed": seed, **content})
+    table = table_of(simulate(rig, make_volume(draw_machine(rig.spec), rows, seed)).frame)
+    file = parse_machine(f'{format_machine(rig.machine)}\n[tracker]\nframe = "fitted"\nsigma_mm = {SIGMA}\n')
+    return build_problem(file, table)
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """The model of a first run, as its file keeps it."""
+    first = run_of(1)
+    folder = tmp_path_factory.mktemp("solved")
+    write_table(first.table, folder / "first.csv")
+    known = library()
+    ladder = climb(Model(first.file), first, [known["backlash"](), known["link-length"]()])
+    file = record(ladder, "add", [folder / "first.csv"], date=DATE)
+    save_machine(file, folder / "solved.toml")
+    save_machine(first.file, folder / "drawing.toml")
+    return SimpleNamespace(model=read_model(parse_machine(format_machine(file))), folder=folder)
+
+
+def look(solved: SimpleNamespace, problem: Problem) -> Recheck:
+    model, _ = for_runs(solved.model, problem)
+    return recheck(model, problem)
+
+
+def test_a_sound_machine_is_the_same_with_another_set_up_path_and_noise(solved: SimpleNamespace) -> None:
+    found = look(solved, run_of(2, conditions={"payload_kg": 3.0}))
+    assert found.verdict == "same" and not found.changed
+    assert abs(found.error_um["now"] / found.error_um["expected"] - 1.0) < 0.15
+    assert max(abs(one.z) for one in found.parameters) < 4.5
+    assert found.since == DATE and "15 March 2026" in found.words
+    assert any("payload is 3 kg" in note for note in found.notes)
+
+
+def test_only_the_value_that_changed_is_named_with_its_side_unit_and_true_size(solved: SimpleNamespace) -> None:
+    found = look(solved, run_of(3, drive={"backlash_mm": (0.03, 0.045, 0.045)}))
+    assert found.verdict == "changed"
+    (change,) = found.changed
+    assert (change.moved.effect, change.moved.name, change.moved.joint) == ("backlash", "gap_mm 2", 2)
+    step = change.moved.now - change.moved.before
+    assert abs(step - 0.025) < 4.0 * change.moved.std < 0.01
+    assert change.moved.z == pytest.approx(step / change.moved.std)
+    assert "Slider 2 loses 4" in change.words and "more than on 15 March 2026" in change.words
+    assert found.error_um["left"] < found.error_um["now"]
+    np.testing.assert_allclose(found.model.terms[0].theta.numpy()[1], 0.045, atol=0.004)
+
+
+def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -> None:
+    found = look(solved, run_of(4, drive={"backlash_mm": (0.0, 0.0, 0.0)}))
+    assert found.verdict == "changed"
+    assert {item.moved.effect for item in found.changed} == {"backlash"}
+    assert all(item.repaired for item in found.changed) and "Repaired" in found.words
+    assert found.made_um["now"]["backlash"] < 0.1 * found.made_um["before"]["backlash"]
+    assert "The repair helped" in found.words and "link-length" in found.words.partition("The repair helped")[2]
+
+
+def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_it_is_named(
+    solved: SimpleNamespace,
+) -> None:
+    found = look(solved, run_of(5, 90, drive={"backlash_mm": (0.03, 0.09, 0.045), "turn_um": (0.0, 0.0, 25.0)}))
+    assert found.verdict == "new" and found.to_dict()["suggested"] == [["once-per-rev"]]
+    assert [(item.moved.effect, item.moved.joint) for item in found.changed] == [("backlash", 2)]
+
+
+def test_warmth_is_new_physics_and_no_changed_drawing(solved: SimpleNamespace) -> None:
+    warm = {"frame_um_per_m_k": 24.0, "link_um_per_m_k": 2.0}
+    room = {"cycles": 3, "pause_s": 1800.0, "room": {"start_c": 20.0, "rise_k": 12.0, "time_constant_s": 3000.0}}
+    found = look(solved, run_of(7, 30, thermal=warm, conditions=room))
+    assert found.verdict == "new" and not found.changed
+    assert found.to_dict()["suggested"][0][0] == "frame-growth"
+
+
+def test_what_belongs_to_the_set_up_of_the_first_run_is_not_carried(solved: SimpleNamespace) -> None:
+    problem = run_of(2)
+    effect = library()["setup-jump"]()
+    knocked = replace(
+        solved.model, terms=(*solved.model.terms, Term(effect, torch.ones(7, dtype=torch.float64), runs=("a" * 64,)))
+    )
+    model, _ = for_runs(knocked, problem)
+    found = recheck(model, problem)
+    assert found.verdict == "same"
+    assert any("setup-jump" in note and "not carried" in note for note in found.notes)
+
+
+def test_a_model_without_a_covariance_takes_each_value_as_uncertain_as_it_says(solved: SimpleNamespace) -> None:
+    bare = replace(solved.model, file=replace(solved.model.file, covariance=None))
+    problem = run_of(3, drive={"backlash_mm": (0.03, 0.045, 0.045)})
+    found = recheck(bare, problem)
+    assert [item.moved.name for item in found.changed] == ["gap_mm 2"]
+    assert any("covariance" in note for note in found.notes)
+
+
+def test_a_bare_drawing_is_refused_with_the_way_out(solved: SimpleNamespace) -> None:
+    problem = run_of(2, 40)
+    with pytest.raises(ModelError, match="no fitted effects") as refused:
+        recheck(Model(problem.file), problem)
+    assert "ptt diagnose" in refused.value.fix and refused.value.exit_code == 2
+
+
+def test_the_command_prints_the_documented_keys(
+    solved: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    run = tmp_path / "again.csv"
+    write_table(run_of(3, drive={"backlash_mm": (0.03, 0.045, 0.045)}).table, run)
+
+    def call(*args: str) -> int:
+        return commands.guard(lambda: commands.app(["recheck", str(run), *args], standalone_mode=False))
+
+    assert call("--model", str(solved.folder / "solved.toml"), "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["verdict"] == "changed" and told["since"] == DATE
+    assert {"expected", "now"} <= set(told["error_um"])
+    (change,) = told["changed"]
+    assert {"effect", "parameter", "unit", "before", "now", "std", "z"} <= set(change)
+    assert change["z"] > 5 and change["unit"] == "mm"
+    assert call("--model", str(solved.folder / "drawing.toml"), "--json") == 2
+    out = capsys.readouterr()
+    assert out.out == "" and "no fitted effects" in out.err
