@@ -4,9 +4,10 @@
     python benchmarks/histories.py --count 100 --start 100 --kind sound
 
 Kinds in turn: sound, one value drifting, one fault repaired, something new. Right means: sound -> same; drifting ->
-changed, and nothing but that value is named, or it is in a tie with the one named; repaired -> changed, in values of that fault alone,
-and called repaired; new -> new, with no false change beside it. Machines whose first run is not solved by the diagnosis
-give no model, so they are left out and counted. Solved models are kept in out/histories; results go to --out.
+changed, and nothing but that value is named, or it is in a tie with the one named; repaired -> changed, in values of
+that fault alone, one of them at least called repaired; new -> new, with no false change beside it. Machines whose first
+run is not solved by the diagnosis give no model, so they are left out and counted. Solved models are kept in
+out/histories; results go to --out.
 """
 
 import argparse
@@ -75,7 +76,7 @@ def right(history: History, found: Recheck) -> bool:
     if history.kind == "new":
         return found.verdict == "new" and not found.changed
     if history.kind == "repaired":
-        return found.verdict == "changed" and effects == {history.what} and all(c.repaired for c in found.changed)
+        return found.verdict == "changed" and effects == {history.what} and any(c.repaired for c in found.changed)
     assert history.parameter is not None
     stem, leg, _ = history.parameter
     name = f"{stem} {leg}" if leg else stem

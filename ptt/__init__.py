@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from ptt.door.diagnosing import diagnose as diagnose
     from ptt.door.evaluating import evaluate as evaluate
     from ptt.door.later import export as export
-    from ptt.door.later import recheck as recheck
     from ptt.door.model import Model as Model
     from ptt.door.model import load as load
     from ptt.door.predicting import predict as predict
+    from ptt.door.rechecking import recheck as recheck
     from ptt.door.run import Run as Run
     from ptt.door.run import read as read
     from ptt.door.run import read_targets as read_targets
@@ -48,7 +48,7 @@ _DOOR = {
     "train": "training",
     "predict": "predicting",
     "evaluate": "evaluating",
-    "recheck": "later",
+    "recheck": "rechecking",
     "export": "later",
     "simulate": "simulating",
     "Model": "model",

@@ -159,3 +159,14 @@ def test_the_command_prints_the_documented_keys(
     assert call("--model", str(solved.folder / "drawing.toml"), "--json") == 2
     out = capsys.readouterr()
     assert out.out == "" and "no fitted effects" in out.err
+
+
+def test_the_front_door_says_what_the_command_says(solved: SimpleNamespace, tmp_path: Path) -> None:
+    import ptt
+
+    run = tmp_path / "again.csv"
+    write_table(run_of(2, 60).table, run)
+    model = ptt.load(solved.folder / "solved.toml")
+    found = ptt.recheck(model, ptt.read(run, model))
+    assert found.verdict == "same" and found.to_dict()["verdict"] == "same" and str(found).startswith("verdict: same")
+    assert len(found.to_frame()) == 6 and len(found.plot().axes) == 2

@@ -1,6 +1,28 @@
 """`ptt recheck`: has the machine changed since its model was fitted?"""
 
-from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ptt.commands.common import (
+    Also,
+    Anyway,
+    Effects,
+    Json,
+    Map,
+    ModelPath,
+    Reading,
+    Run,
+    Set,
+    Targets,
+    load_both,
+    note,
+    progress,
+    show,
+)
+
+Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Folder for a picture of what has moved.")]
 
 
 def recheck(
@@ -11,16 +33,18 @@ def recheck(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
+    plots: Plots = None,
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Hold a new run against a solved model: the same, what has changed, or what is new."""
-    from ptt.commands.common import note, open_run, progress, show
-    from ptt.recheck.recheck import recheck as hold_against
+    from ptt.door.rechecking import recheck as hold_against
 
-    opened = open_run(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
-    if opened.compensator.network is not None:
-        note("the compensator's network is left aside: the physics alone is held against the run")
+    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        result = hold_against(opened.model, opened.problem, opened.library, progress=lambda what: tell(what, 0, 0))
-    show(result.to_dict() | opened.set_up, str(result), json)
+        result = hold_against(loaded, rows, anyway=anyway, progress=tell, note=note)
+    if plots is not None:
+        from ptt.show.plots.recheck import plot_moved
+
+        plot_moved(result.result, plots / "recheck.png")
+    show(result.to_dict(), str(result), json)

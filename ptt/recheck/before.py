@@ -12,6 +12,7 @@ from ptt.judge.history import Entry, read_entries
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 
+ANYTHING = 1e2  # usual sizes: what a run cannot judge may be anything
 LEAST = 1e-6  # share of the largest uncertainty below which one is none
 
 
@@ -27,6 +28,7 @@ class Before:
         last: the last step of its history; None where it has none.
         left: what it left unexplained of rows it had not seen, beyond the noise then, um.
         notes: what is not carried over, in words.
+        blind: keys of effects that the run cannot judge.
     """
 
     model: Model
@@ -36,6 +38,7 @@ class Before:
     last: Entry | None
     left: float
     notes: tuple[str, ...]
+    blind: frozenset[str] = frozenset()
 
     @property
     def width(self) -> int:
@@ -78,9 +81,18 @@ def look_back(model: Model, problem: Problem) -> Before:
     width = int((layout.owner >= 0).sum())
     values, scale = layout.start()[:width], layout.scale[:width]
     root, notes = _uncertainty(model, carried, layout, scale)
+    blind = {term.effect.key: index for index, term in enumerate(carried) if _is_blind(term, problem)}
+    free = np.isin(layout.owner[:width], list(blind.values()))
+    root = np.hstack([root, ANYTHING * np.eye(width)[:, free]])
+    notes += [f"{key} cannot be judged in this run: it was read at a stop, or at one speed" for key in blind]
     entries = read_entries(model.file)
     last = entries[-1] if entries else None
-    return Before(own, layout, values, root, last, _left(last), (*_not_carried(model), *notes))
+    return Before(own, layout, values, root, last, _left(last), (*_not_carried(model), *notes), frozenset(blind))
+
+
+def _is_blind(term: Term, problem: Problem) -> bool:
+    """Whether an effect follows the speed, and the run has one speed or none."""
+    return "speed" in term.effect.requires and "speed" not in problem.view.varies
 
 
 def _not_carried(model: Model) -> list[str]:

@@ -53,7 +53,7 @@ def changes_of(before: Before, joints: int) -> tuple[Change, ...]:
         joints: k.
 
     Returns:
-        The changes; searched values (a length, a time constant) only follow the others.
+        The changes; searched values (a length, a time constant) and those that are held near zero only follow the others.
     """
     kind, found, first = before.model.file.machine.kind, list[Change](), 0
     wholes = list[Change]()
@@ -65,7 +65,7 @@ def changes_of(before: Before, joints: int) -> tuple[Change, ...]:
             size = parameter.size(joints)
             own = np.arange(start, start + size)
             start += size
-            if parameter.role != "linear":
+            if parameter.role != "linear" or parameter.held or term.effect.key in before.blind:
                 continue
             apart = parameter.count if parameter.per_joint and parameter.count >= CURVE else 1
             for part in own.reshape(-1, apart):

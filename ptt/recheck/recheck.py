@@ -13,7 +13,7 @@ from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.model.model import Model, Term
 from ptt.recheck.before import look_back
 from ptt.recheck.changes import PREFIX, Change
-from ptt.recheck.contexts import context_notes
+from ptt.recheck.contexts import as_driven, context_notes
 from ptt.recheck.figures import Moved, errors_of, every_value, made_by, moved_of
 from ptt.recheck.news import Progress, look_for_news
 from ptt.recheck.result import Changed, Recheck, Verdict
@@ -22,7 +22,7 @@ from ptt.recheck.weigh import Weighed, moved_by, weigh
 from ptt.recheck.words import explain, say_change, say_whole
 from ptt.run.problem import Problem
 
-GONE = 0.2  # share of what a value was below which it is called repaired
+GONE = 0.2  # share of what a value, or its whole effect, was below which it is called repaired
 CLEAR = 3.0  # standard errors
 
 
@@ -55,12 +55,16 @@ def recheck(
     if problem.table.rows > LONG:
         notes.append(f"of {problem.table.rows} rows, stretches of about {SAMPLE} in all were looked at")
         problem = take(problem, sample_stretches(problem, SAMPLE))
+    problem = as_driven(problem)
     before = look_back(model, problem)
     found = weigh(before, problem, known, tell)
     now = model_at(before, _stands(found))
     news = look_for_news(found, now, problem, known, tell, seed)
-    named = {step.key: step for step in name_steps(found.scorer, found.state) if step.key.startswith(PREFIX)}
-    changed = _changed(found, named, problem)
+    steps, _ = name_steps(found.scorer, found.state)
+    named = {step.key: step for step in steps if step.key.startswith(PREFIX)}
+    made = {"before": made_by(found, before.values), "now": made_by(found, before.values + _stands(found))}
+    cured = {key for key, size in made["now"].items() if size < GONE * made["before"][key]}
+    changed = _changed(found, named, problem, cured)
     verdict: Verdict = "new" if news.diagnosis is not None else "changed" if changed else "same"
     result = Recheck(
         verdict=verdict,
@@ -68,7 +72,7 @@ def recheck(
         new=news.diagnosis,
         parameters=every_value(found),
         error_um=errors_of(found),
-        made_um={"before": made_by(found, before.values), "now": made_by(found, before.values + _stands(found))},
+        made_um=made,
         noise_um=noise_after(problem, found.system, found.state).to_dict(),
         since=before.since,
         rows=len(found.system.rows),
@@ -100,7 +104,7 @@ def _merged(model: Model, now: Model) -> tuple[Term, ...]:
     return tuple(replace(t, theta=own[t.effect.key].theta) if t.effect.key in own else t for t in model.terms)
 
 
-def _changed(found: Weighed, named: Mapping[str, Step], problem: Problem) -> tuple[Changed, ...]:
+def _changed(found: Weighed, named: Mapping[str, Step], problem: Problem, cured: set[str]) -> tuple[Changed, ...]:
     """What has changed, value by value, the surest first."""
     changes = [change for change in found.changed if change.key in named]
     if not changes:
@@ -110,12 +114,17 @@ def _changed(found: Weighed, named: Mapping[str, Step], problem: Problem) -> tup
         ties = tuple(name.removeprefix(PREFIX) for name in named[change.key].others if name != change.key)
         own = values[at : at + len(change.names)]
         at += len(own)
-        rows += _rows_of(change, own, ties, problem, found.before.since)
+        rows += _rows_of(change, own, ties, problem, found.before.since, change.effect.key in cured)
     return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
 
 
 def _rows_of(
-    change: Change, values: Sequence[Moved], ties: tuple[str, ...], problem: Problem, since: str | None
+    change: Change,
+    values: Sequence[Moved],
+    ties: tuple[str, ...],
+    problem: Problem,
+    since: str | None,
+    gone: bool,
 ) -> list[Changed]:
     """The values of one change that are clearly otherwise, each with its words; one sentence where they are one."""
     pairs = list(zip(values, change.at, strict=True))
@@ -123,11 +132,11 @@ def _rows_of(
     clear = clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
         words = say_whole(change.effect, change.at, values, problem.view, since)
-        return [Changed(value, is_repaired(value), ties, words) for value, _ in clear]
+        return [Changed(value, gone or is_repaired(value), ties, words) for value, _ in clear]
     return [
         Changed(value, cured, ties, say_change(change.effect, int(place), value, problem.view, since, cured))
         for value, place in clear
-        for cured in [is_repaired(value)]
+        for cured in [gone or is_repaired(value)]
     ]
 
 

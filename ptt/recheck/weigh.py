@@ -123,7 +123,7 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Progress) -> W
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             state = improve(scorer, state)
-        state = _known_first(scorer, state)
+        state = _unfolded(scorer, _known_first(scorer, state), changes)
         found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own)
         if turn == TURNS - 1:
             break
@@ -164,6 +164,26 @@ def _known_first(scorer: Scorer, state: State) -> State:
     return best if state.total < best.total + BESIDE else state
 
 
+def _unfolded(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
+    """The same with the values of an effect that moves as a whole told one by one, where that does better.
+
+    Where a fit could not part an effect from others, a cured one does not go back by what the fit says of it.
+    """
+    whole = {change.effect.key for change in changes if change.whole and change.key in state.keys}
+    for key in sorted(whole):
+        own = [change for change in changes if change.effect.key == key]
+        singles = [change.key for change in own if not change.whole]
+        # Changes of other effects may only have made up for what the whole did not explain.
+        rest = [other for other in state.keys if not other.startswith(PREFIX)]
+        alone = improve(scorer, scorer.score((*rest, *singles), state.memory), _is_change)
+        state = max(state, alone, key=lambda one: one.total)
+    return state
+
+
+def _is_change(atom: Atom) -> bool:
+    return atom.key.startswith(PREFIX)
+
+
 def _of_set_up(effect: Effect | None) -> bool:
     return effect is not None and effect.of_run
 
@@ -191,10 +211,11 @@ def _sift(at: At, problem: Problem, candidates: Sequence[Effect], noise: Noise) 
 def _sift_again(found: Weighed, problem: Problem) -> np.ndarray:
     """The same against the explanation that was found, beside the rows that were left out before."""
     system, state = found.system, found.state
-    white = system.innovation(state.columns, state.posterior.values, state.memory) / np.sqrt(state.posterior.phi)
+    white = system.innovation(state.columns, state.posterior.values, state.memory)
+    white *= np.sqrt(system.count / max(system.count - state.decided, 1.0))
     here = np.ones(len(white), dtype=bool)
     gross, travel = found.gross.copy(), problem.view.q.numpy()[system.rows]
-    gross[system.rows[alone(stand_out(white, here), white, here, travel)]] = True
+    gross[system.rows[alone(stand_out(white, here, least=0.0), white, here, travel)]] = True
     return gross if gross.sum() <= MOST * problem.used.sum() else found.gross
 
 

@@ -1,0 +1,101 @@
+"""`ptt.recheck`: has a machine changed since it was solved?"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ptt.door.opened import Opened, meet
+from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
+from ptt.door.run import RowsLike
+from ptt.door.words import as_model, as_run
+from ptt.recheck.recheck import recheck as hold_against
+from ptt.recheck.result import Recheck
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+USAGE = "recheck(model, run)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rechecked(Result):
+    """What a new run says of a machine that was solved.
+
+    Attributes:
+        result: everything.
+        opened: run and model.
+        notes: what was left aside, a line each.
+    """
+
+    result: Recheck
+    opened: Opened
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """'same', 'changed' or 'new'."""
+        return self.result.verdict
+
+    @property
+    def changed(self) -> tuple[dict[str, Any], ...]:
+        """What is otherwise than it was: effect, parameter, unit, before, now, std, z, words."""
+        return tuple(item.to_dict() for item in self.result.changed)
+
+    @property
+    def words(self) -> str:
+        """The verdict for a machinist."""
+        return self.result.words
+
+    def _figures(self) -> Mapping[str, Any]:
+        return self.result.to_dict() | self.opened.set_up
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        return str(self.result)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row for each value: before, now, std, z."""
+        import pandas as pd
+
+        return pd.DataFrame([value.to_dict() for value in self.result.parameters])
+
+    def plot(self) -> "Figure":
+        """Draw how far each value has moved, in standard errors."""
+        from ptt.show.plots.recheck import draw_moved
+
+        return draw_moved(self.result)
+
+
+def recheck(
+    model: Any,
+    run: RowsLike,
+    *,
+    anyway: bool = False,
+    progress: Progress = unwatched,
+    note: Note = unheard,
+) -> Rechecked:
+    """Hold a new run against a solved model: the same, what has changed, or what is new.
+
+    Args:
+        model: solved; a network is left aside.
+        run: the new run.
+        anyway: whether to go on although the set-up looks mistaken.
+        progress: told what is done, how much of how much.
+        note: told what is left aside.
+
+    Returns:
+        What has changed.
+
+    Raises:
+        InputError: the run cannot be seen through this machine, or nothing was fitted in the model.
+        SetupError: a mistake in the set-up.
+    """
+    machine = as_model(model, USAGE)
+    rows = as_run(run, machine, USAGE)
+    tell = Heard(note)
+    opened = meet(machine, rows, anyway=anyway, note=tell)
+    if opened.compensator.network is not None:
+        tell("the compensator's network is left aside: the physics alone is held against the run")
+    result = hold_against(opened.model, opened.problem, opened.library, progress=lambda what: progress(what, 0, 0))
+    return Rechecked(result, opened, tuple(tell.lines))
