@@ -21,9 +21,9 @@ import numpy as np
 import torch
 from histories_draw import KINDS, History, draw_history
 
+from ptt.again.recheck import recheck
+from ptt.again.result import Recheck
 from ptt.model.of_run import for_runs
-from ptt.recheck.recheck import recheck
-from ptt.recheck.result import Recheck
 from ptt.run.problem import build_problem
 
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.again.recheck import recheck
+from ptt.again.result import Recheck
 from ptt.challenge.truth import table_of
 from ptt.commands import main as commands
 from ptt.effects import library
@@ -18,8 +20,6 @@ from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, parse_machine, save_machine
 from ptt.model.model import Model, Term, read_model
 from ptt.model.of_run import for_runs
-from ptt.recheck.recheck import recheck
-from ptt.recheck.result import Recheck
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume

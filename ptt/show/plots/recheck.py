@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ptt.recheck.result import Recheck
+from ptt.again.result import Recheck
 from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE, save
 
 SHOWN = 16  # values in a picture

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ptt.recheck.before import Before
+from ptt.again.before import Before
 from ptt.run.problem import Problem
 
 SEEN = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}

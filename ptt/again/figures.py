@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.again.changes import Change
+from ptt.again.weigh import Weighed
 from ptt.fitting.evidence import WIDE, inverse
 from ptt.fitting.solve import rms
-from ptt.recheck.changes import Change
-from ptt.recheck.weigh import Weighed
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ import html
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ptt.again.figures import Moved
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.model.model import Model
-from ptt.recheck.figures import Moved
 
 Verdict = Literal["same", "changed", "new"]
 SHOWN = 12  # values of a table that anybody reads

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import torch
 
+from ptt.again.figures import Moved
 from ptt.effects import Effect
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, figure, listed, sizes_in_words
-from ptt.recheck.figures import Moved
 from ptt.run.view import View
 
 WORST = 3  # effects that are worth a word after a repair

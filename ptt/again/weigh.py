@@ -5,6 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ptt.again.before import Before
+from ptt.again.changes import PREFIX, Change, changes_of
+from ptt.again.supposed import At, stand_at, suppose
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.gross import MOST, alone, gross_errors, stand_out
@@ -18,9 +21,6 @@ from ptt.diagnosis.system import RowSystem
 from ptt.effects import Effect, Library
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape, few_shapes, linear_columns
-from ptt.recheck.before import Before
-from ptt.recheck.changes import PREFIX, Change, changes_of
-from ptt.recheck.supposed import At, stand_at, suppose
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ptt.again.weigh import Weighed
+from ptt.again.words import on_date
 from ptt.diagnosis.noise import noise_left
 from ptt.diagnosis.rest import look_for_rest
 from ptt.diagnosis.verdict import EXCESS, Diagnosis, diagnose
@@ -12,8 +14,6 @@ from ptt.effects import Library
 from ptt.effects.registry import parse_key
 from ptt.fitting.solve import hold, rms
 from ptt.model.model import Model
-from ptt.recheck.weigh import Weighed
-from ptt.recheck.words import on_date
 from ptt.run.problem import Problem
 
 Progress = Callable[[str], None]

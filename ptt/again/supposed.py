@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ptt.again.before import Before
+from ptt.again.changes import Change, atoms_of_changes
 from ptt.diagnosis.system import RowSystem, build_system
 from ptt.effects import Effect
 from ptt.fitting.linear import Shape, linear_columns
 from ptt.fitting.solve import FitResult, fit, hold
 from ptt.model.model import Model
-from ptt.recheck.before import Before
-from ptt.recheck.changes import Change, atoms_of_changes
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.again.before import Before
 from ptt.diagnosis.atoms import LARGEST_EFFECT, Atom
 from ptt.effects import Effect
 from ptt.model.model import parameter_names
-from ptt.recheck.before import Before
 
 # Markov's inequality: a Bayes factor of a hundred for anything at all comes by chance in one sound run of a hundred.
 CHANGE_ODDS = float(np.log(100.0))
@@ -53,7 +53,7 @@ def changes_of(before: Before, joints: int) -> tuple[Change, ...]:
         joints: k.
 
     Returns:
-        The changes; searched values (a length, a time constant) and those that are held near zero only follow the others.
+        The changes; searched values (a length, a time constant) and those held near zero only follow the others.
     """
     kind, found, first = before.model.file.machine.kind, list[Change](), 0
     wholes = list[Change]()

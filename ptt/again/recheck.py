@@ -5,21 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from ptt.again.before import look_back
+from ptt.again.changes import PREFIX, Change
+from ptt.again.contexts import as_driven, context_notes
+from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
+from ptt.again.news import Progress, look_for_news
+from ptt.again.result import Changed, Recheck, Verdict
+from ptt.again.supposed import model_at
+from ptt.again.weigh import Weighed, moved_by, weigh
+from ptt.again.words import explain, say_change, say_whole
 from ptt.diagnosis.noise import noise_after
 from ptt.diagnosis.steps import Step, name_steps
 from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.model.model import Model, Term
-from ptt.recheck.before import look_back
-from ptt.recheck.changes import PREFIX, Change
-from ptt.recheck.contexts import as_driven, context_notes
-from ptt.recheck.figures import Moved, errors_of, every_value, made_by, moved_of
-from ptt.recheck.news import Progress, look_for_news
-from ptt.recheck.result import Changed, Recheck, Verdict
-from ptt.recheck.supposed import model_at
-from ptt.recheck.weigh import Weighed, moved_by, weigh
-from ptt.recheck.words import explain, say_change, say_whole
 from ptt.run.problem import Problem
 
 GONE = 0.2  # share of what a value, or its whole effect, was below which it is called repaired
