@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, NonNegativeFlo
 from ptt.errors import MachineError, shown
 from ptt.files import parse_toml, read_text, write_text
 
+LEAST_APART = 1.0  # deg between sliders; nearer, the links are coplanar everywhere (a direct singularity)
+
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -57,6 +59,19 @@ class ThreePttSpec(_Frozen):
     def whole_travel(self) -> Pair:
         """Least and greatest height that any slider reaches, mm."""
         return min(low for low, _ in self.travel_ends), max(high for _, high in self.travel_ends)
+
+    @pydantic.field_validator("slider_azimuth_deg")
+    @classmethod
+    def _check_azimuths(cls, value: Triple) -> Triple:
+        for first, second in ((0, 1), (0, 2), (1, 2)):
+            apart = abs((value[first] - value[second] + 180.0) % 360.0 - 180.0)
+            if apart < LEAST_APART:
+                raise ValueError(
+                    f"sliders {first + 1} and {second + 1} stand at one azimuth: the tool could not be held"
+                )
+        if max(map(abs, value)) > 3600.0:
+            raise ValueError("an azimuth beyond ten turns")
+        return value
 
     @pydantic.model_validator(mode="after")
     def _check_geometry(self) -> "ThreePttSpec":

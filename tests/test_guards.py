@@ -389,3 +389,10 @@ def test_what_was_tested_can_be_had_again():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     needed = {text.split(">")[0].lower() for text in project["dependencies"]}
     assert needed <= names and project["license"]
+
+
+@pytest.mark.parametrize("azimuth", ["[0, 120, 0]", "[0, 120, 119.9999]", "[0, 360, 240]", "[-1e9, 120, 240]"])
+def test_sliders_at_one_azimuth_are_refused_by_the_key(azimuth):
+    with pytest.raises(MachineError, match=r"machine\.toml key machine\.slider_azimuth_deg: .*azimuth"):
+        parse_machine(f"{BARE}slider_azimuth_deg = {azimuth}\n")
+    assert parse_machine(f"{BARE}slider_azimuth_deg = [-120, 0, 120]\n").machine.kind == "three-ptt"
