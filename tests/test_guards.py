@@ -345,6 +345,7 @@ EYE = "torch.eye(3, 2, dtype=torch.float64)"
         ),
         ("import torch\n", "import sys; sys.exit(0)\n", "it ends the program"),
         ("    def basis(", "    async def basis(", "is async"),
+        ("Pull(Effect)", "Pull(Effect, int)", "cannot be made"),
     ],
 )
 def test_own_effects_of_the_wrong_form_are_refused_by_their_file(old, new, said, tmp_path):

@@ -53,6 +53,9 @@ def load_effects(path: str | Path) -> dict[str, type[Effect]]:
         if sum(cls.name == other.name for other in own) > 1:
             raise InputError(f"defines effect '{cls.name}' twice", where=where, fix="give one of them another name")
         _guard_methods(cls, where)
+        with foreign(where, f"{cls.name} cannot be made with a label"):
+            if cls().key != cls.name or cls("second").key != f"{cls.name}[second]":
+                raise TypeError("its constructor is not that of an effect")
     return {cls.name: cls for cls in own}
 
 
