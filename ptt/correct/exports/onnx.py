@@ -106,6 +106,8 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     inputs = ["p", *(["payload_kg"] if "payload" in uses else []), *(["temp_c"] if "temperature" in uses else [])]
     for name, value, _, _ in outputs:
         graph.nodes.append(graph.helper.make_node("Identity", [value.name], [name]))
+    used = {name for node in graph.nodes for name in node.input}
+    constants = [each for each in graph.constants if each.name in used]
     describe = graph.helper.make_tensor_value_info
     body = graph.helper.make_graph(
         graph.nodes, "ptt", [describe(name, 11, ["n", 3 if name == "p" else 1]) for name in inputs],
