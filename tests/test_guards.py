@@ -397,3 +397,10 @@ def test_sliders_at_one_azimuth_are_refused_by_the_key(azimuth):
     with pytest.raises(MachineError, match=r"machine\.toml key machine\.slider_azimuth_deg: .*azimuth"):
         parse_machine(f"{BARE}slider_azimuth_deg = {azimuth}\n")
     assert parse_machine(f"{BARE}slider_azimuth_deg = [-120, 0, 120]\n").machine.kind == "three-ptt"
+
+
+def test_a_run_without_end_is_refused_by_its_key(place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    put(place, (place / "rig.toml").read_text() + "[conditions]\ncycles = 1000000000\n", "rig.toml")
+    assert run(["simulate", "rig.toml", "targets.csv", "--out", "new.csv"]) == 2
+    assert "rig.toml key conditions.cycles: 1000000000 cycles of 2 targets" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ptt.errors import WorkspaceError
+from ptt.errors import InputError, WorkspaceError
 from ptt.files import write_text
 from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, follow_warmth
@@ -16,6 +16,8 @@ from ptt.rig.odd_state import look_at_run
 from ptt.rig.platform import carried, small_rotation
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import COMMAND, TARGET, Schedule, plan_rows, tell_time
+
+MOST_ROWS = 20_000_000  # of one run: a year of readings, one a second and a half
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,7 @@ def simulate(
         TableError: columns missing or of different length.
         WorkspaceError: targets or commands out of reach.
     """
+    _require_rows(rig, len(commands))
     drawing = draw_machine(rig.spec)
     schedule = plan_rows(rig, commands, sliders)
     tool, command = _settle(rig, drawing, schedule)
@@ -111,6 +114,14 @@ def write_run(frame: pd.DataFrame, path: str | Path) -> None:
         path: where to.
     """
     write_text(path, frame.to_csv(index=False, lineterminator="\n"))
+
+
+def _require_rows(rig: Rig, targets: int) -> None:
+    """Refuse a run that no memory holds, before an hour is spent on it."""
+    rows = targets * rig.conditions.cycles
+    if rows > MOST_ROWS:
+        what = f"{rig.conditions.cycles} cycles of {targets} targets are {rows:.0f} rows, more than {MOST_ROWS}"
+        raise InputError(what, where=f"{rig.source} key conditions.cycles", fix="take fewer")
 
 
 def _settle(rig: Rig, drawing: Drawing, schedule: Schedule) -> tuple[Array, Array]:
