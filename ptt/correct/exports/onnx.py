@@ -111,7 +111,7 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     describe = graph.helper.make_tensor_value_info
     body = graph.helper.make_graph(
         graph.nodes, "ptt", [describe(name, 11, ["n", 3 if name == "p" else 1]) for name in inputs],
-        [describe(name, kind, ["n", width]) for name, _, width, kind in outputs], graph.constants,
+        [describe(name, kind, ["n", width]) for name, _, width, kind in outputs], constants,
     )  # fmt: skip
     opset = [graph.helper.make_opsetid("", OPSET)]
     return graph.helper.make_model(
