@@ -116,11 +116,13 @@ def _dependence(
 ) -> Dependence | None:
     """One block: where it shows most, and the variable that it follows most."""
     parts, rests = residual_views(problem, item.part), residual_views(problem, rest)
-    residual = _residual(item, parts)
-    choices = [name for name in _variables(item, residual, problem) if name in contexts]
+    residuals = _residuals(item, parts)
+    choices = [name for name in _variables(item, problem) if name in contexts]
     if not choices:
         return None
-    on = max(choices, key=lambda name: _share(contexts[name], parts[residual]))
+    taken = {name: {axis: _taken(contexts[name], parts[axis]) for axis in residuals} for name in choices}
+    on = max(choices, key=lambda name: sum(taken[name].values()))
+    residual = max(residuals, key=lambda axis: taken[on][axis])
     second = next((name for name in item.block.on[1:] if name in SECOND and on.startswith("direction")), None)
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
@@ -135,15 +137,15 @@ def _dependence(
     return Dependence(residual, on, share, chance, None, "smooth", curve)
 
 
-def _residual(item: Unknown, parts: dict[str, np.ndarray]) -> str:
-    """The joint that a block acts on, else the axis of the tool where it is largest."""
+def _residuals(item: Unknown, parts: dict[str, np.ndarray]) -> tuple[str, ...]:
+    """The joint that a block acts on, else the axes of the tool."""
     place = item.block.place
     if place.joint is None:
-        return max(COORDINATES, key=lambda axis: float(np.nanmean(np.square(parts[axis]))))
-    return next(name for name in parts if name.endswith(f" {place.joint + 1}"))
+        return COORDINATES
+    return (next(name for name in parts if name.endswith(f" {place.joint + 1}")),)
 
 
-def _variables(item: Unknown, residual: str, problem: Problem) -> tuple[str, ...]:
+def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
     """Names of the variables that may lead a block, as contexts are called."""
     joints = range(1, problem.view.joints + 1)
     match item.block.on[0]:
@@ -155,15 +157,20 @@ def _variables(item: Unknown, residual: str, problem: Problem) -> tuple[str, ...
         case "memory of temperature":
             return ("temperature",)
         case "x":
-            return COORDINATES
+            own = item.block.place.joint
+            return COORDINATES if own is None else (*COORDINATES, _letter(problem, own))
         case name:
             return (name,)
 
 
-def _share(values: np.ndarray, part: np.ndarray) -> float:
-    """Share of a part's variance that a curve of one variable explains."""
+def _letter(problem: Problem, joint: int) -> str:
+    return f"{'q' if problem.file.machine.kind == 'serial' else 'b'}{joint + 1}"
+
+
+def _taken(values: np.ndarray, part: np.ndarray) -> float:
+    """Variance of a part that a curve of one variable explains."""
     rows = np.isfinite(values) & np.isfinite(part)
     curve = binned_curve(values[rows], part[rows])
     centred = part[rows] - part[rows].mean()
     middle = np.interp(values[rows], curve[:, 0], curve[:, 1])
-    return 1.0 - float(np.square(part[rows] - middle).sum()) / max(float(np.square(centred).sum()), 1e-300)
+    return float(np.square(centred).mean() - np.square(part[rows] - middle).mean())

@@ -15,13 +15,13 @@ from ptt.diagnosis.moment import best_moment, place_own_moments
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import improve, loose, plainest, search, without
+from ptt.diagnosis.search import improve, loose, plainest, refilled, search, without
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import RowSystem, System, build_system
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.effects.sudden import Sudden
-from ptt.fitting.linear import Shape, few_shapes, linear_columns
+from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
 from ptt.model.model import Model, Term
@@ -92,18 +92,21 @@ def find(
         tell(f"linearise {turn + 1}")
         fitted = _fit_less(current, problem, carried, gross, noise)
         candidates, untestable = present_candidates(fitted, problem, known)
+        linear = None
         if turn == 0:
-            gross = _sift(fitted, problem, candidates, noise)
+            linear = linear_columns(fitted, problem, candidates, noise)
+            gross = _sift(linear, problem)
         rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
         shapes = {effect.key: [*effect.search(problem.view), *moments.get(effect.key, ())] for effect in candidates}
-        system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, shapes, span)
+        system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, shapes, span, linear)
         scorer = Scorer(system, model.keys, steps, barred)
         tell(f"search {turn + 1}")
         if kept is None:
             state = search(scorer)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
-            state = state if turn == TURNS - 1 else improve(scorer, state)  # what is said is what it is linearised at
+            if turn < TURNS - 1:  # what is said is what it is linearised at
+                state = refilled(scorer, improve(scorer, state))
         state = plainest(scorer, state)
         found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
         seen = find_period(scorer, state, problem)
@@ -183,9 +186,8 @@ def settled(state: State, system: System) -> bool:
     return named == {key for key, atom in system.atoms.items() if atom.effect is not None and atom.shape is None}
 
 
-def _sift(fitted: FitResult, problem: Problem, candidates: list[Effect], noise: Noise) -> np.ndarray:
+def _sift(linear: Linear, problem: Problem) -> np.ndarray:
     """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
-    linear = linear_columns(fitted, problem, candidates, noise)
     saturated = few_shapes(linear.trials, linear.simple)
     return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, problem.view.q.numpy())
 

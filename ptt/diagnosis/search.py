@@ -1,6 +1,7 @@
 """Search: the set of atoms with the highest score, by adding, dropping and swapping, from three starts."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE
@@ -13,6 +14,7 @@ SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring 
 NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
 SWAPS = 3
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
+FEW = 12  # columns up to which an effect is a plain one: four values a leg
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
 
 Allowed = Callable[[Atom], bool]
@@ -37,7 +39,33 @@ def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
     ends = [improve(scorer, state) for state in opened]
     if ends[0].keys != ends[1].keys:
         ends.append(improve(scorer, nothing))
-    return max(ends, key=lambda state: state.total)
+    return refilled(scorer, max(ends, key=lambda state: state.total))
+
+
+def refilled(scorer: Scorer, best: State) -> State:
+    """Take each curve of a set out in turn for as many others as it takes, since one curve can do several's work.
+
+    Swaps one for one never find those: none of them alone is worth as much.
+
+    Args:
+        scorer: of the system.
+        best: a set to which no plain move adds anything.
+
+    Returns:
+        The best set found.
+    """
+    for key in loose(scorer, best):
+        atom = scorer.system.atoms[key]
+        if key in best.keys and len(atom.columns) > FEW:
+            fewer = scorer.score(without(best, key), best.memory, best.scales)
+            other = improve(scorer, fewer, partial(_is_other, atom.name), swaps=False)
+            if other.total > best.total + LEAST:
+                best = improve(scorer, other)
+    return best
+
+
+def _is_other(name: str, atom: Atom) -> bool:
+    return atom.name != name
 
 
 def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True, *, swaps: bool = True) -> State:
@@ -70,10 +98,11 @@ def plainest(scorer: Scorer, best: State) -> State:
         best: the best set.
 
     Returns:
-        The set with the fewest parts, a name before an unknown, then the best.
+        The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
+        to anything says little; then the best.
     """
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
-    return min([best, *near], key=lambda state: (_parts(scorer, state), -state.total))
+    return min([best, *near], key=lambda state: (_parts(scorer, state), _bends(scorer, state), -state.total))
 
 
 def _parts(scorer: Scorer, state: State) -> float:
@@ -81,6 +110,11 @@ def _parts(scorer: Scorer, state: State) -> float:
     odd = state.memory.pose > 0.0 or scorer.system.clock.is_fault(state.memory.wander)
     blocks = [scorer.system.atoms[key].block is not None for key in loose(scorer, state)]
     return len(blocks) + 0.5 * sum(blocks) + 1.5 * odd
+
+
+def _bends(scorer: Scorer, state: State) -> int:
+    """Effects of a set that are curves of many values."""
+    return sum(len(scorer.system.atoms[key].columns) > FEW for key in loose(scorer, state))
 
 
 def without(state: State, *keys: str) -> tuple[str, ...]:

@@ -202,6 +202,7 @@ def build_system(
     periods: Sequence[tuple[int, float]] = (),
     shapes: Shapes | None = None,
     span: Span | None = None,
+    linear: Linear | None = None,
 ) -> RowSystem:
     """Linearise around a model, with all effects and all blocks beside it.
 
@@ -215,11 +216,12 @@ def build_system(
         periods: joint and length of periods that were seen.
         shapes: of candidates by key; None asks each.
         span: of the run that the problem is a part of; None for all of it.
+        linear: all effects in these shapes, where they are linearised there already.
 
     Returns:
         The system.
     """
-    linear = linear_columns(fitted, problem, candidates, noise, shapes)
+    linear = linear or linear_columns(fitted, problem, candidates, noise, shapes)
     assert linear.at is not None
     blocks = unknown_blocks(problem, linear.at.chain, periods, span)
     columns = np.concatenate([linear.columns[rows], *(whitened(block, noise)[rows] for block in blocks)], axis=2)
