@@ -1,7 +1,6 @@
 """Search: the set of atoms with the highest score, by adding, dropping and swapping, from three starts."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE
@@ -43,7 +42,7 @@ def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
 
 
 def refilled(scorer: Scorer, best: State) -> State:
-    """Take each curve of a set out in turn for as many others as it takes, since one curve can do several's work.
+    """Take each curve of a set out in turn for as many plain effects as it takes: one curve can do several's work.
 
     Swaps one for one never find those: none of them alone is worth as much.
 
@@ -58,14 +57,14 @@ def refilled(scorer: Scorer, best: State) -> State:
         atom = scorer.system.atoms[key]
         if key in best.keys and len(atom.columns) > FEW:
             fewer = scorer.score(without(best, key), best.memory, best.scales)
-            other = improve(scorer, fewer, partial(_is_other, atom.name), swaps=False)
+            other = improve(scorer, fewer, _is_plain, swaps=False)
             if other.total > best.total + LEAST:
                 best = improve(scorer, other)
     return best
 
 
-def _is_other(name: str, atom: Atom) -> bool:
-    return atom.name != name
+def _is_plain(atom: Atom) -> bool:
+    return atom.effect is not None and len(atom.columns) <= FEW
 
 
 def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True, *, swaps: bool = True) -> State:
