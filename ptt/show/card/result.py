@@ -6,7 +6,8 @@ from typing import Any
 
 import torch
 
-from ptt.diagnosis.verdict import Candidate, Diagnosis
+from ptt.diagnosis.explanation import Candidate
+from ptt.diagnosis.verdict import Diagnosis
 from ptt.diagnosis.words import headline, remedy, sentence
 from ptt.effects.base import family
 from ptt.effects.cards import card_of
