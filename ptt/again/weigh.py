@@ -176,7 +176,8 @@ def _unfolded(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
         # Changes of other effects may only have made up for what the whole did not explain.
         rest = [other for other in state.keys if not other.startswith(PREFIX)]
         alone = improve(scorer, scorer.score((*rest, *singles), state.memory), _is_change)
-        state = max(state, alone, key=lambda one: one.total)
+        mixed = any(name in state.keys for name in singles)  # one value would be told twice, each time in part
+        state = alone if mixed else max(state, alone, key=lambda one: one.total)
     return state
 
 

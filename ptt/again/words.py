@@ -154,7 +154,7 @@ def _after_repair(result: Any) -> list[str]:
     before, now = result.made_um["before"], result.made_um["now"]
     order = sorted((key for key in now if key), key=lambda key: -now[key])
     rest = listed([f"{key} {now[key]:.1f} um" for key in order[:WORST]])
-    helped = "helped" if now[""] < before[""] else "did not help"
+    helped = "helped" if now[""] < before[""] else "took its own error away, yet the tool does not gain"
     return [
         f"The repair {helped}: what the effects of the model do to the tool in this run goes from {before['']:.1f} to "
         f"{now['']:.1f} um ({rest}). The old model still corrects what is no longer there: fit it to this run."
