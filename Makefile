@@ -42,6 +42,8 @@ bench: $(VENV)/.test-ready
 
 docs: $(VENV)/.run-ready
 	$(BIN)/python docs/make/effects.py
+	$(BIN)/python docs/make/api.py
+	$(BIN)/python docs/make/library.py
 
 clean:
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ptt.door.comparing import compare as compare
     from ptt.door.diagnosing import diagnose as diagnose
     from ptt.door.evaluating import evaluate as evaluate
-    from ptt.door.later import export as export
+    from ptt.door.exporting import export as export
     from ptt.door.model import Model as Model
     from ptt.door.model import load as load
     from ptt.door.predicting import predict as predict
@@ -49,7 +49,7 @@ _DOOR = {
     "predict": "predicting",
     "evaluate": "evaluating",
     "recheck": "rechecking",
-    "export": "later",
+    "export": "exporting",
     "simulate": "simulating",
     "Model": "model",
     "Run": "run",

@@ -61,6 +61,7 @@ def told(here) -> dict[str, Any]:
         "train": ["train", run, "--machine", solved, "--out", str(here / "compensator")],
         "predict": ["predict", str(here / "targets.csv"), "--model", str(here / "compensator"), "--out", sent],
         "simulate": ["simulate", rig, str(DATA / "targets.csv"), "--out", str(here / "made.csv"), "--seed", "3"],
+        "export": ["export", "--model", solved, "--to", "klipper", "--out", str(here / "printer.cfg")],
         "evaluate": ["evaluate", run, "--model", solved],
         "measured": ["evaluate", run, run],
     }
@@ -99,13 +100,15 @@ def done(here, told) -> dict[str, Any]:
         "train": comp,
         "predict": out,
         "simulate": made,
+        "export": ptt.export(str(here / "solved.toml"), "klipper", here / "printer.cfg"),
         "evaluate": ptt.evaluate(solved, run),
         "measured": ptt.evaluate(here / "run.csv", run),
     }
 
 
 VERBS = (
-    "check", "compare", "diagnose", "add", "fit", "remove", "train", "predict", "simulate", "evaluate", "measured",
+    "check", "compare", "diagnose", "add", "fit", "remove", "train", "predict", "simulate", "export", "evaluate",
+    "measured",
 )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """`ptt export`: the model in a form that a controller runs."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -12,11 +12,8 @@ from ptt.commands.common import (
     ModelPath,
     Reading,
     Set,
+    asker,
     note,
-    open_library,
-    open_model,
-    read_rows,
-    refuse_readings,
     show,
 )
 
@@ -37,40 +34,16 @@ def export(
     json: Json = False,
 ) -> None:
     """Write the model for a controller: what the format holds, what it cannot hold, and what error that leaves."""
-    from ptt.correct.exports.format import Options
-    from ptt.correct.exports.registry import find_format, writer
+    from ptt.correct.exports.registry import find_format
+    from ptt.door.exporting import export_as
+    from ptt.door.model import load
+    from ptt.door.reading import read_rows
 
     chosen = find_format(to)
     reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
-    compensator = open_model(model, open_library(reading))
-    file = compensator.model.file
-    write = writer(chosen, file.machine.kind)
-    _refuse_own(out, model)
-    table = None if run is None else read_rows(run, file, reading, checked=True)
+    loaded = load(model, effects=effects or ())
+    table = None if run is None else read_rows(run, loaded.file, reading, checked=True, ask=asker(reading), note=note)
     if step is not None and not chosen.stepped:
         note(f"--step says nothing to format {chosen.name}")
-    result = write(compensator, out, Options(model, step, table))
-    data = {"format": chosen.name, "model": str(model), **result.to_dict()}
-    show(data, _text(data), json)
-
-
-def _refuse_own(out: Path, model: Path) -> None:
-    """Refuse to write over the model that is exported, or over readings."""
-    from ptt.errors import InputError
-
-    refuse_readings(out)
-    kept = [model, *(model.iterdir() if model.is_dir() else ())]
-    if any(out.exists() and out.resolve() == each.resolve() for each in kept):
-        raise InputError("is the model itself; nothing was written", where=str(out), fix="name another file")
-
-
-def _text(data: dict[str, Any]) -> str:
-    left = data["error_um"]
-    lines = [f"{data['format']}: {', '.join(data['written'])}"]
-    lines.append(f"  holds: {', '.join(data['holds']) or 'the drawing alone: the model has no effects'}")
-    lines += [f"  cannot hold {item['effect']}: {item['why']}" for item in data["cannot_hold"]]
-    lines.append(
-        f"  over the workspace the machine would miss by {left['drawing']:.1f} um with the drawing, "
-        f"{left['format']:.1f} um with this, {left['model']:.1f} um with the whole model (rms)"
-    )
-    return "\n".join(lines + [f"  {line}" for line in data["notes"]])
+    result = export_as(loaded, chosen, out, model, step=step, table=table)
+    show(result.to_dict(), str(result), json)

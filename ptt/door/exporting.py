@@ -1,0 +1,133 @@
+"""`ptt.export`: the model in a form that a controller runs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from ptt.correct.exports.format import Exported as Written
+from ptt.correct.exports.format import Format, Options
+from ptt.correct.exports.registry import find_format, writer
+from ptt.door.model import Model
+from ptt.door.outputs import refuse_readings
+from ptt.door.result import Result
+from ptt.door.run import RowsLike
+from ptt.door.words import as_model, as_run
+from ptt.errors import InputError
+from ptt.run.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+USAGE = "export(model, format, out)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Exported(Result):
+    """What came of an export.
+
+    Attributes:
+        result: files, what they hold, what they cannot hold, what error that leaves.
+        format: its name.
+        model: the file or folder of the model, as it was named.
+    """
+
+    result: Written
+    format: str
+    model: str
+
+    def _figures(self) -> Mapping[str, Any]:
+        return {"format": self.format, "model": self.model, **self.result.to_dict()}
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        return _text(self.to_dict())
+
+    def to_frame(self) -> "pd.DataFrame":
+        """What the machine would miss by, um: with the drawing, with this format, with the whole model."""
+        import pandas as pd
+
+        return pd.DataFrame([self.to_dict()["error_um"]], index=[self.format])
+
+    def plot(self) -> "Figure":
+        """Draw the error that is left with the drawing, with this format, with the whole model."""
+        from ptt.show.plots.exported import draw_error_left
+
+        return draw_error_left(self.result.error_um, self.format)
+
+
+def export(model: Any, to: str, out: str | Path, *, step: float | None = None, run: RowsLike = None) -> Exported:
+    """Write a model for a controller.
+
+    Args:
+        model: the model, or what `train` handed back.
+        to: the format: c, onnx, klipper, linuxcnc, reprapfirmware, marlin, siemens, urdf or table.
+        out: file or folder to write.
+        step: distance of table entries, mm or rad; None takes the format's own.
+        run: a run; errors are judged at its loads and speeds.
+
+    Returns:
+        What was written, what the format holds, what it cannot hold, and what error that leaves.
+
+    Raises:
+        InputError: no such format, one for other machines, or a file that cannot be written.
+    """
+    named = Path(model) if isinstance(model, str | Path) else None
+    machine = as_model(model, USAGE)
+    chosen = find_format(to)
+    table = None if run is None else as_run(run, machine, USAGE).table
+    if named is not None:
+        return export_as(machine, chosen, Path(out), named, step=step, table=table)
+    with TemporaryDirectory(prefix="ptt_") as folder:  # the head of the files names the model that `save` would write
+        kept = Path(folder) / ("model.toml" if machine.compensator.network is None else "compensator")
+        machine.save(kept)
+        return export_as(machine, chosen, Path(out), kept, step=step, table=table, called=kept.name)
+
+
+def export_as(
+    model: Model,
+    chosen: Format,
+    out: Path,
+    path: Path,
+    *,
+    step: float | None = None,
+    table: Table | None = None,
+    called: str | None = None,
+) -> Exported:
+    """Export as the command line does.
+
+    Args:
+        model: the model.
+        chosen: the format.
+        out: file or folder to write.
+        path: file or folder that the model is kept in.
+        step: distance of table entries.
+        table: rows at whose loads and speeds errors are judged.
+        called: what the model's file is called; None: by its path.
+    """
+    write = writer(chosen, model.file.machine.kind)
+    _refuse_own(out, path)
+    result = write(model.compensator, out, Options(path, step, table))
+    return Exported(result, chosen.name, called or str(path))
+
+
+def _refuse_own(out: Path, model: Path) -> None:
+    """Refuse to write over the model that is exported, or over readings."""
+    refuse_readings(out)
+    kept = [model, *(model.iterdir() if model.is_dir() else ())]
+    if any(out.exists() and out.resolve() == each.resolve() for each in kept):
+        raise InputError("is the model itself; nothing was written", where=str(out), fix="name another file")
+
+
+def _text(data: dict[str, Any]) -> str:
+    left = data["error_um"]
+    lines = [f"{data['format']}: {', '.join(data['written'])}"]
+    lines.append(f"  holds: {', '.join(data['holds']) or 'the drawing alone: the model has no effects'}")
+    lines += [f"  cannot hold {item['effect']}: {item['why']}" for item in data["cannot_hold"]]
+    lines.append(
+        f"  over the workspace the machine would miss by {left['drawing']:.1f} um with the drawing, "
+        f"{left['format']:.1f} um with this, {left['model']:.1f} um with the whole model (rms)"
+    )
+    return "\n".join(lines + [f"  {line}" for line in data["notes"]])
