@@ -1,7 +1,7 @@
 """What a verb says: its result on standard output, notes and progress on standard error."""
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -9,8 +9,8 @@ import typer
 
 from ptt.door.result import plain
 from ptt.errors import HostError
+from ptt.progress import Pace, Progress
 
-Progress = Callable[[str, int, int], None]
 _waiting: list[str] = []
 
 
@@ -92,11 +92,12 @@ def progress() -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}")
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[pace]}")
+    pace = Pace()
     with Bar(*columns, TimeElapsedColumn(), console=console, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
+        task = bar.add_task("reading", total=None, pace="")
 
         def tell(what: str, done: int, of: int) -> None:
-            bar.update(task, description=what, completed=done, total=of)
+            bar.update(task, description=what, completed=done, total=of or None, pace=pace.words(done, of))
 
         yield tell

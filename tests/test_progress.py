@@ -1,0 +1,16 @@
+"""How far work has come, in words."""
+
+from ptt.progress import Pace
+
+
+def test_rate_and_time_left_are_of_the_present_stage():
+    now = [0.0]
+    pace, told = Pace(lambda: now[0]), []
+    for done in range(0, 41, 10):
+        told.append(pace.words(done, 100))
+        now[0] += 5.0
+    assert told[0] == "0 of 100" and told[-1] == "40 of 100, 2 a second, 30 s left"
+    assert pace.stage == 1 and pace.words(0, 10) == "0 of 10" and pace.stage == 2
+    now[0] += 60.0
+    assert pace.words(3, 10) == "3 of 10, 3 a minute, 2 min left"
+    assert pace.words(0, 0) == "" and pace.stage == 3
