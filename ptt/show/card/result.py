@@ -158,7 +158,9 @@ def _words(found: Diagnosis) -> str:
     if found.depends_on:
         first = found.depends_on[0]
         with_ = f", in a measure that varies with {first.with_}" if first.with_ else ""
-        return f"What is left of {first.residual} follows {first.on}{with_}: {first.share:.0%} of its variance."
+        own = first.on == f"direction{first.residual.split()[-1]}"
+        on = "the way from which it comes" if own else first.on
+        return f"What is left of {first.residual} follows {on}{with_}: {first.share:.0%} of its variance."
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
 

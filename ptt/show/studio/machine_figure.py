@@ -14,9 +14,10 @@ from ptt.show.studio.looks import Look
 
 SCALE = "Cividis"  # made for every kind of colour vision
 COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
-GHOST, FAULT = "#e69f00", "#d55e00"
+GHOST, LETTERS = "#e69f00", "#8a3500"
 SHOWN_ARROWS = 240  # more hide each other
 REACH = 0.45  # of the path's size that the 95 % arrow takes
+OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
 LIGHT = {"ambient": 0.62, "diffuse": 0.7, "specular": 0.15, "roughness": 0.8}
 
 
@@ -25,7 +26,9 @@ def usual_scale(look: Look) -> float:
     if not look.kept.any():
         return 1.0
     span = max(float(np.ptp(look.target[look.kept], axis=0).max()), 1e-3)
-    wanted = REACH * span / max(float(np.quantile(look.size_um[look.kept], 0.95)) / UM, 1e-9)
+    drawing, row = look.drawing, int(np.flatnonzero(look.kept)[0])
+    size = Lines(drawing.rails, drawing.chains[row], drawing.platform[row]).size
+    wanted = min(REACH * span, OF_MACHINE * size) / max(float(np.quantile(look.size_um[look.kept], 0.95)) / UM, 1e-9)
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(max(step * power for step in (1.0, 2.0, 3.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
 
@@ -96,8 +99,9 @@ def machine_figure(
         data += _picked(look, picked)
     box = _box(look, lines, scale) if near or not machine else None
     axes = {f"{axis}axis": _axis(axis, None if box is None else box[:, index]) for index, axis in enumerate("xyz")}
-    camera = {"eye": {"x": 1.12, "y": 1.04, "z": 0.55}, "center": {"x": 0.0, "y": 0.0, "z": -0.06}}
+    camera = {"eye": {"x": 1.27, "y": 1.18, "z": 0.62}, "center": {"x": 0.0, "y": 0.0, "z": 0.0}}
     held = f"{look.source}{near}"
+    labels = _labels(lines, ghost) if machine and ghost else []
     layout = whole_layout(
         margin={"l": 0, "r": 0, "t": 0, "b": 0},
         showlegend=False,
@@ -108,6 +112,7 @@ def machine_figure(
             "camera": camera,
             "uirevision": held,
             "dragmode": "orbit",
+            "annotations": labels,
             "domain": {"y": [0.13 if scale else 0.0, 1.0]},
             "bgcolor": "rgba(0,0,0,0)",
         },
@@ -120,32 +125,30 @@ def _ghost(lines: Lines, ghost: Mapping[str, Any]) -> list[Figure]:
     shift = ghost["shift"]
     kind, legs = legs_at_fault(shift)
     there = moved(lines, shift, int(ghost["at"]), float(ghost["times"]))
-    data = [_solid(solid, GHOST, "ghost", 0.5) for solid in only(there, kind, legs).values()]
-    values = list(ghost.get("values", ()))
-    if values:
-        places = np.stack([_beside(place_of_part(there, value["who"]), lines) for value in values])
-        words = [f"<b>{escape(value['who'])}</b><br>{escape(value_in_words(value))}" for value in values]
-        data.append(
+    return [_solid(solid, GHOST, "ghost", 0.5) for solid in only(there, kind, legs).values()]
+
+
+def _labels(lines: Lines, ghost: Mapping[str, Any]) -> list[Figure]:
+    """Sizes in words beside the parts that have them, over everything else."""
+    there = moved(lines, ghost["shift"], int(ghost["at"]), float(ghost["times"]))
+    labels = []
+    for value in ghost.get("values", ()):
+        place = place_of_part(there, value["who"]).tolist()
+        labels.append(
             {
-                "type": "scatter3d",
-                "mode": "text",
-                **_xyz(places),
-                "text": words,
-                "hoverinfo": "skip",
-                "name": "sizes",
-                "textposition": "middle right",
-                "textfont": {"size": 13, "color": FAULT},
-                "showlegend": False,
+                **dict(zip("xyz", place, strict=True)),
+                "text": f"<b>{escape(value['who'])}</b> {escape(value_in_words(value))}",
+                "font": {"size": 12, "color": LETTERS},
+                "bgcolor": "rgba(255,255,255,0.88)",
+                "bordercolor": GHOST,
+                "borderpad": 3,
+                "arrowcolor": GHOST,
+                "arrowhead": 0,
+                "ax": 0,
+                "ay": -42,
             }
         )
-    return data
-
-
-def _beside(place: np.ndarray, lines: Lines) -> np.ndarray:
-    """A place a little farther out, so that a label covers nothing."""
-    points = np.concatenate([each.reshape(-1, 3) for each in (lines.chains, lines.platform)])
-    out = (place - points.mean(axis=0)) * (1.0, 1.0, 0.0)
-    return place + 0.05 * lines.size * out / max(float(np.linalg.norm(out)), 1e-9)
+    return labels
 
 
 def _arrows(look: Look, scale: float, size: float) -> list[Figure]:

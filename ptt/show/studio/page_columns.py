@@ -125,7 +125,7 @@ class ColumnsView:
             with ui.element("td").classes("w"):
                 ui.label(title).classes("font-medium")
             with ui.element("td").classes("w"):
-                ui.label(" \N{MIDDLE DOT} ".join(column["cells"][:3])).classes("st-note")
+                ui.label(" \N{MIDDLE DOT} ".join(cell[:10] for cell in column["cells"][:3])).classes("st-note")
             with ui.element("td").classes("w"):
                 pick = ui.select(choices, value=value, on_change=lambda _, t=title: self._units(t, None))
                 pick.props("dense outlined options-dense").props["aria-label"] = f"what {title} holds"

@@ -139,7 +139,7 @@ class ResultView:
             note.set_visibility(key in there)
         self.all.set_visibility(len(left) > 1)
         self.poses.set_visibility(bool(lesson.measure_next))
-        self.finish.set_visibility(not left)
+        self.finish.set_visibility(not left and card["verdict"] != "unknown")
         if stale:
             self.words.set_text("The model has changed since; this was found before the change.")
         elif self.words.text != card["words"]:

@@ -1,6 +1,8 @@
 """What else one asks of a machine: figures of the standard, dexterity, poses to measure, its history."""
 
 import base64
+from collections.abc import Mapping
+from typing import Any
 
 from nicegui import ui
 
@@ -109,26 +111,24 @@ def _build_history(studio: Studio) -> None:
             if not rows:
                 ui.label("Nothing was added, removed or refitted yet.").classes("st-note")
                 return
-            head = ("date", "command", "effect", "readings", "error", "noise")
+            head = ("date", "command", "effect", "readings", "held-out error", "noise")
             ui.html(table_html(head, rows, words=3, caption="steps of the model"), sanitize=False).classes("w-full")
 
     studio.on("session", update)
     update()
 
 
-def _entry(item: object) -> tuple[str, ...]:
-    data = dict(item) if isinstance(item, dict) else dict(vars(item))
-    before, after, noise = (data.get(key) or {} for key in ("before_um", "after_um", "noise_um"))
-    fall = (
-        f"{length(before['total'])} \N{RIGHTWARDS ARROW} {length(after['total'])}"
-        if "total" in before and "total" in after
-        else ""
-    )
+def _entry(item: Mapping[str, Any]) -> tuple[str, ...]:
+    """A step of the history, as the machine file keeps it."""
+    changed = [*item.get("added", ()), *(f"less {key}" for key in item.get("removed", ()))]
+    before, after, noise = (item.get(key) or {} for key in ("heldout_before_um", "heldout_after_um", "noise_um"))
+    known = "total" in before and "total" in after
+    fall = f"{length(before['total'])} \N{RIGHTWARDS ARROW} {length(after['total'])}" if known else ""
     return (
-        str(data.get("date", ""))[:10],
-        str(data.get("command", "")),
-        str(data.get("effect", "")),
-        str(data.get("rows", "")),
+        str(item.get("date", ""))[:10],
+        str(item.get("command", "")),
+        ", ".join(changed) or "refit",
+        str(item.get("rows", "")),
         fall,
         length(noise["total"]) if "total" in noise else "",
     )
