@@ -306,7 +306,12 @@ def _judge_done(
             return "broken", f"standard output is no JSON: {error}: {ended.out[:100]!r}"
     if expected is not None and ended.out != expected:
         return "wrong", "another result for the same input written otherwise"
-    if out and out in words and not any(name == out or name.startswith(f"{out}/") for name in new):
+    if (
+        out
+        and out in words
+        and words.count("--out") < 2
+        and not any(name == out or name.startswith(f"{out}/") for name in new)
+    ):
         return "broken", f"exit 0 without {out}"
     return _judge_outputs([place / name for name in new])
 
