@@ -41,7 +41,7 @@ def draw_machine(machine: Standing) -> bytes | None:
 
 
 def _strips(machines: Sequence[Standing]) -> bytes:
-    figure = Figure(figsize=(9.0, 1.2 + 0.22 * len(machines)), layout="constrained")
+    figure = Figure(figsize=(9.0, max(2.8, 1.2 + 0.22 * len(machines))), layout="constrained")
     panel = figure.add_subplot()
     every = [(day, error, row) for row, machine in enumerate(machines) for day, error in _errors(machine)]
     days, errors, rows = (np.array(part) for part in zip(*every, strict=True))
