@@ -53,6 +53,10 @@ def words_of(language: str) -> Say:
             if found := pattern.fullmatch(text):
                 return str(value).format(*map(say, found.groups()))
         parts = re.split(r"(?<=[a-z0-9)%])[.] (?=[A-Z])", text)
-        return stop.join(map(say, parts)) if len(parts) > 1 else text
+        if len(parts) == 1:
+            return text
+        said = [say(part) for part in parts]
+        known = all(new != old for new, old in zip(said, parts, strict=True))
+        return (stop if known else ". ").join(said)
 
     return say
