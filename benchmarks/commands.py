@@ -141,8 +141,9 @@ def commands(compensator: Compensator, targets: np.ndarray) -> list[tuple[str, f
     table.append(("command, ptt predict (torch, statuses and all)", (time.perf_counter() - begin) / len(part)))
     predict = compensator.predictor()
     found = predict(part)
-    apart = np.abs(found - slow.q)[slow.sent].max()
-    print(f"commands of the C are off by {apart:.1e} mm from those of ptt predict ({slow.sent.mean():.0%} sent)")
+    apart = np.abs(found - slow.q)[slow.sent].max(axis=1)
+    # Where a slider creeps through a turn by nanometres, either side of its gap is as good.
+    print(f"{int((apart > 1e-9).sum())} of {len(apart)} commands of the C are not within 1e-9 mm of ptt predict")
 
     def whole() -> None:
         predict.start()
