@@ -44,7 +44,8 @@ def draw_moved(result: Recheck) -> Figure:
     right.set_xticks(range(3), ["expected", "model\nas it was", "with what\nis named"])
     right.axhline(result.noise_um["total"], color="#6b705c", linestyle="--", linewidth=1.2, label="noise floor")
     right.set_ylabel("error of the run [um]")
-    right.legend(frameon=False, loc="upper right")
+    right.margins(y=0.25)
+    right.legend(frameon=False, loc="upper left")
     for panel in (left, right):
         panel.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"verdict: {result.verdict}")
