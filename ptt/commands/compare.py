@@ -1,5 +1,6 @@
 """`ptt compare`: how large the error is, how much of it is noise, where it is and what it depends on."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +22,9 @@ from ptt.commands.common import (
     show,
 )
 
+After = Annotated[
+    Path | None, typer.Option("--after", metavar="AFTER.csv", help="A later run, to be held beside this one.")
+]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Also draw pictures into this folder.")]
 
 
@@ -32,15 +36,18 @@ def compare(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
+    after: After = None,
     plots: Plots = None,
     json: Json = False,
 ) -> None:
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on."""
     from ptt.door.comparing import compare as held_against
 
-    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json))
+    reading = Reading(also, targets, set_, map_, effects, json)
+    loaded, rows = load_both(run, model, reading)
+    later = None if after is None else load_both(after, model, replace(reading, also=None))[1]
     with progress() as tell:
-        result = held_against(loaded, rows, progress=tell, note=note)
+        result = held_against(loaded, rows, after=later, progress=tell, note=note)
         pictures = () if plots is None else result.pictures(plots, progress=tell)
     if plots is not None:
         note(f"{len(pictures)} pictures in {plots}: {', '.join(picture.name for picture in pictures)}")

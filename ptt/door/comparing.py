@@ -10,6 +10,7 @@ from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
 from ptt.door.run import RowsLike
 from ptt.door.words import as_model, as_run
 from ptt.fitting.chunks import LONG, sample_stretches, take
+from ptt.judge.before_after import BeforeAfter, compare_pair, format_pair
 from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.compare.text import format_comparison
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-USAGE = "compare(model, run)"
+USAGE = "compare(model, run, after=None)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,11 +29,13 @@ class Compared(Result):
         result: all figures and residuals.
         opened: run and model.
         notes: what was left aside, a line each.
+        pair: the run beside a later one; None where none was given.
     """
 
     result: Comparison
     opened: Opened
     notes: tuple[str, ...] = ()
+    pair: BeforeAfter | None = None
 
     @property
     def rms_um(self) -> dict[str, float]:
@@ -42,7 +45,8 @@ class Compared(Result):
 
     def _figures(self) -> Mapping[str, Any]:
         aside = {"network_left_aside": self.opened.compensator.network is not None}
-        return self.result.to_dict() | self.opened.set_up | aside | {"setup": self._findings()}
+        pair = {} if self.pair is None else {"before_after": self.pair.to_dict()}
+        return self.result.to_dict() | self.opened.set_up | aside | {"setup": self._findings()} | pair
 
     def _findings(self) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = self.opened.check.to_dict()["findings"] if self.opened.check else []
@@ -51,7 +55,8 @@ class Compared(Result):
     def __str__(self) -> str:
         """What the command prints; findings about the set-up come first."""
         first = f"{self.opened.check}\n\n" if self._findings() else ""
-        return first + format_comparison(self.result)
+        last = "" if self.pair is None else f"\n\n{format_pair(self.pair)}"
+        return first + format_comparison(self.result) + last
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each axis and the total: rms, mean, 95th percentile, maximum and noise in um."""
@@ -63,10 +68,10 @@ class Compared(Result):
         return pd.DataFrame({key: [data[key].get(axis) for axis in axes] for key in titles}, index=list(axes))
 
     def plot(self) -> "Figure":
-        """Draw the error over the workspace."""
-        from ptt.show.plots.field import draw_field
+        """Draw the error over the workspace; of two runs both, side by side in one scale."""
+        from ptt.show.plots.field import draw_field, draw_pair
 
-        return draw_field(self.result, self.opened.problem)
+        return draw_field(self.result, self.opened.problem) if self.pair is None else draw_pair(self.pair)
 
     def pictures(self, folder: str | Path, *, progress: Progress = unwatched) -> tuple[Path, ...]:
         """Draw everything there is into a folder: field, course, histogram, dependences, periods.
@@ -80,15 +85,26 @@ class Compared(Result):
         """
         from ptt.show.plots.compare import plot_comparison
 
-        return plot_comparison(self.result, self.opened.problem, folder, progress=progress)
+        drawn = plot_comparison(self.result, self.opened.problem, folder, progress=progress)
+        if self.pair is None:
+            return drawn
+        from ptt.show.plots.common import save
+        from ptt.show.plots.field import draw_pair
+
+        both = Path(folder) / "before_after.png"
+        save(draw_pair(self.pair), both)
+        return (*drawn, both)
 
 
-def compare(model: Any, run: RowsLike, *, progress: Progress = unwatched, note: Note = unheard) -> Compared:
+def compare(
+    model: Any, run: RowsLike, *, after: RowsLike = None, progress: Progress = unwatched, note: Note = unheard
+) -> Compared:
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on.
 
     Args:
         model: the model; a network is left aside.
         run: the run.
+        after: a later run of the same machine, held beside it: errors of the tool against the targets of both.
         progress: told what is done, how much of how much.
         note: told what is left aside.
 
@@ -110,4 +126,8 @@ def compare(model: Any, run: RowsLike, *, progress: Progress = unwatched, note: 
     result = compare_run(opened.model, opened.problem, noise=opened.noise_or_none(tell), progress=progress)
     if result.without_values:
         tell(f"not fitted yet, so left out: {', '.join(result.without_values)}; `ptt fit` fits them")
-    return Compared(result, opened, tuple(tell.lines))
+    pair = None
+    if after is not None:
+        later = meet(machine, as_run(after, machine, USAGE), anyway=True, note=tell)
+        pair = compare_pair(opened.table, later.table, opened.model.file)
+    return Compared(result, opened, tuple(tell.lines), pair)

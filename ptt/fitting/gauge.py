@@ -120,7 +120,8 @@ def _fewest(values: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _errors(information: np.ndarray, off: np.ndarray) -> np.ndarray:
     """Standard errors in usual sizes of values that are off, the others being right by choice of gauge."""
     error = np.zeros(len(off))
-    error[off] = np.sqrt(np.diag(np.linalg.pinv(information[np.ix_(off, off)], hermitian=True)))
+    spread = np.diag(np.linalg.pinv(information[np.ix_(off, off)], hermitian=True))
+    error[off] = np.sqrt(np.maximum(spread, 0.0))  # rounding may leave a direction of no information below zero
     return error
 
 

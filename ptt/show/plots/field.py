@@ -6,6 +6,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from ptt.judge.before_after import BeforeAfter, Side
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
@@ -44,6 +45,39 @@ def draw_field(result: Comparison, problem: Problem) -> Figure:
     shown = f"{len(place)} of {poses} poses" if len(place) < poses else f"{poses} poses"
     figure.suptitle(f"error after frame alignment, mean of each pose; {shown}; arrows {factor:g} times enlarged")
     return figure
+
+
+def draw_pair(pair: BeforeAfter) -> Figure:
+    """Draw the tool's error of two runs from above, in one scale of arrows and colours.
+
+    Args:
+        pair: both runs.
+
+    Returns:
+        The figure: before on the left, after on the right.
+    """
+    sides = [_thinned(side) for side in (pair.before, pair.after)]
+    size = [1e3 * np.linalg.norm(error, axis=1) for _, error in sides]
+    span = max(float(np.ptp(np.concatenate([place for place, _ in sides]), axis=0).max()), 1e-3)
+    factor = enlargement(span, 1e-3 * float(np.quantile(size[0], 0.95)))
+    norm = Normalize(0.0, max(float(np.concatenate(size).max()), 1e-3))
+    figure = Figure(figsize=(12.4, 6.4), dpi=DPI, layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for panel, words, side, (place, error), length in zip(
+        panels, ("before", "after"), (pair.before, pair.after), sides, size, strict=True
+    ):
+        arrows = _draw_above(panel, place, error * factor, length, norm)
+        total = 1e3 * float(np.sqrt(np.mean((side.error**2).sum(axis=1))))
+        panel.set_title(f"{words}: {total:.3g} um rms, {len(side.error)} readings", fontsize=11)
+    _draw_key(panels[0], span, factor)
+    figure.colorbar(arrows, ax=panels, label="size of the error [um]", shrink=0.85)
+    figure.suptitle(f"tool against its targets, frames taken out; horizontal part, {factor:g} times enlarged")
+    return figure
+
+
+def _thinned(side: Side) -> tuple[np.ndarray, np.ndarray]:
+    chosen = np.unique(np.linspace(0, len(side.place) - 1, min(MOST_ARROWS, len(side.place))).astype(int))
+    return side.place[chosen], side.error[chosen]
 
 
 def field_of(result: Comparison, problem: Problem) -> tuple[np.ndarray, np.ndarray, int]:

@@ -1,0 +1,162 @@
+"""Two runs of one machine side by side: the tool's error against its targets before and after, and where it changed."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.judge.compare.comparison import figures
+from ptt.judge.evaluate import errors_of, match_rows
+from ptt.machine import MachineFile
+from ptt.run.table import Table
+
+PARTS = ("low", "middle", "high")
+SHOWN = 5  # poses that got worse
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One run.
+
+    Attributes:
+        source: its files.
+        place: targets, (m, 3) mm.
+        error: reading less target, the tracker's frame taken out as the machine file says, (m, 3) mm.
+    """
+
+    source: str
+    place: np.ndarray
+    error: np.ndarray
+
+    def to_dict(self) -> dict[str, Any]:
+        """Figures as `ptt compare` gives them, and rows."""
+        return {"source": self.source, "rows": len(self.error), **figures(self.error)}
+
+
+@dataclass(frozen=True, eq=False)
+class BeforeAfter:
+    """Both runs, and the poses that they share.
+
+    Attributes:
+        before: the first run.
+        after: the second.
+        frame: how the tracker's frame was taken out of both.
+        shared: error lengths of poses measured in both, (s, 2) mm.
+        names: of those poses, with the place in their file.
+        unmatched: how many rows of each have no counterpart.
+    """
+
+    before: Side
+    after: Side
+    frame: str
+    shared: np.ndarray
+    names: tuple[str, ...]
+    unmatched: tuple[int, int]
+
+    @property
+    def gained(self) -> np.ndarray:
+        """How much nearer the tool comes to its targets, per shared pose, (s,) mm; negative where it got worse."""
+        return np.asarray(self.shared[:, 0] - self.shared[:, 1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Figures for JSON."""
+        first, second = self.before.to_dict(), self.after.to_dict()
+        fall = {key: _percent(first["rms_um"][key], second["rms_um"][key]) for key in ("x", "y", "z", "total")}
+        order = np.argsort(self.gained, kind="stable")[:SHOWN]
+        worse = [
+            {"row": self.names[i], "before_um": 1e3 * self.shared[i, 0], "after_um": 1e3 * self.shared[i, 1]}
+            for i in order
+            if self.gained[i] < 0.0
+        ]
+        return {
+            "before": first,
+            "after": second,
+            "frame": self.frame,
+            "reduction_percent": fall,
+            "shared_poses": len(self.shared),
+            "unmatched": {"before": self.unmatched[0], "after": self.unmatched[1]},
+            "nearer_share": float(np.mean(self.gained > 0.0)) if len(self.shared) else None,
+            "worse": worse,
+            "where": self.where(),
+        }
+
+    def where(self) -> list[dict[str, Any]]:
+        """Root mean square error in the thirds of the height and the quarters of the ground that both went to."""
+        both = np.concatenate([self.before.place, self.after.place])
+        heights, middle = np.quantile(both[:, 2], [1 / 3, 2 / 3]), np.median(both[:, :2], axis=0)
+        parts = []
+        for side in (self.before, self.after):
+            third = np.searchsorted(heights, side.place[:, 2])
+            quarter = (side.place[:, 0] >= middle[0]) + 2 * (side.place[:, 1] >= middle[1])
+            parts.append((third, quarter))
+        flat = float(np.ptp(both[:, 2])) < 1e-3 * float(np.ptp(both[:, :2]))
+        zones = [] if flat else [(f"z {PARTS[i]}", [third == i for third, _ in parts]) for i in range(3)]
+        ground = ("x low, y low", "x high, y low", "x low, y high", "x high, y high")
+        zones += [(ground[i], [quarter == i for _, quarter in parts]) for i in range(4)]
+        return [
+            {"where": words, "before_um": _rms_um(self.before, rows[0]), "after_um": _rms_um(self.after, rows[1])}
+            for words, rows in zones
+            if rows[0].any() and rows[1].any()
+        ]
+
+
+def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
+    """Hold two runs of one machine beside each other, whether or not they went to the same poses.
+
+    Errors are against the targets, since a compensation changes the commands on purpose.
+
+    Args:
+        before: the first run.
+        after: the second.
+        file: the machine, whose tracker policy counts for both.
+
+    Returns:
+        Both.
+
+    Raises:
+        TableError: a run without targets or with too few readings.
+    """
+    errors = [errors_of(table, file) for table in (before, after)]
+    found = [np.isfinite(each.aligned).all(axis=1) for each in errors]
+    for table, rows in zip((before, after), found, strict=True):
+        if not np.isfinite(table.target[rows]).all():
+            raise TableError("no targets to judge against", where=table.source, fix="give them with --targets T.csv")
+    first, second, left = match_rows(before, after, *found)
+    sides = [
+        Side(table.source, table.target[rows], each.aligned[rows])
+        for table, rows, each in zip((before, after), found, errors, strict=True)
+    ]
+    lengths = [np.linalg.norm(each.aligned[rows], axis=1) for each, rows in zip(errors, (first, second), strict=True)]
+    names = tuple(f"{before.place(int(row))} {before.name[row]}".strip() for row in first)
+    return BeforeAfter(
+        sides[0], sides[1], errors[0].frame, np.column_stack(lengths), names, (len(left["before"]), len(left["after"]))
+    )
+
+
+def format_pair(pair: BeforeAfter) -> str:
+    """The figures as text."""
+    data = pair.to_dict()
+    rows = [f"tool against its targets, rms in um ({data['frame']})", f"{'':24}{'x':>9}{'y':>9}{'z':>9}{'total':>9}"]
+    for words, key in (("before", "before"), ("after", "after")):
+        values = data[key]["rms_um"]
+        rows.append(f"{words:<24}" + "".join(f"{values[axis]:>9.1f}" for axis in ("x", "y", "z", "total")))
+    fall = data["reduction_percent"]
+    told = ("-" if fall[axis] is None else f"{fall[axis]:.1f} %" for axis in ("x", "y", "z", "total"))
+    rows.append(f"{'less by':<24}" + "".join(f"{value:>9}" for value in told))
+    rows += [f"{zone['where']:<24}{zone['before_um']:>9.1f} -> {zone['after_um']:.1f}" for zone in data["where"]]
+    if data["shared_poses"]:
+        share = f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both come nearer"
+        rows.append(f"{share}; rows without a counterpart: {pair.unmatched[0]} before, {pair.unmatched[1]} after")
+    else:
+        rows.append("no pose was measured in both: totals and parts of the workspace are compared")
+    rows += [f"worse: {one['row']}, {one['before_um']:.1f} -> {one['after_um']:.1f} um" for one in data["worse"]]
+    return "\n".join(rows)
+
+
+def _percent(before: float, after: float) -> float | None:
+    return 100.0 * (1.0 - after / before) if before > 0.0 else None
+
+
+def _rms_um(side: Side, rows: np.ndarray) -> float:
+    return 1e3 * float(np.sqrt(np.mean((side.error[rows] ** 2).sum(axis=1))))
