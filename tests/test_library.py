@@ -304,3 +304,40 @@ def test_progress_is_told_when_asked(here):
     told: list[str] = []
     ptt.fit(here / "solved.toml", here / "run.csv", progress=lambda what, done, of: told.append(what))
     assert told
+
+
+def test_answers_and_targets_are_taken_without_files(here):
+    machine, rows = ptt.load(here / "machine.toml"), pd.read_csv(here / "run.csv")
+    renamed = rows.rename(columns={"x_meas": "messX", "y_meas": "messY", "z_meas": "messZ"})
+    answers = {"columns": {"messX": "x_meas", "messY": "y_meas", "messZ": "z_meas"}}
+    wanted = rows[["x_cmd", "y_cmd", "z_cmd"]]
+    plain = ptt.read(rows, machine)
+    with_answers = ptt.read(renamed, machine, map=answers)
+    beside = ptt.read(rows.drop(columns=wanted), machine, targets=wanted)
+    in_an_array = ptt.read(rows.drop(columns=wanted), machine, targets=wanted.to_numpy())
+    for other in (with_answers, beside, in_an_array):
+        np.testing.assert_array_equal(other.table.measured, plain.table.measured)
+        np.testing.assert_array_equal(other.table.target, plain.table.target)
+    assert "messX" in str(with_answers) and "ptt_" not in str(with_answers) + str(beside)
+    with pytest.raises(InputError, match=r"^map: unknown key 'colums'"):
+        ptt.read(renamed, machine, map={"colums": {}})
+    with pytest.raises(InputError, match=r"^map: got a int; name a file"):
+        ptt.read(renamed, machine, map=3)
+
+
+@pytest.mark.parametrize("verb", ["check", "compare", "diagnose", "add", "remove", "fit", "evaluate", "recheck",
+                                  "iso", "report", "train", "export"])  # fmt: skip
+def test_every_verb_that_reads_runs_takes_the_same_words(verb, capsys):
+    assert command([verb, "--help"]) == 0
+    shown = capsys.readouterr().out
+    lacking = [word for word in ("--also", "--targets", "--set", "--map", "--effects", "--json") if word not in shown]
+    assert not lacking
+
+
+def test_check_knows_effects_of_ones_own(here, capsys):
+    own, model = str(here / "own.py"), str(here / "own.toml")
+    assert command(["effects", "new", "own-drag", "--out", own]) == 0
+    Path(model).write_text((here / "machine.toml").read_text() + '\n[[effect]]\nname = "own-drag"\n')
+    words = ["check", str(here / "run.csv"), "--model", model]
+    assert command(words) == 2 and "--effects FILE.py" in capsys.readouterr().err
+    assert command([*words, "--effects", own]) == 0

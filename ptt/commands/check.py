@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Also, Json, Map, Reading, Set, Targets, asker, note, show
+from ptt.commands.common import Also, Effects, Json, Map, Reading, Set, Targets, asker, note, show
 
 if TYPE_CHECKING:
     from ptt.door.checking import Checked
@@ -30,6 +30,7 @@ def check(
     targets: Targets = None,
     set_: Set = None,
     map_: Map = None,
+    effects: Effects = None,
     json: Json = False,
 ) -> None:
     """Look for mistakes in the set-up: axes, units, sliders, lengths, rows, frames. A machine file alone is drawn."""
@@ -38,12 +39,12 @@ def check(
     from ptt.errors import InputError
 
     if model is None and (run.suffix == ".toml" or run.is_dir()):
-        _show_machine(run, drawing, json)
+        _show_machine(run, drawing, effects, json)
         return
     if model is None:
         raise InputError("no machine to hold it against", where=str(run), fix="add --model MACHINE.toml")
-    reading = Reading(also, targets, set_, map_, json=json)
-    loaded = load(model)
+    reading = Reading(also, targets, set_, map_, effects, json)
+    loaded = load(model, effects=effects or ())
     found = check_path(loaded, run, reading, ask=asker(reading), note=note)
     _write(found, out_run, out_model, several=bool(also))
     if drawing is not None:
@@ -72,11 +73,11 @@ def _write(found: "Checked", out_run: Path | None, out_model: Path | None, sever
         note(f"{out_model}: the machine file, {changed}")
 
 
-def _show_machine(path: Path, drawing: Path | None, json: bool) -> None:
+def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, json: bool) -> None:
     from ptt.door.checking import describe
     from ptt.door.model import load
 
-    described = describe(load(path))
+    described = describe(load(path, effects=effects or ()))
     drawing = drawing or Path(f"{(path / 'machine' if path.is_dir() else path).with_suffix('')}_drawing.png")
     _draw(described.file, drawing)
     data = described.to_dict() | {"drawing": str(drawing)}

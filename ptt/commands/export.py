@@ -6,12 +6,14 @@ from typing import Annotated
 import typer
 
 from ptt.commands.common import (
+    Also,
     Effects,
     Json,
     Map,
     ModelPath,
     Reading,
     Set,
+    Targets,
     asker,
     note,
     show,
@@ -28,6 +30,8 @@ def export(
     run: Annotated[
         Path | None, typer.Option("--run", metavar="RUN.csv", help="Judge at the loads and speeds of this run.")
     ] = None,
+    also: Also = None,
+    targets: Targets = None,
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
@@ -40,7 +44,7 @@ def export(
     from ptt.door.reading import read_rows
 
     chosen = find_format(to)
-    reading = Reading(set_=set_, map_=map_, effects=effects, json=json)
+    reading = Reading(also, targets, set_, map_, effects, json)
     loaded = load(model, effects=effects or ())
     table = None if run is None else read_rows(run, loaded.file, reading, checked=True, ask=asker(reading), note=note)
     if step is not None and not chosen.stepped:

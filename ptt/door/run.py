@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FRAME = "frame.csv"  # what a data frame is called where a file's name is wanted
+ANSWERS = "answers.toml"
 RowsLike = Any  # a path, a data frame, an array of positions, or something read before
 
 
@@ -83,9 +84,9 @@ def read(
     model: Model | str | Path,
     *,
     also: Sequence[RowsLike] = (),
-    targets: str | Path | None = None,
+    targets: RowsLike = None,
     set: Mapping[str, float | str] | None = None,
-    map: str | Path | None = None,
+    map: str | Path | Mapping[str, Any] | None = None,
 ) -> Run:
     """Read a tracker run.
 
@@ -93,9 +94,9 @@ def read(
         run: a CSV or an export of tracker software; a data frame with the columns of one is taken as well.
         model: the machine, which says how many joints there are.
         also: further runs.
-        targets: file with the targets of an export that holds readings only.
+        targets: the targets of an export that holds readings only: a file, a data frame, or an array (n, 3) in mm.
         set: column -> one value for all rows, as {"payload_kg": 2}; {"order": "time"} sorts the rows.
-        map: saved answers on columns and units.
+        map: saved answers on columns and units, a file or what is in one: {"columns": {"Pos X": "x_meas"}}.
 
     Returns:
         The run. What in its set-up looks mistaken is said by whoever uses it, or by `check`.
@@ -107,9 +108,13 @@ def read(
 
     machine = as_model(model, "read(run, model)")
     given = (run, *((also,) if isinstance(also, str | Path) else also))
-    written = [_file_of(each, "read(run, model)", number) for number, each in enumerate(given, 1)]
+    usage = "read(run, model)"
+    written = [_file_of(each, usage, f"data frame {number}".removesuffix(" 1")) for number, each in enumerate(given, 1)]
     paths = [each.path for each in written]
-    reading = Reading(paths[1:], _path(targets), _pairs(set), _path(map), json=True)
+    beside = None if targets is None else _file_of(_positions(targets), usage, "targets")
+    answers = _answers(map)
+    reading = Reading(paths[1:], _path(beside), _pairs(set), _path(answers), json=True)
+    written += [each for each in (beside, answers) if each is not None]
     with _worded(written):
         return _renamed(read_path(paths[0], machine, reading), written)
 
@@ -136,7 +141,7 @@ def read_targets(
     model: Model | str | Path,
     *,
     set: Mapping[str, float | str] | None = None,
-    map: str | Path | None = None,
+    map: str | Path | Mapping[str, Any] | None = None,
 ) -> Targets:
     """Read tool positions to reach.
 
@@ -144,7 +149,7 @@ def read_targets(
         targets: a CSV; a data frame, or an array (n, 3) in mm, is taken as well.
         model: the machine.
         set: column -> one value for all rows, as {"payload_kg": 2}.
-        map: saved answers on columns and units.
+        map: saved answers on columns and units, a file or what is in one.
 
     Returns:
         The targets.
@@ -156,7 +161,9 @@ def read_targets(
 
     machine = as_model(model, "read_targets(targets, model)")
     written = [_file_of(_positions(targets), "read_targets(targets, model)")]
-    reading = Reading(set_=_pairs(set), map_=_path(map), json=True)
+    answers = _answers(map)
+    reading = Reading(set_=_pairs(set), map_=_path(answers), json=True)
+    written += [each for each in (answers,) if each is not None]
     with _worded(written):
         return _renamed(targets_path(written[0].path, machine, reading), written)
 
@@ -214,11 +221,26 @@ def _pairs(values: Mapping[str, float | str] | None) -> list[str]:
     ]
 
 
-def _path(given: str | Path | None) -> Path | None:
-    return None if given is None else Path(given)
+def _path(given: "_File | None") -> Path | None:
+    return None if given is None else given.path
 
 
-def _file_of(given: RowsLike, usage: str, number: int = 1) -> _File:
+def _answers(given: str | Path | Mapping[str, Any] | None) -> "_File | None":
+    """The file of saved answers, written where they were handed over as a mapping."""
+    if given is None or isinstance(given, str | Path):
+        return None if given is None else _File(Path(given))
+    if not isinstance(given, Mapping):
+        usage = 'name a file, or write it as map={"columns": {"Pos X": "x_meas"}}'
+        raise InputError(f"got a {type(given).__name__}", where="map", fix=usage)
+    import tomlkit
+
+    folder = _Folder()
+    path = folder.path / ANSWERS
+    path.write_text(tomlkit.dumps(given), encoding="utf-8")
+    return _File(path, "map", folder)
+
+
+def _file_of(given: RowsLike, usage: str, called: str = "data frame") -> _File:
     if isinstance(given, str | Path):
         return _File(Path(given))
     frame = given if hasattr(given, "to_csv") and hasattr(given, "columns") else None
@@ -230,7 +252,7 @@ def _file_of(given: RowsLike, usage: str, number: int = 1) -> _File:
     folder = _Folder()
     path = folder.path / FRAME
     frame.to_csv(path, index=False, lineterminator="\n")
-    return _File(path, "data frame" if number == 1 else f"data frame {number}", folder)
+    return _File(path, called, folder)
 
 
 def _positions(given: RowsLike) -> RowsLike:
