@@ -91,7 +91,7 @@ def test_the_head_names_model_and_digest_without_ending_a_comment(bench: Machine
 
 
 def test_the_command_refuses_to_write_over_its_model(tmp_path: Path) -> None:
-    from ptt.commands.export import _refuse_own
+    from ptt.door.exporting import _refuse_own
 
     path = tmp_path / "m.toml"
     path.write_text("x")

@@ -488,3 +488,16 @@ def test_errors_in_the_targets_name_that_file(tmp_path: Path) -> None:
     targets.write_text("name,x_cmd,y_cmd,z_cmd\nP1,0,0,300\nP2,,0,300\n", encoding="utf-8")
     with pytest.raises(TableError, match=r"targets\.csv row 3, column x_cmd: empty command"):
         read_table(FIXTURES / "spatial_analyzer.txt", targets=targets)
+
+
+@pytest.mark.parametrize(
+    ("lines", "delimiter"),
+    [
+        (["name\trun\tx\ty", "p1\trun 1\t1.5\t2.5", "p2\trun 1\t3.5\t4.5"], "\t"),
+        (["point 1\tx mm\ty\tz", "no 1\t1.5\t2.5\t3.5", "no 2\t3.5\t4.5\t5.5"], "\t"),
+        (["x\t\ty   z", "1.5\t\t2.5   3.5", "2.5\t\t3.5   4.5"], " "),
+        (["p 1\t1.5 2.5 3.5", "p 2\t2.5 3.5 4.5"], " "),
+    ],
+)
+def test_a_blank_in_a_cell_cuts_no_column(lines: list[str], delimiter: str) -> None:
+    assert find_delimiter(lines) == delimiter

@@ -28,6 +28,7 @@ _GROUPED = {
     "\u202f": re.compile(r"[+-]?[1-9]\d{0,2}(\u202f\d{3})+([.,]\d+)?"),
 }
 LONGEST = 100_000  # characters of a line: a row of a thousand columns of a hundred characters
+COLUMNS = 3  # the fewest that a file of positions has
 PREAMBLE = 12  # lines that an export may have above its titles
 _EXCEL_HINT = re.compile(r"sep=.\s*")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -229,7 +230,21 @@ def find_delimiter(lines: Sequence[str]) -> str:
         rows = [split_line(line, delimiter) for line in lines]
         return sum(is_number(cell, delimiter) for row in rows for cell in row), len(rows[0])
 
-    return max(DELIMITERS, key=score)
+    best = max(DELIMITERS, key=score)
+    return "\t" if best == " " and _blanks_are_text(lines) else best
+
+
+def _blanks_are_text(lines: Sequence[str]) -> bool:
+    """Whether tabs alone cut the lines into columns, so that a blank, as in 'run 1', belongs to its cell."""
+    shares = []
+    for delimiter in ("\t", " "):
+        widths = [len(split_line(line, delimiter)) for line in lines]
+        usual = max(set(widths), key=widths.count)
+        shares.append(widths.count(usual))
+        if delimiter == "\t" and usual < COLUMNS:
+            return False
+    first = split_line(next(line for line in lines if "\t" in line), "\t")
+    return shares[0] > shares[1] or (shares[0] == shares[1] and all(first))
 
 
 def find_decimal(lines: Sequence[str], delimiter: str, source: str, ask: Ask | None) -> str:
