@@ -52,6 +52,20 @@ def test_the_sample_runs_are_sound(sound: tuple[MachineFile, Table]) -> None:
         assert check_setup(load_machine(root / machine), read_table(root / run)).findings == ()
 
 
+@pytest.mark.parametrize("missed", [40, 121, 122, 200])
+def test_the_reading_that_was_missed_is_the_one_left_empty(sound: tuple[MachineFile, Table], missed: int) -> None:
+    file, table = sound
+    early = np.vstack([np.delete(table.measured, missed, axis=0), table.measured[-1:]])[:-1]
+    rows = take_rows(table, np.arange(table.rows - 1))
+    found = check_setup(file, rows.replace(measured=early))
+    assert [item.mistake for item in found.findings] == ["row-shift"]
+    assert f"from row {table.line[missed]} on" in found.findings[0].words
+    true = table.measured[:-1].copy()
+    true[missed] = np.nan
+    assert found.table is not None
+    np.testing.assert_array_equal(found.table.measured, true)
+
+
 def test_what_is_the_same_thing_is_said_as_one(sound: tuple[MachineFile, Table]) -> None:
     file, table = sound
     found = check_setup(file, table.replace(measured=table.measured * [1.0, 1.0, -1.0]))

@@ -149,7 +149,7 @@ def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> boo
 
 def _best_slip(place: np.ndarray, reading: np.ndarray, slip: int, free: bool) -> tuple[float, int, int]:
     """Cost, slip and first row at which readings slipped by so many rows fit best."""
-    shifted = slipped(reading, slip, 0)
+    shifted, lost = slipped(reading, slip, 0), max(0, -slip)
     third = max(FEWEST // 2, len(place) // 3)
     parts = (
         (reading, slice(0, third)),
@@ -161,22 +161,23 @@ def _best_slip(place: np.ndarray, reading: np.ndarray, slip: int, free: bool) ->
     for values, part in parts:
         turn, shift, _ = align_many(place[None, part], values[None, part], free)
         for _ in range(2):
-            cost, first = _change(place, reading, shifted, turn[0], shift[0])
+            cost, first = _change(place, reading, shifted, turn[0], shift[0], lost)
             moved = slipped(reading, slip, first)
             turn, shift, _ = align_many(place[None], moved[None], free)
-        cost, first = _change(place, reading, shifted, turn[0], shift[0])
+        cost, first = _change(place, reading, shifted, turn[0], shift[0], lost)
         if cost < best[0]:
             best = (cost, slip, first)
     return best
 
 
 def _change(
-    place: np.ndarray, reading: np.ndarray, shifted: np.ndarray, turn: np.ndarray, shift: np.ndarray
+    place: np.ndarray, reading: np.ndarray, shifted: np.ndarray, turn: np.ndarray, shift: np.ndarray, lost: int
 ) -> tuple[float, int]:
-    """Sum of distances and the row from which on the shifted readings fit better."""
+    """Sum of distances and the row from which on the shifted readings fit better; `lost` rows there have no reading."""
     expected = place @ turn.T + shift
     plain, moved = (np.nan_to_num(np.linalg.norm(points - expected, axis=1)) for points in (reading, shifted))
-    cost = np.r_[0.0, np.cumsum(plain)] + np.r_[np.cumsum(moved[::-1])[::-1], 0.0]
+    after = np.r_[np.cumsum(moved[::-1])[::-1], np.zeros(1 + lost)][lost:]
+    cost = np.r_[0.0, np.cumsum(plain)] + after
     first = int(np.argmin(cost[: max(1, len(place) - LEAST_ROWS + 1)]))
     return float(cost[first]), first
 
