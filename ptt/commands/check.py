@@ -49,6 +49,7 @@ def check(
     _write(found, out_run, out_model, several=bool(also))
     if drawing is not None:
         _draw(found.drawn, drawing)
+        note(f"{drawing}: the machine as understood")
     show(found.to_dict(), str(found), json)
 
 
@@ -88,4 +89,3 @@ def _draw(file: "MachineFile", path: Path) -> None:
     from ptt.show.plots.machine import plot_machine
 
     plot_machine(file, path)
-    note(f"{path}: the machine as understood")
