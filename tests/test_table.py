@@ -138,6 +138,10 @@ BAD = {
         csv("1,2,3", "1,2,4", header="x_meas,y_meas,z_meas"),
         "x_cmd, y_cmd, z_cmd (neither they nor b1_cmd",
     ),
+    "an arm's commands": (
+        csv("1,2,1,2,3", "1,2,1,2,4", header="q1_cmd_rad,q2_cmd_rad,x_meas,y_meas,z_meas"),
+        "the commands are q1_cmd_rad, q2_cmd_rad, and the machine is a 3-PTT, whose sliders are b1 to b3",
+    ),
     "part of the target": (csv("1,2,3,4", "1,2,4,4", header="x_cmd,x_meas,y_meas,z_meas"), "missing: y_cmd, z_cmd"),
     "part of the joints": (
         csv("1,2,1,2,3", "1,2,1,2,4", header="b1_cmd,b2_cmd,x_meas,y_meas,z_meas"),

@@ -133,9 +133,22 @@ def _require_columns(
         if missing:
             _refuse_missing(export, missing, "they are the tracker's readings")
     if target is None and command is None:
+        _refuse_foreign(export, prefix, joints)
         other = f"{file_title(f'{prefix}1_cmd')} to {file_title(f'{prefix}{joints}_cmd')}"
         where = f"neither they nor {other} are there; readings alone are paired with --targets T.csv"
         _refuse_missing(export, ["x_cmd", "y_cmd", "z_cmd"], where)
+
+
+def _refuse_foreign(export: Export, prefix: str, joints: int) -> None:
+    """An arm's run with the machine file of a 3-PTT, or the reverse: no column would help."""
+    foreign = _foreign(export, prefix)
+    if foreign:
+        own = "an arm, whose joints are" if prefix == "q" else "a 3-PTT, whose sliders are"
+        raise TableError(
+            f"the commands are {', '.join(foreign)}, and the machine is {own} {prefix}1 to {prefix}{joints}",
+            where=export.source,
+            fix="use the machine file that belongs to this run",
+        )
 
 
 def _refuse_missing(export: Export, names: list[str], why: str) -> None:
@@ -230,7 +243,11 @@ def _stds(export: Export) -> np.ndarray | None:
 
 
 def _warnings(export: Export, prefix: str) -> list[str]:
+    foreign = _foreign(export, prefix)
+    return [f"not used: {', '.join(foreign)} (this machine's joints are {prefix}1..)"] if foreign else []
+
+
+def _foreign(export: Export, prefix: str) -> list[str]:
+    """Titles of joint commands of the other kind of machine."""
     other = "q" if prefix == "b" else "b"
-    foreign = [name for name in export.columns if re.fullmatch(rf"{other}[1-9]\d*_cmd", name)]
-    titles = ", ".join(map(file_title, foreign))
-    return [f"not used: {titles} (this machine's joints are {prefix}1..)"] if foreign else []
+    return [file_title(name) for name in export.columns if re.fullmatch(rf"{other}[1-9]\d*_cmd", name)]
