@@ -236,6 +236,15 @@ def test_one_target_can_be_predicted(target_frame, tmp_path):
     assert len(pd.read_csv(tmp_path / "o.csv")) == 1
 
 
+def test_commands_of_a_bare_drawing_are_said_to_be_that(target_frame, tmp_path):
+    targets, solved = write(tmp_path / "t.csv", target_frame), tmp_path / "solved.toml"
+    effect = '\n[[effect]]\nname = "backlash"\n[effect.parameters]\ngap_mm = { value = 0.1 }\n'
+    solved.write_text(Path(MACHINE).read_text() + effect)
+    bare, known = (invoke("predict", targets, "--model", m, "--out", tmp_path / "o.csv") for m in (MACHINE, solved))
+    assert bare.exit_code == known.exit_code == 0
+    assert "no effects" in bare.stderr and "no effects" not in known.stderr
+
+
 def test_simulate_refuses_sliders_made_for_other_targets(target_frame, tmp_path):
     sliders = tmp_path / "s.csv"
     assert invoke("predict", DATA / "targets_unseen.csv", "--model", MACHINE, "--out", sliders).exit_code == 0

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 USAGE = "predict(model, targets)"
 SENT = ("ok", "uncertain")
 LINES_SHOWN = 5
+BARE = "the model has no effects: these are the drawing's own commands; `ptt diagnose` says what is missing"
+
 REVERSALS = ("software", "none")
 
 
@@ -146,8 +148,9 @@ def predict(
         if frame.source not in ("base", "unknown"):
             tell(f"targets are taken to be in {frame.words}")
     commands = _invert(machine, table, reversal, limit_mm, progress)
-    warnings = (*missing_context(machine.physics, table), *_warnings(table, commands))
     network = machine.compensator.network is not None
+    bare = [] if machine.physics.terms or network else [BARE]
+    warnings = (*bare, *missing_context(machine.physics, table), *_warnings(table, commands))
     return Predicted(commands, table, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
 
 
