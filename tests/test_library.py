@@ -341,3 +341,16 @@ def test_check_knows_effects_of_ones_own(here, capsys):
     words = ["check", str(here / "run.csv"), "--model", model]
     assert command(words) == 2 and "--effects FILE.py" in capsys.readouterr().err
     assert command([*words, "--effects", own]) == 0
+
+
+def test_an_export_names_the_file_of_its_model_while_that_says_the_same(here, tmp_path):
+    path = tmp_path / "kept.toml"
+    text = (here / "machine.toml").read_text()
+    path.write_text(
+        text + '\n[[effect]]\nname = "backlash"\n[effect.parameters]\ngap_mm = { value = [0.1, 0.1, 0.1] }\n'
+    )
+    model = ptt.load(path)
+    by_path, loaded = (ptt.export(each, "marlin", tmp_path / "m.txt").to_dict() for each in (path, model))
+    assert by_path == loaded and by_path["model"] == str(path)
+    path.write_text(text)
+    assert ptt.export(model, "marlin", tmp_path / "m.txt").to_dict()["model"] == "model.toml"

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any
 from ptt.correct.exports.format import Exported as Written
 from ptt.correct.exports.format import Format, Options
 from ptt.correct.exports.registry import find_format, writer
+from ptt.correct.training.compensator import load_compensator
 from ptt.door.model import Model
 from ptt.door.outputs import refuse_readings
 from ptt.door.result import Result
 from ptt.door.run import RowsLike
 from ptt.door.words import as_model, as_run
 from ptt.errors import InputError
+from ptt.machine import format_machine
+from ptt.model.model import write_model
 from ptt.run.table import Table
 
 if TYPE_CHECKING:
@@ -74,8 +77,8 @@ def export(model: Any, to: str, out: str | Path, *, step: float | None = None, r
     Raises:
         InputError: no such format, one for other machines, or a file that cannot be written.
     """
-    named = Path(model) if isinstance(model, str | Path) else None
     machine = as_model(model, USAGE)
+    named = _unchanged(machine)
     chosen = find_format(to)
     table = None if run is None else as_run(run, machine, USAGE).table
     if named is not None:
@@ -84,6 +87,18 @@ def export(model: Any, to: str, out: str | Path, *, step: float | None = None, r
         kept = Path(folder) / ("model.toml" if machine.compensator.network is None else "compensator")
         machine.save(kept)
         return export_as(machine, chosen, Path(out), kept, step=step, table=table, called=kept.name)
+
+
+def _unchanged(model: Model) -> Path | None:
+    """What a model was read from, where that still says the same."""
+    if model.path is None or not model.path.exists():
+        return None
+    try:
+        there = load_compensator(model.path, model.library)
+    except InputError:
+        return None
+    same = format_machine(write_model(there.model)) == format_machine(write_model(model.physics))
+    return model.path if same and there.notes == model.compensator.notes else None
 
 
 def export_as(

@@ -28,10 +28,12 @@ class Model:
     Attributes:
         compensator: the physics, and the network where there is one.
         library: effects by name, the user's own included.
+        path: file or folder that it was read from; None for one that was made here.
     """
 
     compensator: Compensator
     library: Library
+    path: Path | None = None
 
     @property
     def physics(self) -> Physics:
@@ -137,7 +139,7 @@ def load(path: str | Path, *, effects: Sequence[str | Path] = ()) -> Model:
             f"load takes the path of a file or folder, not {_kind(path)}", fix="as in load('machine.toml')"
         )
     known = library(*((effects,) if isinstance(effects, str | Path) else effects))
-    return Model(load_compensator(path, known), known)
+    return Model(load_compensator(path, known), known, Path(path))
 
 
 def model_of(file: MachineFile, known: Library) -> Model:
