@@ -72,7 +72,7 @@ def test_a_sound_machine_is_the_same_with_another_set_up_path_and_noise(solved: 
     assert abs(found.error_um["now"] / found.error_um["expected"] - 1.0) < 0.15
     assert max(abs(one.z) for one in found.parameters) < 4.5
     assert found.since == DATE and "15 March 2026" in found.words
-    assert any("payload is 3 kg" in note for note in found.notes)
+    assert any("payload" in note and "3 kg" in note for note in found.notes)
 
 
 def test_only_the_value_that_changed_is_named_with_its_side_unit_and_true_size(solved: SimpleNamespace) -> None:
@@ -170,3 +170,12 @@ def test_the_front_door_says_what_the_command_says(solved: SimpleNamespace, tmp_
     found = ptt.recheck(model, ptt.read(run, model))
     assert found.verdict == "same" and found.to_dict()["verdict"] == "same" and str(found).startswith("verdict: same")
     assert len(found.to_frame()) == 6 and len(found.plot().axes) == 2
+
+
+def test_a_load_beyond_what_the_model_has_seen_is_said(solved: SimpleNamespace) -> None:
+    """A model remembers between which loads it was measured; where a new run leaves them is told."""
+    heavy = run_of(9, conditions={"payload_kg": 3.0})
+    file = parse_machine((solved.folder / "solved.toml").read_text())
+    assert file.history[-1]["ranges"]["payload_kg"] == [0.0, 0.0]
+    notes = recheck(read_model(file), heavy).notes
+    assert any("payload goes beyond the model's run (3 kg; then 0 to 0)" in note for note in notes), notes

@@ -8,27 +8,11 @@ import torch
 
 from ptt.again.before import Before
 from ptt.run.problem import Problem
+from ptt.run.ranges import ranges_of
 
 SEEN = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
 STOPPED = 1.5  # times the way at the stated feed that a row takes, from which the machine stood while it was read
 LEAST = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # that is worth a word
-
-
-def ranges_of(problem: Problem) -> dict[str, list[float]]:
-    """The range of every context that a run's readings have, as a history keeps it.
-
-    Args:
-        problem: the run.
-
-    Returns:
-        Column -> lowest and highest value.
-    """
-    found = {}
-    for column in SEEN:
-        values = getattr(problem.table, column)
-        if values is not None and np.isfinite(values[problem.used]).any():
-            found[column] = [float(np.nanmin(values[problem.used])), float(np.nanmax(values[problem.used]))]
-    return found
 
 
 def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:

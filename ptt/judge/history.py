@@ -122,6 +122,7 @@ def _entry(before: Step, step: Step, ladder: Ladder, head: Mapping[str, Any]) ->
         "kind": step.kind,
         **change,
         "rows": ladder.report.rows,
+        "ranges": ladder.ranges,
         "helped": step.helped,
         "error_before_um": _plain(before.rms_um),
         "error_after_um": _plain(step.rms_um),

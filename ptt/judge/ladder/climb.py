@@ -1,7 +1,7 @@
 """Add, refit, watch the error fall: errors after each step, on training rows and on rows that no parameter saw."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +18,7 @@ from ptt.model.model import Model, Term
 from ptt.run.holdout import folds, pose_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
+from ptt.run.ranges import ranges_of
 
 FOLDS = 5
 CHANCE = 2.0  # standard errors by which the held-out error must fall before it counts as fallen
@@ -68,6 +69,7 @@ class Ladder:
         noise_um: the line to reach.
         protocol: which rows were held out.
         notes: what was done besides, in words.
+        ranges: column -> lowest and highest load, temperature and speed of the run.
     """
 
     steps: tuple[Step, ...]
@@ -75,6 +77,7 @@ class Ladder:
     noise_um: dict[str, Any]
     protocol: str
     notes: tuple[str, ...] = ()
+    ranges: dict[str, list[float]] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -219,7 +222,7 @@ def _measure(
     protocol = f"{len(hidden)} parts of whole blocks of travel hidden in turn, all repeats of a pose together"
     if any(value.measured == "searched" for value in report.values):
         protocol += "; moments, ranges and periods as all rows tell them"
-    return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes)
+    return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem))
 
 
 def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: Sequence[np.ndarray]) -> np.ndarray:
