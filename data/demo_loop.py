@@ -118,7 +118,7 @@ def describe(walk: Walk, name: str) -> str:
             f"  compare   {before:.1f} um rms after the frame, noise {noise:.1f} um; "
             f"most telling: {most.residual} error on {most.on}, {most.share:.0%} of its variance",
             f"  diagnose  {found.verdict}: {'; '.join(' = '.join(step) for step in found.suggested)}",
-            *(f"            {line}." for line in found.words.removesuffix(".").split(". ")),
+            *(f"            {line}." for line in " ".join(found.words.removesuffix(".").split()).split(". ")),
             f"  add       held-out error in um: {climbed(walk.ladder)}; noise floor {noise:.1f}",
             f"  network   {learned(walk.trained)}",
             f"  predict   corrected sliders, measured again: {before:.1f} -> {after:.1f} um rms; "

@@ -111,4 +111,5 @@ def report(store: StorePath, out: Out, json: Json = False) -> None:
 
     found = overview(open_store(store))
     write_page(found, out)
-    show({"written": str(out), "machines": len(found.machines)}, f"{out}: {len(found.machines)} machines", json)
+    count = len(found.machines)
+    show({"written": str(out), "machines": count}, f"{out}: {count} machine{'' if count == 1 else 's'}", json)
