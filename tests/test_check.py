@@ -179,3 +179,20 @@ def test_poses_that_match_in_two_ways_are_named_and_left_alone() -> None:
     found = check_setup(file, mixed)
     assert [item.mistake for item in found.sure] == ["row-order"] and "several ways alike" in found.sure[0].words
     np.testing.assert_array_equal(found.table.measured, mixed.measured)  # type: ignore[union-attr]
+
+
+def test_sliders_in_another_order_are_shown_first_and_may_be_gone_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], sound: tuple[MachineFile, Table]
+) -> None:
+    """Commands that contradict the targets: compare still compares, and `add --anyway` goes on by the commands."""
+    _, table = sound
+    assert table.command is not None
+    write_table(table.replace(command=table.command[:, [1, 0, 2]]), tmp_path / "run.csv")
+    given = (tmp_path / "run.csv", "--model", DATA / "machine.toml", "--json")
+    assert run_verb("compare", *given) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["setup"][0]["mistake"] == "slider-order"
+    assert data["rms_um"]["total"] > 1000.0
+    words = ("backlash", *given[1:], "--out", tmp_path / "out.toml")
+    assert run_verb("add", given[0], *words) == 3
+    assert run_verb("add", given[0], *words, "--anyway") == 0

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ptt.correct.training.compensator import Compensator
 from ptt.diagnosis.noise import noise_floor
 from ptt.door.model import Model, load
@@ -123,7 +125,7 @@ def meet(model: Model, run: Run, *, anyway: bool = False, note: Note = unheard) 
     setup = check_rows(physics.file, run, anyway=anyway, note=tell)
     try:
         require_commands(physics.file, table)
-        problem = build_problem(physics.file, table)
+        table, problem = _seen(physics.file, table, anyway=anyway and bool(setup.sure), note=tell)
     except Exception as error:
         if not setup.sure:
             raise
@@ -136,6 +138,18 @@ def meet(model: Model, run: Run, *, anyway: bool = False, note: Note = unheard) 
     compensator = replace(model.compensator, model=fitting)
     files = tuple(str(path) for path in run.files)
     return Opened(compensator, table, problem, files, model.library, setup, tuple(tell.lines))
+
+
+def _seen(file: MachineFile, table: Table, *, anyway: bool, note: Note) -> tuple[Table, Problem]:
+    """The run through its machine; where somebody goes on over targets that the commands contradict, without them."""
+    try:
+        return table, build_problem(file, table)
+    except TableError as error:
+        if not anyway or table.command is None:
+            raise
+        note(f"{error}; going on without the targets")
+        table = table.replace(target=np.full_like(table.target, np.nan))
+        return table, build_problem(file, table)
 
 
 def find_mistakes(file: MachineFile, rows: Run | Targets) -> Check:
