@@ -14,6 +14,7 @@ FRAME = 1.0  # prior variance of frames and mounts, which stand near where they 
 TURNS = 4  # of learning sizes beside the scatter of the rows
 SAME = 0.05  # change of a log variance below which the scatter counts as settled
 PLENTY = 100.0  # degrees of freedom that a stated noise counts for at most: a model may miss more than noise
+SURE = 3.0  # standard deviations from which rows are no longer taken for independent
 SEARCHED = 100.0  # prior variance of what is searched: ten usual sizes hold it where the rows see nothing of it
 
 
@@ -33,16 +34,18 @@ class Prior:
         variance: (u,) of each unknown, in usual sizes squared.
         scales: (g,) the same for each group of the layout.
         widening: variance of the rows over that of the noise that whitened them, at least one.
+        crowding: rows that say the same as one row, as `crowding_of` tells.
     """
 
     variance: np.ndarray
     scales: np.ndarray
     widening: float = 1.0
+    crowding: float = 1.0
 
     @property
     def weight(self) -> np.ndarray:
         """What the prior adds to the diagonal of the normal equations, (u,)."""
-        return self.widening / self.variance
+        return self.widening * self.crowding / self.variance
 
     def sizes(self, layout: Layout) -> np.ndarray:
         """How large each unknown may be, (u,) in usual sizes: the usual size, more where the rows ask for it."""
@@ -62,8 +65,41 @@ def usual_prior(layout: Layout) -> Prior:
     return _prior(layout, np.array([SEARCHED if kind == "searched" else 1.0 for kind in layout.kinds]), 1.0)
 
 
+def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> float:
+    """How many rows say the same as one row, because what a model misses is alike along the travel and at each repeat.
+
+    Physics that a model lacks is smooth: seven rounds of one path are seven readings of the same miss, and neighbours
+    nearly so. Taken as so many witnesses they would call for absurd sizes of whatever imitates it. The variance of
+    sums over blocks of travel, repeats together, against that of as many independent rows.
+    Source: design effect of clusters, Kish, Survey Sampling, 1965, ch. 5.
+
+    Args:
+        residual: (n, 3) in units of noise.
+        kept: rows that count, (n,) bool.
+        block: (n,) block of travel, -1 for none.
+
+    Returns:
+        One for independent rows, up to the size of a block.
+    """
+    rows = kept & (block >= 0) & np.isfinite(residual).all(axis=1)
+    left, count = residual[rows], int(block[rows].max(initial=0)) + 1
+    square = float((left**2).sum())
+    if square <= 0.0:
+        return 1.0
+    sums = np.stack([np.bincount(block[rows], column, count) for column in left.T])
+    effect = float((sums**2).sum()) / square
+    chance = 1.0 + SURE * np.sqrt(2.0 / sums.size)  # chi-squared of independent rows
+    return effect if effect > chance else 1.0
+
+
 def learn_prior(
-    system: Summed, kept: np.ndarray, layout: Layout, unknowns: np.ndarray, noise: Noise, start: Prior
+    system: Summed,
+    kept: np.ndarray,
+    layout: Layout,
+    unknowns: np.ndarray,
+    noise: Noise,
+    start: Prior,
+    crowding: float = 1.0,
 ) -> Prior:
     """Learn how large each group of unknowns is, where a fit stands.
 
@@ -74,6 +110,7 @@ def learn_prior(
         unknowns: (u,) in usual sizes.
         noise: that whitened the rows.
         start: to start from.
+        crowding: rows that count as one.
 
     Returns:
         The prior.
@@ -87,15 +124,16 @@ def learn_prior(
     scales, wider = start.scales, start.widening
     for _ in range(TURNS):
         found = learn(
-            gram / wider, side / wider, square / wider, count, layout.group,
+            gram / (wider * crowding), side / (wider * crowding), square / (wider * crowding), count / crowding,
+            layout.group,
             freedom=min(3.0 * noise.freedom, PLENTY), start=scales, wide=FRAME,
             floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),
         )  # fmt: skip
         before, wider, scales = wider, max(wider * found.phi, 1.0), np.where(fixed, scales, found.scales)
         if abs(np.log(wider / before)) < SAME:
             break
-    return _prior(layout, scales, wider)
+    return _prior(layout, scales, wider, crowding)
 
 
-def _prior(layout: Layout, scales: np.ndarray, widening: float) -> Prior:
-    return Prior(np.append(scales, FRAME)[layout.group], scales, widening)
+def _prior(layout: Layout, scales: np.ndarray, widening: float, crowding: float = 1.0) -> Prior:
+    return Prior(np.append(scales, FRAME)[layout.group], scales, widening, crowding)

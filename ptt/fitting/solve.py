@@ -13,11 +13,12 @@ from ptt.fitting.gauss_newton import DONE, Equations, descend
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator
 from ptt.fitting.outliers import inside, linear_residual
-from ptt.fitting.prior import Prior, learn_prior, usual_prior
+from ptt.fitting.prior import Prior, crowding_of, learn_prior, usual_prior
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
 from ptt.fitting.whitened import Evaluator, System
 from ptt.model.model import Model, Term
+from ptt.run.holdout import blocks
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.problem import Problem
 
@@ -54,8 +55,11 @@ def fit(
     begun = _begin_long if problem.table.rows > LONG else _begin
     evaluate, unknowns, kept, prior = begun(model, problem, noise, robust, coarse)
     layout, status, settled = evaluate.layout, "nothing to fit", False
+    block, crowding = blocks(problem.table), 1.0
     for attempt in range(1 + ROUNDS):
-        before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior)
+        if attempt:  # before a first fit all is smooth
+            crowding = crowding_of(evaluate(unknowns).residual, kept, block)
+        before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior, crowding)
         if settled and _near(before, prior):
             prior = before
             break
@@ -194,7 +198,8 @@ def conclude(fitted: FitResult, unknowns: np.ndarray, information: np.ndarray, c
     widening, informed = max(1.0, chi2 / freedom), information + np.diag(layout.held.astype(float))
     # Small learned sizes make good values, but one parameter may be large where its fellows are not.
     sizes = prior.sizes(layout)
-    covariance = widening * inverse(information + np.diag(widening / np.maximum(prior.variance, sizes**2)))
+    wide = widening * prior.crowding
+    covariance = wide * inverse(information + np.diag(wide / np.maximum(prior.variance, sizes**2)))
     unseen = unseen_directions(informed * np.outer(sizes, sizes))
     result = replace(
         fitted, unknowns=unknowns, covariance=covariance * np.outer(layout.scale, layout.scale), information=informed,
