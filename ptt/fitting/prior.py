@@ -66,20 +66,19 @@ def usual_prior(layout: Layout) -> Prior:
 
 
 def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> float:
-    """How many rows say the same as one row, because what a model misses is alike along the travel and at each repeat.
+    """How many rows say the same as one row, because what a model misses is alike at each repeat of a pose.
 
-    Physics that a model lacks is smooth: seven rounds of one path are seven readings of the same miss, and neighbours
-    nearly so. Taken as so many witnesses they would call for absurd sizes of whatever imitates it. The variance of
-    sums over blocks of travel, repeats together, against that of as many independent rows.
+    Seven rounds of one path are seven readings of the same miss. Taken as so many witnesses they would call for absurd
+    sizes of whatever imitates it. The variance of sums over groups of rows against that of as many independent rows.
     Source: design effect of clusters, Kish, Survey Sampling, 1965, ch. 5.
 
     Args:
         residual: (n, 3) in units of noise.
         kept: rows that count, (n,) bool.
-        block: (n,) block of travel, -1 for none.
+        block: (n,) group of each row, all repeats of a pose together; -1 for none.
 
     Returns:
-        One for independent rows, up to the size of a block.
+        One for independent rows, up to the size of a group.
     """
     rows = kept & (block >= 0) & np.isfinite(residual).all(axis=1)
     left, count = residual[rows], int(block[rows].max(initial=0)) + 1

@@ -18,7 +18,7 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
 from ptt.fitting.whitened import Evaluator, System
 from ptt.model.model import Model, Term
-from ptt.run.holdout import blocks
+from ptt.run.holdout import pose_groups
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.problem import Problem
 
@@ -55,7 +55,7 @@ def fit(
     begun = _begin_long if problem.table.rows > LONG else _begin
     evaluate, unknowns, kept, prior = begun(model, problem, noise, robust, coarse)
     layout, status, settled = evaluate.layout, "nothing to fit", False
-    block, crowding = blocks(problem.table), 1.0
+    block, crowding = pose_groups(problem.table), 1.0
     for attempt in range(1 + ROUNDS):
         if attempt:  # before a first fit all is smooth
             crowding = crowding_of(evaluate(unknowns).residual, kept, block)
