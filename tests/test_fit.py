@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from ptt.effects import library
+from ptt.effects import Effect, library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
 from ptt.errors import MachineError, ModelError, TableError
@@ -20,14 +20,14 @@ from ptt.fitting.observability import correlations, unobservable
 from ptt.fitting.outliers import inside
 from ptt.fitting.report import format_fit, report_fit
 from ptt.fitting.result import FitResult
-from ptt.fitting.search import best_shape
+from ptt.fitting.search import open_terms
 from ptt.fitting.solve import fit, residual_of, rms, unseen_directions
 from ptt.machine import BasePoint, MachineFile, format_machine, parse_machine
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term, read_model, write_model
 from ptt.run.frames import rotation
 from ptt.run.holdout import BLOCKS, blocks, folds, pose_groups
-from ptt.run.noise import given_noise, noise_from_repeats, noise_from_std
+from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise, noise_from_repeats, noise_from_std
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table
 from ptt.run.view import build_view
@@ -403,12 +403,19 @@ def test_hidden_readings_do_not_touch_the_fit() -> None:
 # --- searched shapes
 
 
+def opened(effect: Effect, problem: Problem) -> Term:
+    """An effect with the values that the fit would start from."""
+    guess = problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    [found] = open_terms([Term(effect, torch.zeros(0, dtype=torch.float64))], problem, guess)
+    return found
+
+
 def test_the_row_of_a_knock_is_found() -> None:
     file, table = machine(), empty_run()
     view = build_view(file, table)
     knock = term("setup-jump", view, [0.03, -0.02, 0.02, 2e-5, 0.0, -3e-5], after=1234.0)
     problem = build_problem(file, measure(table, file, [knock]))
-    found = best_shape(Model(file), problem, KNOWN["setup-jump"]())
+    found = opened(KNOWN["setup-jump"](), problem)
     assert float(found.theta[-1]) == 1230.0  # rows are 10 s apart: the last one before the knock
     result = fitted(["setup-jump"], problem)
     assert result.chi2 / result.freedom < 1.2
@@ -420,7 +427,7 @@ def test_a_straight_drift_is_preferred_and_a_settling_one_found() -> None:
     for settling in (1.99e6, 400.0):
         truth = term("tracker-drift", view, [0.05, -0.03, 0.04], settling=settling, duration=1990.0)
         problem = build_problem(file, measure(table, file, [truth]))
-        found = best_shape(Model(file), problem, KNOWN["tracker-drift"]())
+        found = opened(KNOWN["tracker-drift"](), problem)
         assert float(found.theta[3]) == pytest.approx(settling, rel=0.25)
 
 

@@ -125,23 +125,6 @@ def suppose(
     return supposed, own
 
 
-def with_contexts(problem: Problem) -> Problem:
-    """The run with what is constant in it, but need not have been so then, as something that may have an effect.
-
-    Args:
-        problem: the run.
-
-    Returns:
-        The same rows, seen so that effects of a load or a warmth that differs from none can be tested.
-    """
-    view, more = problem.view, set[str]()
-    if float(view.payload.abs().max()) > 0.0:
-        more.add("payload")
-    if float(view.warmth.abs().max()) > 0.0:
-        more.add("temperature")
-    return replace(problem, view=replace(view, varies=view.varies | more))
-
-
 def ways_of(changes: Sequence[Change], width: int) -> np.ndarray:
     """How the values of a model move with its changes, (w, columns) in usual sizes."""
     ways = [np.zeros((width, 0))]

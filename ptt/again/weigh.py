@@ -10,16 +10,15 @@ from ptt.again.changes import PREFIX, Change, changes_of
 from ptt.again.supposed import At, stand_at, suppose
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.gross import MOST, alone, gross_errors, stand_out
+from ptt.diagnosis.gross import gross_errors
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import improve, search, without
+from ptt.diagnosis.search import improve, search
 from ptt.diagnosis.steps import BESIDE
 from ptt.diagnosis.system import RowSystem
+from ptt.diagnosis.turn import best_moments, gross_beside
 from ptt.effects import Effect, Library
-from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape, few_shapes, linear_columns
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -127,12 +126,13 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Progress) -> W
         found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own)
         if turn == TURNS - 1:
             break
-        gross = _sift_again(found, problem)
+        gross = gross_beside(system, state, gross)
         there = moved_by(found)
         still = np.abs(there - at.moved).max(initial=0.0) < SETTLED and (gross == found.gross).all()
         if turn > 0 and still and _same_names(kept, state):
             break
-        moments = _moments(found, candidates)
+        new = [key for key in state.keys if not key.startswith(PREFIX)]
+        moments = best_moments(scorer, state, new, candidates)
         noise, moved = noise_again(problem, system, state), there
         kept, memory = state.keys, state.memory
     return found
@@ -207,31 +207,3 @@ def _sift(at: At, problem: Problem, candidates: Sequence[Effect], noise: Noise) 
     linear = linear_columns(at.fitted, problem, candidates, noise)
     saturated = few_shapes(linear.trials, linear.simple)
     return gross_errors(linear.columns, linear.residual, linear.rows, linear.simple, saturated, problem.view.q.numpy())
-
-
-def _sift_again(found: Weighed, problem: Problem) -> np.ndarray:
-    """The same against the explanation that was found, beside the rows that were left out before."""
-    system, state = found.system, found.state
-    white = system.innovation(state.columns, state.posterior.values, state.memory)
-    white *= np.sqrt(system.count / max(system.count - state.decided, 1.0))
-    here = np.ones(len(white), dtype=bool)
-    gross, travel = found.gross.copy(), problem.view.q.numpy()[system.rows]
-    gross[system.rows[alone(stand_out(white, here, least=0.0), white, here, travel)]] = True
-    return gross if gross.sum() <= MOST * problem.used.sum() else found.gross
-
-
-def _moments(found: Weighed, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
-    """The row at which each sudden effect would do best in place of everything that changes in time."""
-    system, state, atoms = found.system, found.state, found.system.atoms
-    timely = [key for key in state.keys if isinstance(atoms[key].effect, Sudden) or _in_time(atoms[key].block)]
-    timely = [key for key in timely if not key.startswith(PREFIX)]
-    still = found.scorer.score(without(state, *timely), WHITE, state.scales)
-    left = np.zeros((system.at.problem.table.rows, 3))
-    left[system.rows] = system.left(still.columns, still.posterior.values)
-    used = np.isin(np.arange(len(left)), system.rows)
-    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
-    return {effect.key: [best_moment(system.at, left, used, effect)] for effect in sudden}
-
-
-def _in_time(block: object) -> bool:
-    return block is not None and "time" in block.on  # type: ignore[attr-defined]

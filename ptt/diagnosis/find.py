@@ -9,18 +9,18 @@ from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import SECOND, present_candidates
-from ptt.diagnosis.gross import MOST, alone, gross_errors, stand_out
+from ptt.diagnosis.gross import gross_errors
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moment import best_moment, place_own_moments
+from ptt.diagnosis.moment import place_own_moments
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, loose, plainest, refilled, search, without
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.system import RowSystem, System, build_system
+from ptt.diagnosis.system import System, build_system
+from ptt.diagnosis.turn import best_moments, gross_beside
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
-from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
@@ -112,7 +112,7 @@ def find(
         seen = find_period(scorer, state, problem)
         if turn == TURNS - 1:
             break
-        far, gross = gross, _sift_again(found, problem)
+        far, gross = gross, gross_beside(system, state, gross)
         blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
         same = settled(state, system) and set(blocks) == set(held)
         steady = turn > 0 and seen is None and same and (far == gross).all()
@@ -124,34 +124,13 @@ def find(
                 continue
         if steady:
             break
-        moments = _moments(found, candidates)
+        moments = best_moments(scorer, state, loose(scorer, state), candidates)
         periods += [] if seen is None else [(seen.joint, seen.length)]
         carried = carried_by(state, system, problem)
         noise = noise_again(problem, system, state)
         current = moved(found, model, problem)
         kept, memory, held = (*current.keys, *blocks), state.memory, blocks
     return found
-
-
-def _moments(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
-    """The row at which each sudden effect would do best in place of everything that changes in time.
-
-    Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one.
-    """
-    system, state, atoms = found.system, found.state, found.system.atoms
-    assert isinstance(system, RowSystem)
-    timely = [key for key in loose(found.scorer, state) if _is_timely(atoms[key])]
-    still = found.scorer.score(without(state, *timely), WHITE, state.scales)
-    left = np.zeros((system.at.problem.table.rows, 3))
-    left[system.rows] = system.left(still.columns, still.posterior.values)
-    used = np.isin(np.arange(len(left)), system.rows)
-    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
-    return {effect.key: [best_moment(system.at, left, used, effect)] for effect in sudden}
-
-
-def _is_timely(atom: Atom) -> bool:
-    """Whether an atom is something that changes in the course of the run."""
-    return isinstance(atom.effect, Sudden) or (atom.block is not None and "time" in atom.block.on)
 
 
 def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
@@ -190,18 +169,6 @@ def _sift(linear: Linear, problem: Problem) -> np.ndarray:
     """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
     saturated = few_shapes(linear.trials, linear.simple)
     return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, problem.view.q.numpy())
-
-
-def _sift_again(found: Found, problem: Problem) -> np.ndarray:
-    """The same against the explanation that was found, beside the rows that were left out before."""
-    system, state = found.system, found.state
-    # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves.
-    white = system.innovation(state.columns, state.posterior.values, state.memory)
-    white *= np.sqrt(system.count / max(system.count - state.decided, 1.0))
-    here = np.ones(len(white), dtype=bool)
-    gross, travel = found.gross.copy(), problem.view.q.numpy()[system.rows]
-    gross[system.rows[alone(stand_out(white, here, least=0.0), white, here, travel)]] = True
-    return gross if gross.sum() <= MOST * problem.used.sum() else found.gross
 
 
 def _without(model: Model, keys: Sequence[str]) -> Model:

@@ -22,7 +22,6 @@ LARGE = 1000.0  # urad from which an angle is said in mrad
 MOST = 6  # values of one effect that anybody reads
 SMALL = 0.02  # share of the largest value below which nobody would turn a screw
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
-SEVERAL = {"s": "", "es": "", "is_": "are", "has": "have"}
 SIGNIFICANT = 3.0  # standard errors from which a value is worth a word
 
 

@@ -12,7 +12,7 @@ from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Linear, Shape, assemble, usual_sizes
 from ptt.fitting.outliers import linear_residual
 from ptt.model.model import Model, Term
-from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 SEEN = 1.0  # information, in usual sizes, below which a direction is left out
@@ -36,26 +36,6 @@ class _Stage:
         """Weighted columns of an effect, (n, 3, P)."""
         assert self.linear.at is not None
         return self.linear.at.columns(effect, shape) * self.root
-
-
-def best_shape(model: Model, problem: Problem, effect: Effect, noise: Noise | None = None) -> Term:
-    """Choose searched and given parameters of an effect that is to be added, and amplitudes to start from.
-
-    Every trial's columns are projected off what the model and the tracker frame explain already; the trial that takes
-    most of the residual wins, and is then refined: a knock to the row, a time constant between its neighbours.
-
-    Args:
-        model: the model without the effect; terms without values are left aside.
-        problem: the readings.
-        effect: the effect.
-        noise: the noise floor; None takes the problem's.
-
-    Returns:
-        The effect with values.
-    """
-    noise = noise or problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
-    known = [term for term in model.terms if len(term.theta)]
-    return open_terms([*known, Term(effect, torch.zeros(0, dtype=torch.float64))], problem, noise)[-1]
 
 
 def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Term]:

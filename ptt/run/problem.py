@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 import torch
@@ -179,20 +178,6 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     return Problem(
         file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise, stated_in
     )  # fmt: skip
-
-
-def join_tables(tables: Sequence[Table]) -> Table:
-    """One table of several runs, in the order given.
-
-    Args:
-        tables: at least one.
-
-    Returns:
-        The joined table.
-    """
-    from ptt.run.table import concat_tables
-
-    return tables[0] if len(tables) == 1 else reduce(lambda a, b: concat_tables([a, b]), tables)
 
 
 def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shifts: np.ndarray) -> np.ndarray:

@@ -39,8 +39,8 @@ def build_page(studio: Studio, view: str) -> None:
     with ui.header().classes("st-header"):
         ui.html("ptt studio", sanitize=False, tag="h1").classes("st-brand")
         with ui.tabs().props("dense no-caps inline-label aria-label=views").classes("st-tabs") as tabs:
-            for name in VIEWS:
-                ui.tab(name, icon=ICONS[name])
+            for name in VIEWS:  # the address changes with the click: whoever goes back at once comes to where he was
+                ui.tab(name, icon=ICONS[name]).on("click", js_handler=f"() => {address_of(studio, name)}")
         ui.space()
         _build_undo(studio)
         theme = ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not _is_dark(dark)))
@@ -58,7 +58,7 @@ def build_page(studio: Studio, view: str) -> None:
 
     def shown() -> None:
         studio.view = str(panels.value)
-        ui.run_javascript(ADDRESS.replace("KEY", studio.place.key).replace("VIEW", studio.view.lower()))
+        ui.run_javascript(address_of(studio, studio.view))
         studio.tell("view")
 
     panels.on_value_change(shown)
@@ -66,6 +66,11 @@ def build_page(studio: Studio, view: str) -> None:
     ui.keyboard(on_key=lambda event: _pressed(studio, event), ignore=["input", "textarea"])
     ui.run_javascript(BACK)
     ui.on("view", lambda event: show(next((n for n in VIEWS if n.lower() == event.args), "Load")))
+
+
+def address_of(studio: Studio, view: str) -> str:
+    """What puts a view's address into the browser's line, and the address before it into its history."""
+    return ADDRESS.replace("KEY", studio.place.key).replace("VIEW", view.lower())
 
 
 async def _pressed(studio: Studio, event: events.KeyEventArguments) -> None:

@@ -1,0 +1,68 @@
+"""What one turn of linearising and searching tells the next: rows that are gross errors, rows at which jumps may be."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.gross import MOST, alone, stand_out
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moment import best_moment
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import without
+from ptt.diagnosis.system import RowSystem
+from ptt.effects import Effect
+from ptt.effects.sudden import Sudden
+from ptt.fitting.linear import Shape
+
+
+def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarray:
+    """Lone rows that an explanation cannot reach, beside the rows that were left out before.
+
+    Args:
+        system: linearised.
+        state: the explanation.
+        gross: rows left out so far, (n,) bool.
+
+    Returns:
+        (n,) bool; as given where so many are far that the explanation is to blame.
+    """
+    # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves.
+    white = system.innovation(state.columns, state.posterior.values, state.memory)
+    white *= np.sqrt(system.count / max(system.count - state.decided, 1.0))
+    here, problem = np.ones(len(white), dtype=bool), system.at.problem
+    travel, found = problem.view.q.numpy()[system.rows], gross.copy()
+    found[system.rows[alone(stand_out(white, here, least=0.0), white, here, travel)]] = True
+    return found if found.sum() <= MOST * problem.used.sum() else gross
+
+
+def best_moments(
+    scorer: Scorer, state: State, may_go: Sequence[str], candidates: Sequence[Effect]
+) -> dict[str, list[Shape]]:
+    """The row at which each sudden effect would do best in place of everything that changes in time.
+
+    Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one.
+
+    Args:
+        scorer: of a linearised problem.
+        state: the explanation.
+        may_go: keys of it that may be taken out; those that change in time are.
+        candidates: effects that may be missing.
+
+    Returns:
+        Sudden effect -> its moment.
+    """
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    timely = [key for key in may_go if _is_timely(system.atoms[key])]
+    still = scorer.score(without(state, *timely), WHITE, state.scales)
+    left = np.zeros((system.at.problem.table.rows, 3))
+    left[system.rows] = system.left(still.columns, still.posterior.values)
+    used = np.isin(np.arange(len(left)), system.rows)
+    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
+    return {effect.key: [best_moment(system.at, left, used, effect)] for effect in sudden}
+
+
+def _is_timely(atom: Atom) -> bool:
+    """Whether an atom is something that changes in the course of the run."""
+    return isinstance(atom.effect, Sudden) or (atom.block is not None and "time" in atom.block.on)
