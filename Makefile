@@ -35,7 +35,7 @@ lint: $(VENV)/.test-ready
 test: lint
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 		{ apt-get update -qq; apt-get install -y -qq chromium; } >/dev/null 2>&1; } || true
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadgroup
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
 
 bench: $(VENV)/.test-ready
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only

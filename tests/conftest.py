@@ -1,5 +1,8 @@
 """What several test files share."""
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 from ptt.machine import MachineFile, parse_machine
@@ -21,3 +24,18 @@ platform_mass_kg = 1
 def bench() -> MachineFile:
     """The machine of the hand-worked cases: R 200, r 100, L 300 mm."""
     return parse_machine(BENCH, "bench.toml")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file whose tests share something costly runs in one process and first; other tests go wherever one is free."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    shared = {path.name for path in Path(__file__).parent.glob("test_*.py") if 'scope="module"' in path.read_text()}
+
+    class BySharing(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::")[0]
+            return file if Path(file).name in shared else nodeid
+
+    return BySharing(config, log)

@@ -13,7 +13,6 @@ import kill
 from fuzz_mutations import _harmless
 
 CASES = 16
-pytestmark = pytest.mark.xdist_group("robust")
 
 
 @pytest.fixture(scope="module")
