@@ -31,7 +31,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """A file whose tests share something costly runs in one process and first; other tests go wherever one is free."""
     from xdist.scheduler import LoadScopeScheduling
 
-    shared = {path.name for path in Path(__file__).parent.glob("test_*.py") if 'scope="module"' in path.read_text()}
+    files = {path.name: path.read_text() for path in Path(__file__).parent.glob("test_*.py")}
+    shared = {name for name, text in files.items() if 'scope="module"' in text or "@lru_cache" in text}
 
     class BySharing(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:

@@ -135,7 +135,7 @@ class Effect:
             (n, out) in the stage's unit; zero where theta's linear part is zero.
         """
         linear = linear_size(self, view.joints)
-        return self.basis(view, shape_of(self, theta, view.joints)) @ theta[:linear]
+        return weigh(self.basis(view, shape_of(self, theta, view.joints)), theta[:linear])
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
         """Put the parameters into words, each with its side.
@@ -192,6 +192,21 @@ def family(view: View) -> str:
 def sizes(effect: Effect, joints: int) -> tuple[int, ...]:
     """Number of values of each parameter of an effect on k joints."""
     return tuple(parameter.size(joints) for parameter in effect.parameters)
+
+
+def weigh(basis: Tensor, amounts: Tensor) -> Tensor:
+    """Sum of the columns of a basis, each times its amount; a basis that is the same for all rows is summed once.
+
+    Args:
+        basis: (n, out, P).
+        amounts: (P,).
+
+    Returns:
+        (n, out).
+    """
+    if basis.stride(0) == 0 and len(basis):
+        return (basis[0] @ amounts).expand(len(basis), -1)
+    return basis @ amounts
 
 
 def linear_size(effect: Effect, joints: int) -> int:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.base import linear_size, shape_of
+from ptt.effects.base import linear_size, shape_of, weigh
 from ptt.mechanisms.derivatives import by_input, by_parameters
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
@@ -143,7 +143,7 @@ def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     reading = actual + sum((item[0] for item in read if item), torch.zeros_like(p))
     blocks = []
     for d, g, s, m in zip(drive, shaped, carried, read, strict=True):
-        block = by_joint @ d[1] if d else by_slot @ g[1] if g else s[1] if s else m[1] if m else None
+        block = by_joint @ d[1] if d else _through(by_slot, g[1]) if g else s[1] if s else m[1] if m else None
         assert block is not None
         if after is not None and (d or g):
             block = block + after @ block
@@ -189,7 +189,7 @@ def signature(chain: Chain, effect: Effect, shape: Mapping[str, Tensor]) -> Tens
     if effect.stage == "drive":
         return chain.by_joint @ effect.basis(chain.at_drive, shape)
     if effect.stage == "geometry":
-        return chain.by_slot @ effect.basis(chain.at_joints, shape)
+        return _through(chain.by_slot, effect.basis(chain.at_joints, shape))
     return effect.basis(chain.at_tool, shape)
 
 
@@ -219,10 +219,17 @@ def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Te
             continue
 
         def along(values: Tensor, stem: str = parameter.stem) -> Tensor:
-            return effect.basis(view, {**shape, stem: values}) @ theta[:linear]
+            return weigh(effect.basis(view, {**shape, stem: values}), theta[:linear])
 
         columns.append(by_parameters(along, shape[parameter.stem]))
-    return basis @ theta[:linear], torch.cat(columns, dim=-1)
+    return weigh(basis, theta[:linear]), columns[0] if len(columns) == 1 else torch.cat(columns, dim=-1)
+
+
+def _through(by_slot: Tensor, basis: Tensor) -> Tensor:
+    """Derivative by the slots times a basis, (n, 3, P); where the basis is the same for all rows, one product."""
+    if basis.stride(0) == 0 and len(basis):
+        return (by_slot.reshape(-1, by_slot.shape[-1]) @ basis[0]).view(*by_slot.shape[:2], -1)
+    return by_slot @ basis
 
 
 def _total(terms: Shifts, stage: str, view: View, like: Tensor) -> Tensor:
