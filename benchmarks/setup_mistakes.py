@@ -329,9 +329,9 @@ def with_columns(table: Table, have: str) -> Table:
 
 def agreement(file: MachineFile, table: Table) -> np.ndarray:
     """Error of readings against targets and against commands, after a rigid motion, mm; zero without such columns."""
-    setup, rows = Setup(file, table), np.arange(table.rows)
+    setup = Setup(file, table)
     nothing = np.full((1, table.rows, 3), np.nan)
-    sent = nothing if table.command is None else forward_many([setup], rows)
+    sent = nothing if table.command is None else forward_many([setup])
     reading, lost = table.measured[None], np.zeros((1, table.rows), dtype=bool)
     found = [rms(align_many(place, reading, setup.free)[2], lost, 1.0)[0] for place in (table.target[None], sent)]
     return np.nan_to_num(np.array(found))

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from ptt.machine import ThreePttSpec
+from ptt.setup.rigid import medians
 from ptt.setup.score import build
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
@@ -242,7 +243,7 @@ def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.
     spec = setup.file.machine
     mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
     home = np.zeros(3) if mechanism is None else mechanism.home().numpy()
-    zero = home - np.nanmedian(counted, axis=0)
+    zero = home - medians(counted)
     return np.where(signs < 0, zero.mean() if signs.max() < 0 else zero, 0.0)
 
 

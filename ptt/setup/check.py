@@ -54,7 +54,11 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
     else:
         steps += [find_arm]
     steps.append(find_noise)
+    seen: set[tuple[object, Setup]] = set()
     for step in steps:
+        if (step, setup) in seen:
+            continue  # nothing was undone since
+        seen.add((step, setup))
         found, after = step(setup)
         findings += found
         if any(item.sure or item.mistake == "target-frame" for item in found):

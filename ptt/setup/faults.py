@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from ptt.setup.rigid import TRIM, align_many
+from ptt.setup.rigid import TRIM, align_many, medians
 from ptt.setup.score import build
 from ptt.setup.setup import Setup, drawn
 
@@ -14,7 +14,7 @@ LOOSE = 0.02  # mm: how closely the faults are made to fit
 TIGHTEN, TRIES = 30.0, 5
 
 
-def fault_columns(setup: Setup, place: np.ndarray, rows: np.ndarray) -> np.ndarray | None:
+def fault_columns(setup: Setup, place: np.ndarray) -> np.ndarray | None:
     """What one usual size of each fault moves the tool by.
 
     Source: s_i . dp = (s_i . rail_i) dq_i + s_i . dc_i + L_i dL_i for each link vector s_i.
@@ -22,7 +22,6 @@ def fault_columns(setup: Setup, place: np.ndarray, rows: np.ndarray) -> np.ndarr
     Args:
         setup: the drawing.
         place: (m, 3) mm, where the tool is.
-        rows: (m,) int.
 
     Returns:
         (m, 3, c) mm, zero where the drawing cannot reach; None where it cannot be built.
@@ -30,21 +29,20 @@ def fault_columns(setup: Setup, place: np.ndarray, rows: np.ndarray) -> np.ndarr
     mechanism = build(drawn(setup))
     if mechanism is None:
         return None
-    at = torch.as_tensor(place, dtype=torch.float64)
-    slider = mechanism.inverse(at).numpy()
-    vector = mechanism.link_vectors(at).numpy()
+    slider = mechanism.inverse(torch.as_tensor(place, dtype=torch.float64)).numpy()
+    rail, link, foot = (part.numpy() for part in (mechanism.rail, mechanism.link, mechanism.foot))
+    vector = place[:, None] - foot - slider[..., None] * rail
     known = np.isfinite(slider).all(axis=1) & (np.abs(np.linalg.det(np.nan_to_num(vector))) > 1.0)
     inverse = np.zeros_like(vector)
     inverse[known] = np.linalg.inv(vector[known])
-    rail, link = mechanism.rail.numpy(), mechanism.link.numpy()
-    along = np.einsum("nij,ij->ni", vector, rail)
-    travel = (slider - np.nanmedian(slider, axis=0)) / 100.0 if known.any() else slider
+    along = (vector * rail).sum(axis=2)
+    travel = (slider - medians(slider)) / 100.0 if known.any() else slider
     sense = np.sign(np.diff(slider, axis=0, prepend=slider[:1]))
     pushes = [along * USUAL["homing"], along * travel * USUAL["lead"], along * sense * USUAL["play"]]
     pushes += [vector[..., axis] * USUAL["joint"] for axis in (0, 1)]
     pushes += [vector[..., axis] * travel * USUAL["lean"] for axis in (0, 1)]
     pushes += [np.broadcast_to(link * USUAL["link"], along.shape)]
-    columns = [np.einsum("nci,ni->nci", inverse, np.nan_to_num(push)) for push in pushes]
+    columns = [inverse * np.nan_to_num(push)[:, None] for push in pushes]
     return np.where(known[:, None, None], np.concatenate(columns, axis=2), 0.0)
 
 
@@ -65,9 +63,9 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
     known = np.isfinite(left).all(axis=1)
     if known.sum() < 4:
         return np.asarray(distance[0])
-    kept = known & (np.nan_to_num(distance[0]) <= TRIM * float(np.nanmedian(distance[0])) + 1e-9)
-    matrix, count = np.concatenate([columns, _motions(place, free)], axis=2), columns.shape[2]
-    rows = np.nan_to_num(matrix[kept]).reshape(-1, matrix.shape[2])
+    kept = known & (np.nan_to_num(distance[0]) <= TRIM * float(medians(distance.T)[0]) + 1e-9)
+    matrix, count = np.concatenate([columns, _motions(np.nan_to_num(place), free)], axis=2), columns.shape[2]
+    rows = matrix[kept].reshape(-1, matrix.shape[2])
     normal, right = rows.T @ rows, rows.T @ left[kept].ravel()
     loose = LOOSE
     for _ in range(TRIES):
@@ -76,12 +74,16 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
         if np.abs(size[:count]).max(initial=0.0) <= MOST:
             break
         loose *= TIGHTEN
-    return np.asarray(np.linalg.norm(left - np.nan_to_num(matrix) @ size, axis=1))
+    return np.asarray(np.linalg.norm(left - matrix @ size, axis=1))
 
 
 def _motions(place: np.ndarray, free: bool) -> np.ndarray:
     """Small rigid motions, (m, 3, 6): a shift by 1 mm, a turn by 1 mrad; none where the frame is trusted."""
     if not free:
         return np.zeros((len(place), 3, 0))
-    turns = np.stack([np.cross(axis, place) for axis in np.eye(3)], axis=2) / 1e3
-    return np.concatenate([np.broadcast_to(np.eye(3), (len(place), 3, 3)), turns], axis=2)
+    motion = np.zeros((len(place), 3, 6))
+    motion[:, range(3), range(3)] = 1.0
+    for axis in range(3):  # e_axis x place
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        motion[:, one, 3 + axis], motion[:, other, 3 + axis] = -place[:, other] / 1e3, place[:, one] / 1e3
+    return motion

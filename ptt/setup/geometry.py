@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ptt.run.table import take_rows
 from ptt.setup.candidates import mistakes_in
 from ptt.setup.faults import fault_columns, left_after_faults
 from ptt.setup.fitted import SLIP, fitted_mistakes
@@ -12,7 +13,7 @@ from ptt.setup.rigid import rms
 from ptt.setup.score import FLOOR, Agreement, agree, forward_many
 from ptt.setup.setup import Hypothesis, Setup, drawn, used_rows
 
-MOST_ROWS = 120  # rows looked at: more say nothing new about a mistake that touches all
+MOST_ROWS, FEW_ROWS = 120, 48  # rows judged and screened: more say nothing new about a mistake that touches all
 BROKEN = 0.5  # mm left beside ordinary faults: below it there is nothing to explain
 BEYOND = 2.0  # mm: twice the largest ordinary fault
 FALL = np.log(5.0)  # an error has to fall to a fifth
@@ -76,37 +77,42 @@ def find_geometry(setup: Setup) -> tuple[list[Finding], Setup]:
     Returns:
         Findings, and the files with the sure ones undone.
     """
-    rows = _choose_rows(setup)
-    plain = judge(setup, (), rows)
+    plain = judge(_thinned(setup, MOST_ROWS), ())
     if not np.isfinite(plain.agreement.rms).any():
         return [], setup
     if not _is_broken(plain.agreement):
-        return _turned_round(plain)
-    found = _search(plain, rows)
+        return _turned_round(plain, setup)
+    found = _search(plain)
     if found is None:
         return [], setup
     best, ties = found
-    return _tell(plain, best, ties, setup)
+    return _tell(plain, best, ties), undo_all(best.steps, setup)
 
 
-def judge(setup: Setup, steps: tuple[Hypothesis, ...], rows: np.ndarray, plain: Judged | None = None) -> Judged:
+def undo_all(steps: tuple[Hypothesis, ...], setup: Setup) -> Setup:
+    """Both files with one mistake undone after the other."""
+    for step in steps:
+        setup = step.undo(setup)
+    return setup
+
+
+def judge(setup: Setup, steps: tuple[Hypothesis, ...], plain: Judged | None = None) -> Judged:
     """What stays between the columns beside ordinary faults.
 
     Args:
         setup: both files, mistakes undone.
         steps: what was undone.
-        rows: (m,) int, rows looked at.
         plain: what stayed before anything was undone.
 
     Returns:
         The judgement.
     """
-    agreement = agree([setup], rows)[0]
-    values, reading = agreement.rms.copy(), setup.table.measured[rows]
-    for index, place in enumerate((setup.table.target[rows], forward_many([setup], rows)[0])):
+    agreement = agree([setup])[0]
+    values, reading = agreement.rms.copy(), setup.table.measured
+    for index, place in enumerate((setup.table.target, forward_many([setup])[0])):
         if not np.isfinite(values[index]) or values[index] > drawn(setup).link_length_mm / 4.0:
             continue
-        columns = fault_columns(setup, place, rows)
+        columns = fault_columns(setup, place)
         if columns is not None:
             distance = left_after_faults(place, reading, columns, setup.free)[None]
             lost = np.isfinite(reading).all(axis=1) & ~np.isfinite(distance[0])
@@ -115,9 +121,9 @@ def judge(setup: Setup, steps: tuple[Hypothesis, ...], rows: np.ndarray, plain: 
     return Judged(setup, steps, replace(agreement, rms=values), plain, agreement.total(agreement.width))
 
 
-def _turned_round(plain: Judged) -> tuple[list[Finding], Setup]:
+def _turned_round(plain: Judged, setup: Setup) -> tuple[list[Finding], Setup]:
     """Interchanged radii turn the machine by half a turn: commands alone show it where the frame is the base's."""
-    setup, turn, shift = plain.setup, plain.agreement.turn, plain.agreement.shift
+    turn, shift = plain.agreement.turn, plain.agreement.shift
     half = np.diag([-1.0, -1.0, 1.0])
     if np.isfinite(setup.table.target).any() or np.abs(turn - half).max() > SQUARE or np.abs(shift[:2]).max() > CENTRED:
         return [], setup
@@ -133,26 +139,26 @@ def _turned_round(plain: Judged) -> tuple[list[Finding], Setup]:
     return [Finding("radii-interchanged", words, fix, None, None, sure, setup.table.source)], cured
 
 
-def _choose_rows(setup: Setup) -> np.ndarray:
-    """Rows spread over the run, those with a reading first: every second one may have none."""
+def _thinned(setup: Setup, most: int) -> Setup:
+    """So many rows spread over the run, those with a reading first: every second one may have none."""
     used = used_rows(setup.table)
     read = used & np.isfinite(setup.table.measured).all(axis=1)
     rows = np.flatnonzero(read if read.any() else used)
-    if len(rows) <= MOST_ROWS:
-        return rows
-    return rows[np.unique(np.linspace(0, len(rows) - 1, MOST_ROWS).round().astype(int))]
+    if len(rows) > most:
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))]
+    return replace(setup, table=take_rows(setup.table, rows)) if len(rows) < setup.table.rows else setup
 
 
 def _is_broken(agreement: Agreement) -> bool:
     return agreement.worst > BROKEN
 
 
-def _search(plain: Judged, rows: np.ndarray) -> tuple[Judged, list[Judged]] | None:
+def _search(plain: Judged) -> tuple[Judged, list[Judged]] | None:
     """The best one mistake, else the best two; None where nothing is a proof."""
-    singles = _leaders([plain], rows)
+    singles = _leaders([plain])
     best = _best(plain, singles)
     if best is None and singles and plain.total - singles[0].total > np.log(2.0):
-        twos = _leaders(singles[:LEADERS], rows)
+        twos = _leaders(singles[:LEADERS])
         best = _best(plain, twos)
         singles = twos
     if best is None:
@@ -161,13 +167,11 @@ def _search(plain: Judged, rows: np.ndarray) -> tuple[Judged, list[Judged]] | No
     return best, ties
 
 
-def _leaders(starts: list[Judged], rows: np.ndarray) -> list[Judged]:
+def _leaders(starts: list[Judged]) -> list[Judged]:
     """The most promising next steps from each start, judged, best first."""
-    judged = [item for start in starts for item in _judge_all(start, mistakes_in(start.setup), rows)]
+    judged = [item for start in starts for item in _judge_all(start, mistakes_in(start.setup))]
     if not any(_is_proof(item.plain, item) and item.worst < BROKEN and not _is_guessed(item) for item in judged):
-        judged += [
-            item for start in starts for item in _judge_all(start, list(fitted_mistakes(start.setup, rows)), rows)
-        ]
+        judged += [item for start in starts for item in _judge_all(start, list(fitted_mistakes(start.setup)))]
     return sorted(judged, key=lambda item: item.score)
 
 
@@ -177,17 +181,16 @@ def _is_guessed(item: Judged) -> bool:
     return not told and any(step.mistake == "slider-sign" for step in item.steps)
 
 
-def _judge_all(start: Judged, hypotheses: list[Hypothesis], rows: np.ndarray) -> list[Judged]:
-    """The leaders of a screen, judged."""
-    setups = [hypothesis.undo(start.setup) for hypothesis in hypotheses]
-    changed = [index for index, other in enumerate(setups) if other is not start.setup]
-    totals = np.array([item.total(start.width) for item in agree([setups[index] for index in changed], rows)])
+def _judge_all(start: Judged, hypotheses: list[Hypothesis]) -> list[Judged]:
+    """The leaders of a screen on fewer rows, judged."""
+    thin = _thinned(start.setup, FEW_ROWS)
+    setups = [hypothesis.undo(thin) for hypothesis in hypotheses]
+    changed = [index for index, other in enumerate(setups) if other is not thin]
+    totals = np.array([item.total(start.width) for item in agree([setups[index] for index in changed])])
     order = np.argsort(totals, kind="stable")
     kept = [index for rank, index in enumerate(order) if rank < LEADERS or totals[index] < totals[order[0]] + FALL]
-    return [
-        judge(setups[changed[index]], (*start.steps, hypotheses[changed[index]]), rows, start.plain or start)
-        for index in kept[: 2 * LEADERS]
-    ]
+    leaders = [hypotheses[changed[index]] for index in kept[: 2 * LEADERS]]
+    return [judge(step.undo(start.setup), (*start.steps, step), start.plain or start) for step in leaders]
 
 
 def _best(plain: Judged, judged: list[Judged]) -> Judged | None:
@@ -226,23 +229,18 @@ def _oddness(turn: np.ndarray) -> float:
     return float(0.04 * tilt + 0.01 * angle)
 
 
-def _tell(plain: Judged, best: Judged, ties: list[Judged], setup: Setup) -> tuple[list[Finding], Setup]:
+def _tell(plain: Judged, best: Judged, ties: list[Judged]) -> list[Finding]:
     pair = int(np.nanargmax(np.where(plain.agreement.rms > best.agreement.rms, plain.agreement.rms, 0.0)))
     before, after = (1e3 * float(item.agreement.rms[pair]) for item in (plain, best))
     undone = " and ".join(step.undone for step in best.steps)
     same = _one_of_each(best, ties)
     also = f"; {_listed(same)} would do the same" if same else ""
-    what = (
-        "the readings are off the targets by",
-        "the readings are off the commands by",
-        "targets and commands differ by",
-    )
-    words = f"{what[pair]} {_um(before)} um; with {undone} the error falls to {_um(after)} um{also}"
-    findings = [
-        Finding(step.mistake, words, step.fix, before, after, _is_sure(step, plain, best), setup.table.source)
+    words = f"{APART[pair]} {_um(before)} um; with {undone} the error falls to {_um(after)} um{also}"
+    source = plain.setup.table.source
+    return [
+        Finding(step.mistake, words, step.fix, before, after, _is_sure(step, plain, best), source)
         for step in best.steps
     ]
-    return findings, best.setup
 
 
 def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:

@@ -27,9 +27,11 @@ def align_many(place: np.ndarray, reading: np.ndarray, free: bool = True) -> tup
     for _ in range(ROUNDS):
         if free:
             turn, shift = _motion(a, b, kept)
-        distance = np.linalg.norm(b - np.einsum("hij,hnj->hni", turn, a) - shift[:, None], axis=2)
-        distance = np.where(known, distance, np.nan)
-        kept = known & (distance <= TRIM * middle(distance)[:, None] + TINY)
+        left = b - a @ turn.transpose(0, 2, 1) - shift[:, None]
+        distance = np.where(known, np.sqrt((left * left).sum(axis=2)), np.nan)
+        last, kept = kept, known & (distance <= TRIM * middle(distance)[:, None] + TINY)
+        if not free or (kept == last).all():
+            break
     return turn, shift, distance
 
 
@@ -38,6 +40,16 @@ def middle(distance: np.ndarray) -> np.ndarray:
     count = np.isfinite(distance).sum(axis=1)
     ordered = np.sort(distance, axis=1)  # NaN goes last
     return np.where(count > 0, ordered[np.arange(len(distance)), np.maximum(count - 1, 0) // 2], 0.0)
+
+
+def medians(points: np.ndarray) -> np.ndarray:
+    """Median of the known values of each column: (n, k) -> (k,); NaN where none is known."""
+    ordered, count = np.sort(points, axis=0), np.isfinite(points).sum(axis=0)  # NaN goes last
+    if not len(points):
+        return np.full(points.shape[1:], np.nan)
+    low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, len(points) - 1)
+    column = np.arange(points.shape[1])
+    return np.asarray(0.5 * (ordered[low, column] + ordered[high, column]))
 
 
 def rms(distance: np.ndarray, lost: np.ndarray, size: float | np.ndarray) -> np.ndarray:
@@ -58,10 +70,10 @@ def rms(distance: np.ndarray, lost: np.ndarray, size: float | np.ndarray) -> np.
 
 
 def _motion(a: np.ndarray, b: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    weight = kept / np.maximum(kept.sum(axis=1), 1)[:, None]
-    middle_a, middle_b = np.einsum("hn,hni->hi", weight, a), np.einsum("hn,hni->hi", weight, b)
-    product = np.einsum("hn,hni,hnj->hij", weight, b - middle_b[:, None], a - middle_a[:, None])
+    weight = (kept / np.maximum(kept.sum(axis=1), 1)[:, None])[:, None]
+    middle_a, middle_b = weight @ a, weight @ b
+    product = ((b - middle_b).transpose(0, 2, 1) * weight) @ (a - middle_a)
     left, _, right = np.linalg.svd(product)
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     turn = left @ right
-    return turn, middle_b - np.einsum("hij,hj->hi", turn, middle_a)
+    return turn, (middle_b - middle_a @ turn.transpose(0, 2, 1))[:, 0]

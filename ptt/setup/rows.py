@@ -19,7 +19,7 @@ ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider
 
 def places(setup: Setup) -> np.ndarray:
     """Where the tool should be, (n, 3) mm: by the commands where there are some that close, else the targets."""
-    sent = forward_many([setup], np.arange(setup.table.rows))[0] if setup.table.joint_prefix == "b" else None
+    sent = forward_many([setup])[0] if setup.table.joint_prefix == "b" else None
     target = setup.table.target
     return target if sent is None else np.where(np.isfinite(sent).all(axis=1)[:, None], sent, target)
 
@@ -60,8 +60,7 @@ def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
     known = np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1)
     if known.sum() < FEWEST or not _slip_is_possible(place, reading, setup.free):
         return [], setup
-    best = min((_best_slip(place, reading, slip, setup.free) for slip in SLIPS), key=lambda item: item[0])
-    _, slip, first = best
+    _, slip, first = _best_slip(place, reading, setup.free)
     moved = slipped(reading, slip, first)
     before, after = _beside_faults(setup, place, reading, moved)
     fell = _mean_distance(place, reading, setup.free) > 2.0 * _mean_distance(place, moved, setup.free)
@@ -147,44 +146,45 @@ def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> boo
     return int((distance[0] > 0.2 * usual).sum()) >= LEAST_ROWS
 
 
-def _best_slip(place: np.ndarray, reading: np.ndarray, slip: int, free: bool) -> tuple[float, int, int]:
-    """Cost, slip and first row at which readings slipped by so many rows fit best."""
-    shifted, lost = slipped(reading, slip, 0), max(0, -slip)
-    third = max(FEWEST // 2, len(place) // 3)
-    parts = (
-        (reading, slice(0, third)),
-        (shifted, slice(-third, None)),
-        (shifted, slice(0, third)),
-        (shifted, slice(None)),
+def _best_slip(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[float, int, int]:
+    """Cost, slip and first row at which readings that slipped by so many rows fit best, from several starts each."""
+    count = len(place)
+    third = max(FEWEST // 2, count // 3)
+    head, tail = np.arange(count) < third, np.arange(count) >= count - third
+    parts = [(False, head), (True, tail), (True, head), (True, head | True)]
+    starts = [(slip, moved, part) for slip in SLIPS for moved, part in parts]
+    slips = np.array([slip for slip, _, _ in starts])
+    shifted = {slip: slipped(reading, slip, 0) for slip in SLIPS}
+    all_shifted = np.stack([shifted[slip] for slip in slips])
+    values = np.stack(
+        [np.where(part[:, None], shifted[slip] if moved else reading, np.nan) for slip, moved, part in starts]
     )
-    best = (np.inf, slip, 0)
-    for values, part in parts:
-        turn, shift, _ = align_many(place[None, part], values[None, part], free)
-        for _ in range(2):
-            cost, first = _change(place, reading, shifted, turn[0], shift[0], lost)
-            moved = slipped(reading, slip, first)
-            turn, shift, _ = align_many(place[None], moved[None], free)
-        cost, first = _change(place, reading, shifted, turn[0], shift[0], lost)
-        if cost < best[0]:
-            best = (cost, slip, first)
-    return best
+    spread = np.broadcast_to(place, values.shape)
+    for _ in range(3):
+        turn, shift, _ = align_many(spread, values, free)
+        cost, first = _change(place, reading, all_shifted, turn, shift, np.maximum(0, -slips))
+        values = np.stack([slipped(reading, slip, at) for slip, at in zip(slips, first, strict=True)])
+    best = int(np.argmin(cost))
+    return float(cost[best]), int(slips[best]), int(first[best])
 
 
 def _change(
-    place: np.ndarray, reading: np.ndarray, shifted: np.ndarray, turn: np.ndarray, shift: np.ndarray, lost: int
-) -> tuple[float, int]:
-    """Sum of distances and the row from which on the shifted readings fit better; `lost` rows there have no reading."""
-    expected = place @ turn.T + shift
-    plain, moved = (np.nan_to_num(np.linalg.norm(points - expected, axis=1)) for points in (reading, shifted))
-    after = np.r_[np.cumsum(moved[::-1])[::-1], np.zeros(1 + lost)][lost:]
-    cost = np.r_[0.0, np.cumsum(plain)] + after
-    first = int(np.argmin(cost[: max(1, len(place) - LEAST_ROWS + 1)]))
-    return float(cost[first]), first
+    place: np.ndarray, reading: np.ndarray, shifted: np.ndarray, turn: np.ndarray, shift: np.ndarray, lost: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sum of distances (h,) and the row (h,) from which on shifted readings fit better, which loses `lost` rows."""
+    expected = place @ turn.transpose(0, 2, 1) + shift[:, None]
+    plain, moved = (np.nan_to_num(np.linalg.norm(points - expected, axis=2)) for points in (reading, shifted))
+    count, nothing = len(place), np.zeros((len(turn), 1))
+    after = np.concatenate([np.cumsum(moved[:, ::-1], axis=1)[:, ::-1], nothing], axis=1)
+    after = np.take_along_axis(after, np.minimum(np.arange(count + 1) + lost[:, None], count), axis=1)
+    cost = np.concatenate([nothing, np.cumsum(plain, axis=1)], axis=1) + after
+    first = np.argmin(cost[:, : max(1, count - LEAST_ROWS + 1)], axis=1)
+    return np.take_along_axis(cost, first[:, None], axis=1)[:, 0], first
 
 
 def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: np.ndarray) -> tuple[float, float]:
     """Error before and after, mm, ordinary faults taken off where the drawing is known; the same rows in both."""
-    columns = fault_columns(setup, place, np.arange(len(place))) if setup.table.joint_prefix == "b" else None
+    columns = fault_columns(setup, place) if setup.table.joint_prefix == "b" else None
     distances = []
     for values in (reading, moved):
         if columns is None:
@@ -201,22 +201,20 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
 
 def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
     """What stays in the frame that suits most rows, (n, 3) mm in the base frame, and its rotation."""
-    quarter = max(FEWEST // 2, len(place) // 4)
-    parts = [slice(None), *(slice(at, at + quarter) for at in range(0, len(place) - quarter + 1, max(1, quarter // 2)))]
-    best, chosen = -1, (np.zeros_like(place), np.eye(3))
-    for part in parts:
-        turn, shift, _ = align_many(place[None, part], reading[None, part], free)
-        for _ in range(2):
-            left = (reading - shift[0]) @ turn[0] - place
-            near = np.linalg.norm(left, axis=1) < BLOCK_SHIFT / 2.0
-            if near.sum() < FEWEST // 2:
-                break
-            turn, shift, _ = align_many(place[None, near], reading[None, near], free)
-        left = (reading - shift[0]) @ turn[0] - place
-        count = int((np.linalg.norm(left, axis=1) < BLOCK_SHIFT / 2.0).sum())
-        if count > best:
-            best, chosen = count, (left, turn[0])
-    return chosen
+    count, row = len(place), np.arange(len(place))
+    quarter = max(FEWEST // 2, count // 4)
+    edges = range(0, count - quarter + 1, max(1, quarter // 2))
+    kept = np.stack([row >= 0, *((row >= at) & (row < at + quarter) for at in edges)])
+    spread = np.broadcast_to(place, (*kept.shape, 3))
+    for again in (True, True, False):
+        turn, shift, _ = align_many(spread, np.where(kept[..., None], reading, np.nan), free)
+        left = (reading - shift[:, None]) @ turn - place
+        near = np.linalg.norm(left, axis=2) < BLOCK_SHIFT / 2.0
+        enough = near.sum(axis=1) >= FEWEST // 2
+        if again:
+            kept = np.where(enough[:, None], near, kept)
+    best = int(np.argmax(near.sum(axis=1)))
+    return left[best], turn[best]
 
 
 def _bad_blocks(left: np.ndarray) -> list[np.ndarray]:

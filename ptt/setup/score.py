@@ -49,24 +49,23 @@ class Agreement:
         return float(np.nanmax(self.rms)) if np.isfinite(self.rms).any() else 0.0
 
 
-def agree(setups: Sequence[Setup], rows: np.ndarray) -> list[Agreement]:
+def agree(setups: Sequence[Setup]) -> list[Agreement]:
     """How well each hypothesis makes the columns agree.
 
     Args:
-        setups: hypotheses, all of the same run.
-        rows: (m,) int, rows looked at.
+        setups: hypotheses, all of the same m rows.
 
     Returns:
         One agreement for each.
     """
     if not setups:
         return []
-    target = np.stack([setup.table.target[rows] for setup in setups])
-    reading = np.stack([setup.table.measured[rows] for setup in setups])
-    sent = np.array([_sent(setup, rows) for setup in setups])
+    target = np.stack([setup.table.target for setup in setups])
+    reading = np.stack([setup.table.measured for setup in setups])
+    sent = np.array([_sent(setup) for setup in setups])
     size = max(setup.file.machine.link_length_mm for setup in setups)  # type: ignore[union-attr]
     sizes = np.full((len(setups), 1), size)
-    return agree_points(target, forward_many(setups, rows), reading, sent, sizes, setups[0].free)
+    return agree_points(target, forward_many(setups), reading, sent, sizes, setups[0].free)
 
 
 def agree_points(
@@ -111,9 +110,10 @@ def _spread(points: np.ndarray) -> np.ndarray:
     return np.where(known.any(axis=1), np.sqrt(square / count), np.inf)
 
 
-def forward_many(setups: Sequence[Setup], rows: np.ndarray) -> np.ndarray:
+def forward_many(setups: Sequence[Setup]) -> np.ndarray:
     """Where each hypothesis' commands put the tool, (h, m, 3) mm, NaN where there are none or it does not close."""
-    place = np.full((len(setups), len(rows), 3), np.nan)
+    rows = setups[0].table.rows
+    place = np.full((len(setups), rows, 3), np.nan)
     groups: dict[ThreePttSpec, list[int]] = {}
     for index, setup in enumerate(setups):
         if setup.table.command is not None and isinstance(setup.file.machine, ThreePttSpec):
@@ -122,9 +122,9 @@ def forward_many(setups: Sequence[Setup], rows: np.ndarray) -> np.ndarray:
         mechanism = build(spec)
         if mechanism is None:
             continue
-        q = np.concatenate([setups[index].table.command[rows] for index in members])  # type: ignore[index]
+        q = np.concatenate([setups[index].table.command for index in members])
         p = mechanism.forward(torch.as_tensor(q, dtype=torch.float64)).numpy()
-        place[members] = p.reshape(len(members), len(rows), 3)
+        place[members] = p.reshape(len(members), rows, 3)
     return place
 
 
@@ -137,10 +137,10 @@ def build(spec: ThreePttSpec) -> ThreePtt | None:
         return None
 
 
-def _sent(setup: Setup, rows: np.ndarray) -> np.ndarray:
+def _sent(setup: Setup) -> np.ndarray:
     """Rows with a command, (m,) bool."""
     command = setup.table.command
-    return np.zeros(len(rows), dtype=bool) if command is None else np.isfinite(command[rows]).all(axis=1)
+    return np.zeros(setup.table.rows, dtype=bool) if command is None else np.isfinite(command).all(axis=1)
 
 
 def _between(target: np.ndarray, commanded: np.ndarray, sent: np.ndarray, sizes: np.ndarray) -> np.ndarray:
