@@ -20,6 +20,7 @@ ROUND = 0.5  # kg: weights that people hang on
 CLOSE = 0.01  # of that: two loads hit round weights by chance once in some thousand runs
 CLOSER = 2e-4  # of that, where there is a single load
 LONGEST_STEP, LONGEST_RUN = 600.0, 2.0 * 86400.0  # s: slower runs are rare, slower still and long ones are in ms
+FEW = 10  # rows: fewer show no rule
 EPOCH_MS = 1e11  # s since 1970 are 1.8e9
 FASTEST = {"three-ptt": 2000.0, "serial": 15000.0}  # mm/s: ball screws, arms
 BEYOND_FAULTS = 2.0  # mm: what a machine with ordinary faults never returns to a pose by
@@ -125,15 +126,16 @@ def _clock(setup: Setup) -> Result | None:
     if not len(steps):
         return None
     usual, whole = float(np.median(steps)), float(np.ptp(time))
-    pace = _pace(setup, rows)
+    paces = _pace(setup, rows)
+    pace, paced = float(np.median(paces[:, 0])) if len(paces) >= 5 else None, _paced(paces)
     slow = usual > LONGEST_STEP and whole > LONGEST_RUN
-    unhurried = pace is not None and pace > 300.0 and usual > 60.0
-    if float(np.abs(time).max()) > EPOCH_MS or slow or (unhurried and usual > LONGEST_STEP):
+    unhurried = pace is not None and pace > 300.0 and usual > LONGEST_STEP
+    if float(np.abs(time).max()) > EPOCH_MS or slow or paced or unhurried:
         words = (
             f"time_s steps by {usual:,.0f} from row to row, {whole / 86400.0:,.1f} days in all: "
             f"in milliseconds that is {usual / 1e3:.3g} s a row"
         )
-        sure = usual / 1e3 < LONGEST_STEP and (slow or float(np.abs(time).max()) > EPOCH_MS)
+        sure = usual / 1e3 < LONGEST_STEP and (slow or paced or float(np.abs(time).max()) > EPOCH_MS)
         return _said(setup, "time-unit", words, "rename the column time_ms", sure), _shifted("time_s", 1e-3, 0.0)
     if pace is not None and pace < 0.1:
         words = (
@@ -144,16 +146,23 @@ def _clock(setup: Setup) -> Result | None:
     return None
 
 
-def _pace(setup: Setup, rows: np.ndarray) -> float | None:
-    """How many times longer rows take than their path does at the feed; None where that is not known."""
+def _pace(setup: Setup, rows: np.ndarray) -> np.ndarray:
+    """How many times longer each row took than its path does at the feed, and what that would take in s, (m, 2)."""
     feed, time = setup.table.feed_mm_s, setup.table.time_s
     if feed is None or time is None:
-        return None
-    place = places(setup)[rows]
-    path = np.linalg.norm(np.diff(place, axis=0), axis=1)
+        return np.zeros((0, 2))
+    path = np.linalg.norm(np.diff(places(setup)[rows], axis=0), axis=1)
     steps, speed = np.diff(np.asarray(time)[rows]), np.asarray(feed)[rows][1:]
     good = (path > 0.0) & (steps > 0.0) & (speed > 0.0) & np.isfinite(path * steps * speed)
-    return float(np.median(steps[good] * speed[good] / path[good])) if good.sum() >= 5 else None
+    return np.stack([steps[good] * speed[good] / path[good], path[good] / speed[good]], axis=1)
+
+
+def _paced(pace: np.ndarray) -> bool:
+    """Whether every row took a thousand times as long as its path does: waiting does not grow with the path."""
+    if len(pace) < FEW:
+        return False
+    (low, usual, high), (short, _, long) = np.percentile(pace, [10.0, 50.0, 90.0], axis=0).T
+    return bool(300.0 < usual < 3000.0 and high < 1.5 * low and long > 2.0 * short)
 
 
 def _feed(setup: Setup) -> Result | None:

@@ -17,6 +17,8 @@ MOST_ROWS, FEW_ROWS = 120, 48  # rows judged and screened: more say nothing new 
 BROKEN = 0.5  # mm left beside ordinary faults: below it there is nothing to explain
 BEYOND = 2.0  # mm: twice the largest ordinary fault
 FALL = np.log(5.0)  # an error has to fall to a fifth
+STEEP = 20.0  # to a twentieth: then what stays is noise and play, and no fault of another kind does that
+EXACT = (0.01, 50.0)  # mm, and the fall: commands are computed, so the right drawing gives the targets to their digits
 LEADERS = 3
 TIE = np.log(1.5)
 RAW = 0.2
@@ -81,12 +83,25 @@ def find_geometry(setup: Setup) -> tuple[list[Finding], Setup]:
     if not np.isfinite(plain.agreement.rms).any():
         return [], setup
     if not _is_broken(plain.agreement):
-        return _turned_round(plain, setup)
+        other = _other_drawing(plain)
+        return _turned_round(plain, setup) if other is None else (_tell(plain, other, []), undo_all(other.steps, setup))
     found = _search(plain)
     if found is None:
         return [], setup
     best, ties = found
     return _tell(plain, best, ties), undo_all(best.steps, setup)
+
+
+def is_steep(finding: Finding) -> bool:
+    """Whether an error falls so far that nothing else is to be asked."""
+    return (finding.before_um or 0.0) > STEEP * (finding.after_um or 0.0)
+
+
+def explains_more(setup: Setup, other: Setup) -> bool:
+    """Whether some mistake in the geometry, proven or not, leaves less than another cure of the same files does."""
+    plain = judge(_thinned(setup, MOST_ROWS), ())
+    least = min((item.total for item in _leaders([plain])), default=np.inf)
+    return bool(least < judge(_thinned(other, MOST_ROWS), (), plain).total)
 
 
 def undo_all(steps: tuple[Hypothesis, ...], setup: Setup) -> Setup:
@@ -153,6 +168,16 @@ def _is_broken(agreement: Agreement) -> bool:
     return agreement.worst > BROKEN
 
 
+def _other_drawing(plain: Judged) -> Judged | None:
+    """A length by which targets and commands, that differ by little, agree to their digits: the controller has it."""
+    apart = plain.agreement.rms[2]
+    if not apart > EXACT[0]:
+        return None
+    lengths = [item for item in fitted_mistakes(plain.setup) if item.mistake == "drawing-length"]
+    judged = _judge_all(plain, lengths)
+    return next((item for item in judged if item.agreement.rms[2] < apart / EXACT[1]), None)
+
+
 def _search(plain: Judged) -> tuple[Judged, list[Judged]] | None:
     """The best one mistake, else the best two; None where nothing is a proof."""
     singles = _leaders([plain])
@@ -204,7 +229,8 @@ def _is_proof(plain: Judged | None, item: Judged) -> bool:
         return False
     before, after = plain.agreement.rms, item.agreement.beside(item.width)
     fell = np.isfinite(before) & (before > after)
-    large = before[fell].max(initial=0.0) > _least(item)
+    steep = np.nanmax(before) > STEEP * np.nanmax(after)
+    large = before[fell].max(initial=0.0) > (BROKEN * _size(item) if steep else _least(item))
     deep = plain.total - item.total > len(item.steps) * FALL
     rest = max(float(np.nanmax(after)), FLOOR)
     each = np.nanmax(before) > np.exp(FALL) * rest and rest < BEYOND * _size(item)
@@ -230,7 +256,7 @@ def _oddness(turn: np.ndarray) -> float:
 
 
 def _tell(plain: Judged, best: Judged, ties: list[Judged]) -> list[Finding]:
-    pair = int(np.nanargmax(np.where(plain.agreement.rms > best.agreement.rms, plain.agreement.rms, 0.0)))
+    pair = int(np.nanargmax(plain.agreement.rms / np.maximum(best.agreement.rms, FLOOR)))
     before, after = (1e3 * float(item.agreement.rms[pair]) for item in (plain, best))
     undone = " and ".join(step.undone for step in best.steps)
     same = _one_of_each(best, ties)
@@ -252,7 +278,7 @@ def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:
     keys = ("link_length_mm", "base_radius_mm")
     moved = max(abs(getattr(best.setup.file.machine, key) - getattr(plain.setup.file.machine, key)) for key in keys)
     apart = plain.agreement.rms[2]
-    return bool(moved > BUILT or (np.isfinite(apart) and apart > BROKEN and moved > SLIP))
+    return bool(moved > BUILT or (np.isfinite(apart) and apart > EXACT[0] and moved > SLIP))
 
 
 def _one_of_each(best: Judged, ties: list[Judged]) -> list[str]:
