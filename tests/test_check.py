@@ -170,6 +170,59 @@ def test_names_are_those_of_the_contract() -> None:
     assert used <= set(MISTAKES)
 
 
+@pytest.mark.parametrize("rows", [3, 60])
+def test_too_little_to_judge_is_said(sound: tuple[MachineFile, Table], rows: int) -> None:
+    """Three poses, or sixty readings of one: nothing was judged, and nothing is said to hold together."""
+    file, table = sound
+    few = take_rows(table, np.arange(3) if rows == 3 else np.zeros(rows, dtype=int))
+    found = check_setup(file, few)
+    assert found.ok and "too little to judge" in str(found)
+    assert found.to_dict()["too_little"] == f"{1 if rows == 60 else 3} different pose{'' if rows == 60 else 's'} " + (
+        "with a reading, and it takes 5"
+    )
+    assert check_setup(file, table).to_dict()["too_little"] is None
+
+
+def test_a_small_path_shows_its_mistake_by_a_steep_fall() -> None:
+    """The machine stands on its other side, the path is 36 mm high: 1.6 mm, and 4 um with the sliders above."""
+    case = next(case for case in CASES if case.title == "sliders on the wrong side")
+    tried = try_case(case, "sliders", 5005)
+    assert tried.named and tried.cured, str(tried.found)
+
+
+def test_a_length_that_the_controller_has_is_named_by_its_digits() -> None:
+    """25 mm more on the links moves the targets of a small path by 0.4 mm against the commands, but exactly."""
+    case = next(case for case in CASES if case.title == "a length off by 20 to 50 mm")
+    tried = try_case(case, "both", 5002)
+    assert tried.named and tried.cured, str(tried.found)
+    assert "targets and commands differ by 424 um" in tried.found.findings[0].words
+
+
+def test_sliders_on_a_small_path_are_no_row_shift() -> None:
+    """A row less brings the error from 1,044 to 205 um there, the sliders' true order to 153."""
+    case = next(case for case in CASES if case.title == "sliders numbered the other way")
+    tried = try_case(case, "sliders", 5003)
+    assert [item.mistake for item in tried.found.findings] in ([], ["slider-order"])
+
+
+def test_time_in_ms_shows_beside_the_feed(sound: tuple[MachineFile, Table]) -> None:
+    """Rows that take a thousand times as long as their way at the feed, whatever the feed: nobody waits like that."""
+    file, table = sound
+    feed = np.where(np.arange(table.rows) % 3 == 0, 8.0, 40.0)
+    way = np.linalg.norm(np.diff(table.target, axis=0, prepend=table.target[:1]), axis=1)
+    seconds = np.cumsum(np.nan_to_num(way) / feed + 1e-3)
+    timed = table.replace(feed_mm_s=feed, time_s=1e3 * seconds)
+    assert [item.mistake for item in check_setup(file, timed).sure] == ["time-unit"]
+    for sound_clock in (seconds, 100.0 * np.arange(table.rows), seconds + 100.0 * np.arange(table.rows)):
+        assert check_setup(file, table.replace(feed_mm_s=feed, time_s=sound_clock)).findings == ()
+
+
+def test_targets_in_metres_are_no_mistake_of_the_clock() -> None:
+    case = next(case for case in CASES if case.title == "targets in metres")
+    tried = try_case(case, "targets", 6000)
+    assert [item.mistake for item in tried.found.findings] == ["unit-scale"]
+
+
 def test_poses_that_match_in_two_ways_are_named_and_left_alone() -> None:
     """A cube of poses looks the same from four sides: the order is wrong, and no reading can tell which is right."""
     file, table = draw_run(2, rows=100)

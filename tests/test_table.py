@@ -142,6 +142,14 @@ BAD = {
         csv("1,2,1,2,3", "1,2,1,2,4", header="q1_cmd_rad,q2_cmd_rad,x_meas,y_meas,z_meas"),
         "the commands are q1_cmd_rad, q2_cmd_rad, and the machine is a 3-PTT, whose sliders are b1 to b3",
     ),
+    "an arm's commands beside targets": (
+        csv(
+            *["1,2,3,1,2,3,1,2,3,4,5,6"] * 2,
+            header="x_meas,y_meas,z_meas,x_cmd,y_cmd,z_cmd,"
+            "q1_cmd_rad,q2_cmd_rad,q3_cmd_rad,q4_cmd_rad,q5_cmd_rad,q6_cmd_rad",
+        ),
+        "run and machine do not belong together",
+    ),
     "part of the target": (csv("1,2,3,4", "1,2,4,4", header="x_cmd,x_meas,y_meas,z_meas"), "missing: y_cmd, z_cmd"),
     "part of the joints": (
         csv("1,2,1,2,3", "1,2,1,2,4", header="b1_cmd,b2_cmd,x_meas,y_meas,z_meas"),

@@ -20,7 +20,7 @@ from ptt.setup.rigid import align_many, rms
 from ptt.setup.rows import slipped
 from ptt.setup.setup import Hypothesis, Setup, Undo, used_rows
 
-FEWEST, MOST_ROWS = 40, 90
+FEWEST, MOST_ROWS = 12, 90  # rows: fewer leave the station, the reflector and link errors free to fit anything
 BROKEN = 0.004  # of the reach: what an arm misses by, out of the box, is less
 FALL = 5.0
 LEADERS = 4

@@ -7,14 +7,18 @@ import numpy as np
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import stated_frame
+from ptt.setup.arm import FEWEST as FEWEST_OF_ARM
 from ptt.setup.arm import find_arm
-from ptt.setup.context import find_noise, find_units
+from ptt.setup.clock import find_speed
+from ptt.setup.context import find_units
 from ptt.setup.geometry import explains_more, find_geometry, is_steep
+from ptt.setup.noise import find_noise
 from ptt.setup.order import find_disorder
 from ptt.setup.reach import find_reach, find_speck
 from ptt.setup.result import Check, Finding
 from ptt.setup.rows import find_shifted_rows
-from ptt.setup.setup import Setup, written
+from ptt.setup.score import FEWEST
+from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
 
 
@@ -41,7 +45,30 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
         parts.append(after.table.replace(target=stated.as_stated(after.table.target)))
     findings.sort(key=lambda item: not item.sure)
     whole = parts[0] if len(parts) == 1 else table
-    return Check(tuple(findings), written(cured, file), whole, table.rows)
+    little = "" if any(item.sure for item in findings) else too_little(file, table)
+    return Check(tuple(findings), written(cured, file), whole, table.rows, little)
+
+
+def too_little(file: MachineFile, table: Table) -> str:
+    """Why targets, commands and readings cannot be held against each other; '' where they can.
+
+    Args:
+        file: the machine.
+        table: the run.
+    """
+    arm = not isinstance(file.machine, ThreePttSpec)
+    sent = np.isfinite(table.target).all(axis=1) & (not arm)
+    place = table.target
+    if table.command is not None:
+        place = np.nan_to_num(np.column_stack([table.target, table.command]))
+        sent |= np.isfinite(table.command).all(axis=1)
+    rows = used_rows(table) & sent
+    read = rows & np.isfinite(table.measured).all(axis=1)
+    rows, what = (read, "a reading") if read.any() else (rows, "a place")
+    poses, least = len(np.unique(np.round(place[rows], 6), axis=0)), FEWEST_OF_ARM if arm else FEWEST
+    if poses >= least:
+        return ""
+    return f"{poses} different pose{'' if poses == 1 else 's'} with {what}, and it takes {least}"
 
 
 def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Finding], Setup]:
@@ -53,7 +80,7 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
         steps += [find_reach] if units_said else [find_speck, find_reach]
     else:
         steps += [find_arm]
-    steps.append(find_noise)
+    steps += [find_speed, find_noise]
     seen: set[tuple[object, Setup]] = set()
     for step in steps:
         if (step, setup) in seen:

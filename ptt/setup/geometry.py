@@ -22,6 +22,7 @@ EXACT = (0.01, 50.0)  # mm, and the fall: commands are computed, so the right dr
 LEADERS = 3
 TIE = np.log(1.5)
 RAW = 0.2
+SPECK, UNLIKELY = 2e-3, 5.0  # of a link: nobody measures a machine within that, and all errors are small there
 SQUARE, CENTRED = 0.02, 10.0  # rad and mm: a tracker aligned to the base, by how well people do that
 APART = (
     "the readings are off the targets by",
@@ -67,7 +68,9 @@ class Judged:
     @property
     def score(self) -> float:
         """Small is good."""
-        return self.total + RAW * self.raw + sum(step.cost for step in self.steps) + _oddness(self.agreement.turn)
+        odd = _oddness(self.agreement.turn)
+        odd += UNLIKELY * (self.agreement.width < SPECK * drawn(self.setup).link_length_mm)
+        return self.total + RAW * self.raw + sum(step.cost for step in self.steps) + odd
 
 
 def find_geometry(setup: Setup) -> tuple[list[Finding], Setup]:

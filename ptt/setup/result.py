@@ -54,12 +54,14 @@ class Check:
         file: the machine, cured.
         table: the run, cured; None where only a machine was checked.
         rows: rows looked at.
+        too_little: why the geometry could not be judged, '' where it could.
     """
 
     findings: tuple[Finding, ...]
     file: "MachineFile"
     table: "Table | None" = None
     rows: int = 0
+    too_little: str = ""
 
     @property
     def ok(self) -> bool:
@@ -73,13 +75,15 @@ class Check:
 
     def to_dict(self) -> dict[str, Any]:
         """Keys as `ptt check --json` writes them."""
-        return {"ok": self.ok, "findings": [finding.to_dict() for finding in self.findings], "rows": self.rows}
+        findings = [finding.to_dict() for finding in self.findings]
+        return {"ok": self.ok, "findings": findings, "rows": self.rows, "too_little": self.too_little or None}
 
     def __str__(self) -> str:
         """The findings as text."""
-        if not self.findings:
+        if not self.findings and not self.too_little:
             return f"the set-up holds together ({self.rows} rows)"
-        return "\n".join(str(finding) for finding in self.findings)
+        last = [f"too little to judge the set-up by: {self.too_little}"] if self.too_little else []
+        return "\n".join([*(str(finding) for finding in self.findings), *last])
 
     def _repr_html_(self) -> str:
         """The findings in a notebook."""

@@ -14,7 +14,7 @@ LEAST_ROWS = 3  # a block of fewer rows is gross errors
 FALL = 5.0
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
 MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
-SEEN = 5.0  # mm: what ordinary faults never do
+SEEN = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 
 
@@ -144,7 +144,7 @@ def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> boo
     step = np.linalg.norm(np.diff(place, axis=0), axis=1)
     _, _, distance = align_many(place[None], reading[None], free)
     usual = float(np.nanmedian(step[step > 0.0])) if (step > 0.0).any() else np.inf
-    return int((distance[0] > min(0.2 * usual, SEEN)).sum()) >= LEAST_ROWS
+    return int((distance[0] > min(SEEN[0] * usual, SEEN[1])).sum()) >= LEAST_ROWS
 
 
 def _best_slip(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[float, int, int]:

@@ -132,6 +132,8 @@ def _require_columns(
         missing = [f"{axis}_meas" for axis in "xyz" if f"{axis}_meas" not in export.columns]
         if missing:
             _refuse_missing(export, missing, "they are the tracker's readings")
+    if command is None and purpose == "run":
+        _refuse_foreign(export, prefix, joints)
     if target is None and command is None:
         _refuse_foreign(export, prefix, joints)
         other = f"{file_title(f'{prefix}1_cmd')} to {file_title(f'{prefix}{joints}_cmd')}"
@@ -140,12 +142,17 @@ def _require_columns(
 
 
 def _refuse_foreign(export: Export, prefix: str, joints: int) -> None:
-    """An arm's run with the machine file of a 3-PTT, or the reverse: no column would help."""
+    """An arm's run with the machine file of a 3-PTT, or the reverse: no column would help.
+
+    Three joints beside targets may be the sliders of a controller that calls them axes.
+    """
     foreign = _foreign(export, prefix)
-    if foreign:
+    axes = prefix == "b" and len(foreign) == joints and "x_cmd" in export.columns
+    if foreign and not axes:
         own = "an arm, whose joints are" if prefix == "q" else "a 3-PTT, whose sliders are"
         raise TableError(
-            f"the commands are {', '.join(foreign)}, and the machine is {own} {prefix}1 to {prefix}{joints}",
+            f"run and machine do not belong together: the commands are {', '.join(foreign)}, and the machine is {own} "
+            f"{prefix}1 to {prefix}{joints}",
             where=export.source,
             fix="use the machine file that belongs to this run",
         )

@@ -8,7 +8,7 @@ import re
 import unicodedata
 
 from ptt.run.readers.columns import Meaning, canonical, dimension_of
-from ptt.run.readers.words import FRENCH, GERMAN
+from ptt.run.readers.words import FRENCH, GERMAN, LOADS
 
 LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60. What takes it apart is not linear
 
@@ -119,6 +119,8 @@ def meaning_of(title: str) -> Meaning | None:
     text = re.sub(r"[\s_.:\-]+", "", text)
     if text in _DRIVER_JOINTS:
         return Meaning(f"q{_DRIVER_JOINTS.index(text) + 1}_cmd", unit or "rad", "" if unit else DRIVER_NOTE)
+    if text in LOADS and unit in ("kg", "g"):
+        return Meaning("payload", unit)
     tokens = _TOKEN.findall(text)
     if "".join(tokens) != text or not tokens:
         return None

@@ -12,10 +12,12 @@ GERMAN = {
     "run": ("lauf", "messlauf"),
     "repeat": ("wiederholung", "zyklus"),
     "time": ("zeitstempel", "uhrzeit"),
-    "payload": ("nutzlast", "traglast", "zuladung"),
+    "payload": ("nutzlast", "traglast", "zuladung", "last"),
     "feed": ("vorschub", "geschwindigkeit"),
     "": ("höhe", "hoehe", "winkel"),
 }
+LOADS = ("load", "mass", "weight", "masse", "gewicht", "beladung", "zusatzlast", "poids", "质量", "重量")
+"""Words that mean a payload where their unit is one of mass, and else a motor's load or nothing that is known."""
 FRENCH = {
     "cmd": ("consigne", "cible", "théorique", "theorique", "commandé", "commande"),
     "meas": ("mesuré", "mesure", "réel", "reel"),

@@ -1,0 +1,106 @@
+"""Noise as stated against what repeats of a pose scatter by."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.setup.columns import Result, said
+from ptt.setup.result import Finding
+from ptt.setup.rows import places
+from ptt.setup.setup import Setup, Undo
+
+BEYOND_FAULTS = 2.0  # mm: what a machine with ordinary faults never returns to a pose by
+STATED_TOO_LARGE, SCATTER_TOO_LARGE = 20.0, 10.0
+
+
+def find_noise(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Noise as stated against what repeats scatter by.
+
+    Args:
+        setup: both files.
+
+    Returns:
+        At most one finding, and the files with the noise restated where that is sure.
+    """
+    found = _noise(setup)
+    if found is None:
+        return [], setup
+    return [found[0]], found[1](setup) if found[1] is not None else setup
+
+
+def _noise(setup: Setup) -> Result | None:
+    """Stated noise against what repeats of a pose in a row scatter by."""
+    stated, source = _stated(setup)
+    found = repeat_scatter(setup)
+    if stated is None or found is None:
+        return None
+    scatter, count = found
+    if stated > STATED_TOO_LARGE * scatter and stated > 0.2:
+        words = (
+            f"{source} says that a coordinate scatters by {1e3 * stated:,.0f} um; "
+            f"{count} repeats scatter by {1e3 * scatter:.1f} um"
+        )
+        fix = f"state it in mm: {scatter:.2g}"
+        return said(setup, "noise-implausible", words, fix), _restated(source, scatter / stated)
+    still = repeat_scatter(setup, still=True)
+    scatter, count = still if still is not None else found
+    if scatter > SCATTER_TOO_LARGE * stated and (still is not None or scatter > BEYOND_FAULTS):
+        words = f"{count} repeats scatter by {1e3 * scatter:,.1f} um, {source} says {1e3 * stated:.1f} um"
+        fix = "look for what changed between the repeats, or state the noise in mm"
+        return said(setup, "noise-implausible", words, fix, False), None
+    return None
+
+
+def _stated(setup: Setup) -> tuple[float | None, str]:
+    std = setup.table.std
+    if std is not None and np.isfinite(std).any():
+        return float(np.nanmedian(std)), "the std columns"
+    return setup.file.tracker.sigma_mm, "sigma_mm of the machine file"
+
+
+def _restated(source: str, factor: float) -> Undo:
+    factor = 1e-3 if 1e-4 < factor < 1e-2 else factor  # um in a column of mm
+
+    def undo(setup: Setup) -> Setup:
+        if "std" in source and setup.table.std is not None:
+            return setup.with_rows(std=setup.table.std * factor)
+        sigma = float(f"{(setup.file.tracker.sigma_mm or 0.0) * factor:.2g}")
+        tracker = setup.file.tracker.model_copy(update={"sigma_mm": sigma})
+        return replace(setup, file=replace(setup.file, tracker=tracker))
+
+    return undo
+
+
+def repeat_scatter(setup: Setup, still: bool = False) -> tuple[float, int] | None:
+    """Scatter of one coordinate over readings of a pose that was reached in the same way, mm.
+
+    Args:
+        setup: both files.
+        still: only readings between which nothing moved: what scatters there is the tracker.
+
+    Returns:
+        Scatter, by the median so that what changed between visits counts little, and how many repeats; None where
+        there are fewer than ten.
+    """
+    place, reading = places(setup), setup.table.measured
+    if still:
+        apart = np.diff(reading, axis=0)[np.linalg.norm(np.diff(place, axis=0), axis=1) < 1e-6]
+        return _scatter(apart[np.isfinite(apart).all(axis=1)])
+    arrival = np.sign(np.round(np.diff(place, axis=0, prepend=place[:1]), 4))
+    others = [setup.table.run, setup.table.payload_kg]
+    beside = [np.nan_to_num(np.asarray(column, dtype=float)) for column in others if column is not None]
+    key = np.column_stack([np.round(place, 3), arrival, *beside])
+    good = np.isfinite(key).all(axis=1) & np.isfinite(reading).all(axis=1)
+    key, reading = key[good], reading[good]
+    if len(key) < 10:
+        return None
+    order = np.lexsort(key.T)
+    same = (np.abs(np.diff(key[order], axis=0)) < 2e-3).all(axis=1)
+    return _scatter(np.diff(reading[order], axis=0)[same])
+
+
+def _scatter(apart: np.ndarray) -> tuple[float, int] | None:
+    """Standard deviation of one reading by differences between two."""
+    if len(apart) < 10:
+        return None
+    return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(2.0)) + 1e-9, len(apart)
