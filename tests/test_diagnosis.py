@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -85,6 +86,18 @@ def test_slow_wander_is_no_machine_error(tmp_path):
     for seed in range(80, 84):
         _, found = learn(tmp_path, "none", seed, wander_um=5.0, wander_s=900.0)
         assert not {step[0].partition("[")[0] for step in found.suggested} & machine
+
+
+def test_a_wave_in_the_readings_of_one_axis_is_no_wander(tmp_path):
+    """A beam that bends lifts far readings slowly up and down by three times their scatter, and moves nothing else."""
+    _, path = run(tmp_path, "none", 86)
+    frame = pd.read_csv(path)
+    wave = 0.03 * np.sin(2.0 * np.pi * frame["time_s"] / (0.4 * np.ptp(frame["time_s"])) + 1.0)
+    frame["z_meas"] += wave * (1.0 + 0.002 * frame["x_meas"])
+    frame.to_csv(path, index=False)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)))
+    assert found.verdict == "unknown"
+    assert (found.depends_on[0].residual, found.depends_on[0].on) == ("z", "time")
 
 
 def test_unknown_fault_is_not_forced_into_the_library(tmp_path):

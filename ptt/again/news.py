@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.again.weigh import Weighed
 from ptt.again.words import on_date
-from ptt.diagnosis.noise import noise_left
+from ptt.diagnosis.noise import noise_left, wanders_beyond
 from ptt.diagnosis.rest import look_for_rest
 from ptt.diagnosis.verdict import EXCESS, Diagnosis, diagnose
 from ptt.effects import Library
@@ -84,7 +84,7 @@ def _objects(found: Weighed, problem: Problem, tell: Progress, seed: int) -> boo
     after = noise_left(system, state).total
     if problem.noise is not None and 1e3 * np.sqrt(max(after**2 - problem.noise.total**2, 0.0)) <= found.before.left:
         return False
-    if state.memory.pose > 0.0 or system.clock.is_fault(state.memory.wander):
+    if state.memory.pose > 0.0 or wanders_beyond(system, state):
         return True
     if problem.noise is not None and after > EXCESS * problem.noise.total:
         return True

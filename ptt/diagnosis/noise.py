@@ -8,6 +8,7 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.system import System, build_system
+from ptt.diagnosis.wander import FAULT
 from ptt.effects import Library
 from ptt.errors import TableError
 from ptt.fitting.solve import fit
@@ -53,6 +54,25 @@ def noise_left(system: System, state: State) -> Noise:
     freedom = max(system.count - state.decided, 1.0)
     scatter = system.in_mm(left)
     return Noise(scatter.T @ scatter * (3.0 / freedom), "saturated model", freedom)
+
+
+def wanders_beyond(system: System, state: State) -> bool:
+    """Whether the memory of the noise has taken what no tracker does by itself, on all axes together or on one.
+
+    Air and stand move a reading along every axis alike; what bends or warms moves one. The memory knows one share for
+    all axes, so an axis is asked for itself: what was foretold against what was not.
+
+    Args:
+        system: the linearised problem.
+        state: the set.
+    """
+    wander = state.memory.wander
+    if wander is None or system.clock.is_fault(wander):
+        return wander is not None
+    left = system.left(state.columns, state.posterior.values)
+    whole = np.var(system.in_mm(left), axis=0)
+    white = np.var(system.in_mm(system.innovation(state.columns, state.posterior.values, state.memory)), axis=0)
+    return bool((whole > (1.0 + FAULT) * white).any())
 
 
 def noise_again(problem: Problem, system: System, state: State) -> Noise:

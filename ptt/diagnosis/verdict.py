@@ -5,11 +5,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ptt.dependence.dependence import Dependence
-from ptt.diagnosis.depends import dependences, rest_of, unknowns_of, with_suspect
+from ptt.dependence.contexts import COORDINATES
+from ptt.dependence.dependence import Dependence, dependence_of
+from ptt.diagnosis.depends import MOST, dependences, rest_of, unknowns_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates
 from ptt.diagnosis.find import STEPS, Found, Progress, find
-from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few
+from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, wanders_beyond
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.search import without
@@ -186,7 +187,10 @@ def conclude(
     fitted_model = replace(model, terms=terms)
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     verdict: Verdict = "unknown" if unproven else _verdict(found, bool(named), rest, problem)
-    depends = dependences(unknowns, left, shown) or rest.depends_on
+    depends = dependences(unknowns, left, shown)
+    if not depends and wanders_beyond(found.system, state):  # the memory has taken it: what it took tells what it is
+        depends = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
+    depends = depends or rest.depends_on
     if verdict == "unknown" and not depends:
         suspect = with_suspect(scorer, scorer.score(without(state, *unproven), state.memory, state.scales))
         left = rest_of(scorer, suspect, problem)[rows]
@@ -223,7 +227,7 @@ def conclude(
 def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict:
     state, system = found.state, found.system
     odd = any(system.atoms[key].block is not None for key in state.keys) or state.memory.pose > 0.0
-    if odd or system.clock.is_fault(state.memory.wander) or rest.significant:
+    if odd or wanders_beyond(system, state) or rest.significant:
         return "unknown"
     if problem.noise is not None and noise_left(system, state).total > EXCESS * problem.noise.total:
         return "unknown"
