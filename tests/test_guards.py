@@ -48,6 +48,7 @@ def place(tmp_path):
     put(tmp_path, "x_cmd,y_cmd,z_cmd\n40,2,3\n-40,30,9\n", "targets.csv")
     put(tmp_path, BARE, "machine.toml")
     put(tmp_path, 'machine = "machine.toml"\n[drive]\nhoming_mm = [0.1, 0, 0]\n', "rig.toml")
+    put(tmp_path, "G21\nG1 X3 F600\n", "part.ngc")
     put(tmp_path, "years of work", "thesis.tex")
     (tmp_path / "way.toml").symlink_to("machine.toml")
     (tmp_path / "way.csv").symlink_to("run.csv")
@@ -70,7 +71,8 @@ WRITERS = [
     ("check run.csv --model machine.toml --out-run {}", "run.csv machine.toml way.csv"),
     ("check run.csv --model machine.toml --out-model {}", "run.csv machine.toml hard.toml"),
     ("diagnose run.csv --model machine.toml --measure-next {}", "run.csv machine.toml"),
-    ("export --model machine.toml --to klipper --out {}", "machine.toml way.toml"),
+    ("export --model machine.toml --to klipper --out {}", "machine.toml way.toml run.csv rig.toml targets.csv"),
+    ("program part.ngc --model machine.toml --out {}", "part.ngc machine.toml run.csv targets.csv"),
     ("dexterity machine.toml --plot {}", "machine.toml"),
 ]
 
@@ -79,13 +81,28 @@ WRITERS = [
 def test_outputs_never_go_onto_inputs_or_files_of_another_kind(words, ontos, place, monkeypatch, capsys):
     monkeypatch.chdir(place)
     before = {each.name: each.read_bytes() for each in place.iterdir()}
-    other = [] if "export" in words else ["thesis.tex"]
-    for onto in [*ontos.split(), *other]:
+    for onto in [*ontos.split(), "thesis.tex"]:
         assert run(words.format(onto).split()) == 2
         said = capsys.readouterr()
         assert said.err.startswith("error: ") and len(said.err.splitlines()) == 1 and not said.out
         assert onto in said.err or "new.csv" in onto
     assert {each.name: each.read_bytes() for each in place.iterdir()} == before
+
+
+TWICE = [
+    "simulate rig.toml targets.csv --out out.csv",
+    "check out.csv --model machine.toml --out-run mended.csv --out-model mended.toml",
+    "predict targets.csv --model machine.toml --out sliders.csv",
+    "program part.ngc --model machine.toml --out out.ngc",
+    "export --model machine.toml --to klipper --out printer.cfg",
+    "export --model machine.toml --to table --step 60 --out grid.csv",
+]
+
+
+def test_an_earlier_output_of_the_same_command_is_replaced(place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    for words in TWICE:
+        assert [run(words.split()), run(words.split())] == [0, 0], capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", [words for words, _ in WRITERS if "DIR" not in words and "train" not in words][:9])
@@ -103,6 +120,10 @@ def test_kinds_of_files_are_told_by_what_they_begin_with(place):
     assert kinds == {"run.csv": "readings", "targets.csv": "table", "machine.toml": "machine", "a.html": "page",
                      "a.png": "picture"}  # fmt: skip
     assert (kind_of(place / "rig.toml"), kind_of(place / "thesis.tex")) == ("rig", "other")
+    put(place, "%\n(slot)\nN10 G1 X3\n", "old.ngc")
+    put(place, "# bench (three-ptt), exported by ptt 1.0 on 2026-01-02\n[printer]\n", "printer.cfg")
+    assert (kind_of(place / "part.ngc"), kind_of(place / "old.ngc")) == ("program", "program")
+    assert kind_of(place / "printer.cfg") == "export"
     wide = put(place, "", "wide.csv")
     wide.write_bytes(RUN.encode("utf-16"))
     assert kind_of(wide) == "readings"

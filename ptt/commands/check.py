@@ -54,7 +54,6 @@ def check(
 
 
 def _write(found: "Checked", out_run: Path | None, out_model: Path | None, several: bool) -> None:
-    from ptt.commands.common import refuse_readings
     from ptt.errors import InputError
     from ptt.machine import save_machine
     from ptt.run.table import write_table
@@ -62,7 +61,6 @@ def _write(found: "Checked", out_run: Path | None, out_model: Path | None, sever
     if out_run is not None:
         if several:
             raise InputError("one file for several runs", where="--out-run", fix="check each run by itself")
-        refuse_readings(out_run)
         if found.table is not None:
             write_table(found.table, out_run)
         note(f"{out_run}: the run, with what was sure undone")

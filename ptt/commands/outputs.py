@@ -20,12 +20,15 @@ WORDS = {
     "picture": "a picture",
     "python": "Python source",
     "json": "JSON",
+    "export": "an export for a controller",
+    "program": "a G-code program",
     "other": "another file",
 }
 KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (  # by the end of an option's metavar: what may be replaced
     ("RIG.toml", ("rig",)),
     (".toml", ("machine",)),
-    ("RUN.csv", ("readings", "table")),
+    ("RUN.csv", ("readings",)),
+    ("R2.csv", ("readings",)),
     (".csv", ("table",)),
     (".html", ("page",)),
     ("HTML", ("page",)),
@@ -33,6 +36,8 @@ KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (  # by the end of an option's 
     ("PNG", ("picture",)),
     (".py", ("python",)),
     ("FILE", ("table",)),
+    ("PATH", ("export",)),  # a folder is looked into by the format itself
+    (".ngc", ("program",)),
 )
 HEAD = 8192  # bytes of a file that tell its kind
 
@@ -92,11 +97,13 @@ def kind_of(path: Path) -> str:
     lower = text.lower().lstrip("\ufeff \r\n")
     for kind, sign in (
         ("page", r"<!doctype html|<html"),
+        ("export", r"(?s).{0,4000}\bexported by ptt "),
         ("readings", r"(.*\n){0,40}?.*\bx_meas"),
         ("rig", r"(?s).*^\s*\[\[?(drive|conditions|geometry|thermal|structure|odd)\b"),
         ("machine", r"(?s).*^\s*\[machine\]"),
         ("table", r"(.*\n){0,40}?[^\n]*\b(x_cmd|b1|q1|b1_cmd|q1_cmd|q1_cmd_rad|x_true)\b.*[,;\t]"),
         ("json", r"[\[{]"),
+        ("program", r"%\s*$|\(|;|/?\s*(n\d+\s*)?[gmtfsoxyz]\s*[-+.]?\d"),
         ("python", r'"""|\'\'\'|import |from |class |#!.*python'),
     ):
         if re.match(sign, lower, re.MULTILINE):
@@ -129,7 +136,7 @@ def _require_kind(out: Path, metavar: str) -> None:
     target = Path(os.path.realpath(out))
     if metavar == "DIR" and target.exists() and not target.is_dir():
         raise InputError("is a file, not a folder", where=str(out), fix="name another folder")
-    if expected is None:
+    if expected is None or (metavar == "PATH" and target.is_dir()):
         return
     require_plain(target, out)
     found = kind_of(target) if target.exists() else ""
