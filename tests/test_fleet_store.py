@@ -218,6 +218,23 @@ def test_a_store_that_somebody_else_keeps_open_is_waited_for_then_told(tmp_path)
     assert store.ask("SELECT count(*) AS n FROM runs") == [{"n": 0}]
 
 
+@pytest.mark.parametrize("damage", ["cut", "flipped"])
+def test_a_damaged_store_is_said_to_be_one(tmp_path, damage, capsys):
+    folder = tmp_path / "store"
+    fill(folder, machines=1, runs=1)
+    file = folder / "fleet.duckdb"
+    data = bytearray(file.read_bytes())
+    # Blocks are of 256 kB after three heads of 4 kB; each begins with its checksum.
+    middle = 3 * 4096 + 262144 * ((len(data) - 3 * 4096) // 262144 // 2)
+    for at in range(3 * 4096, len(data), 4096):
+        data[at + 100] ^= 1
+    file.write_bytes(bytes(data[:middle] if damage == "cut" else data))
+    outcome = invoke("show", folder)
+    assert outcome.exit_code == 2
+    assert "fleet.duckdb: " in outcome.stderr and len(outcome.stderr.strip().splitlines()) == 1
+    assert "unexpected" not in outcome.stderr
+
+
 def test_a_claim_of_a_dead_process_is_taken_over(tmp_path):
     store = fill(tmp_path / "s", 1, 1)
     with transaction(store.file) as connection:

@@ -1,19 +1,21 @@
 """The store's DuckDB file: one writer at a time, so everybody opens it briefly and waits for the others."""
 
 import random
+import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ptt.errors import InputError
+from ptt.errors import HostError, InputError, shown
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection as Connection
 
 PATIENCE = 60.0  # s that anybody waits for the file; transactions here take a few milliseconds
 ONE_THREAD = {"threads": 1}  # what is asked here is small: starting threads takes longer than answering
+DAMAGED = re.compile("IOException|Corrupt|checksum|SerializationException|InternalException|FatalException")
 PAUSE = 0.02  # s before the first further try; doubled up to half a second, so that many waiting do not crowd
 
 
@@ -43,15 +45,30 @@ def transaction(path: Path, *, read_only: bool = False, patience: float = PATIEN
         The connection.
 
     Raises:
-        InputError: another program keeps the file, or it is none of DuckDB's.
+        InputError: another program keeps the file, or it is none of DuckDB's, or damaged.
+        HostError: the disk is full.
     """
-    connection = _connect(path, read_only, patience)
+    connection, package = _connect(path, read_only, patience), duckdb()
     try:
         connection.begin()
         yield connection
         connection.commit()
+    except package.Error as error:
+        raise _failed(path, error) from error
     finally:
         connection.close()  # what was not committed is undone
+
+
+def _failed(path: Path, error: Exception) -> Exception:
+    """What DuckDB says of a file that is damaged or cannot grow, as an error of ours; a mistake of ours as it is."""
+    text = " ".join(str(error).split())
+    if re.search("No space|Disk quota|could not allocate", text, re.IGNORECASE):
+        return HostError(f"{path}: cannot be written ({shown(text, 200)}); make room and try again")
+    if DAMAGED.search(f"{type(error).__name__} {text}"):
+        return InputError(
+            f"is damaged ({shown(text, 200)})", where=str(path), fix="take a copy of the store from before"
+        )
+    return error
 
 
 def _connect(path: Path, read_only: bool, patience: float) -> "Connection":
