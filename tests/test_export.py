@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.commands.main import guard
+from ptt.commands.main import guard, run
 from ptt.correct.exports.format import Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, survey
@@ -17,7 +17,7 @@ from ptt.correct.training.compensator import Compensator
 from ptt.effects.drive import HomingOffset
 from ptt.effects.reversal import Backlash
 from ptt.errors import InputError
-from ptt.machine import ControllerSpec, MachineFile
+from ptt.machine import ControllerSpec, MachineFile, save_machine
 from ptt.model.model import Model, Term
 
 ZEROS = torch.tensor([0.2, -0.1, 0.05], dtype=torch.float64)
@@ -88,6 +88,16 @@ def test_the_head_names_model_and_digest_without_ending_a_comment(bench: Machine
     assert ")" not in text
     assert text.isascii()
     assert len(text.splitlines()) == 2
+
+
+def test_how_a_run_is_read_is_refused_where_none_is_named(
+    bench: MachineFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_machine(bench, tmp_path / "m.toml")
+    words = ["export", "--model", str(tmp_path / "m.toml"), "--to", "klipper", "--out", str(tmp_path / "printer.cfg")]
+    assert run([*words, "--set", "payload_kg=2"]) == 2
+    assert "--set: says how a run is read, and no run is named; add --run RUN.csv" in capsys.readouterr().err
+    assert not (tmp_path / "printer.cfg").exists()
 
 
 def test_the_command_refuses_to_write_over_its_model(tmp_path: Path) -> None:

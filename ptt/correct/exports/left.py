@@ -10,7 +10,7 @@ from ptt.correct.compensate import Correction, Inside, compensate
 from ptt.correct.exports.format import CannotHold, ErrorLeft, Options
 from ptt.correct.terms import left_to_controller, split_terms
 from ptt.correct.training.rest import correction_of
-from ptt.errors import PttError
+from ptt.errors import PosesError
 from ptt.machine import TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts, predict
@@ -61,7 +61,7 @@ def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> 
         Those that can be sent.
 
     Raises:
-        PttError: none of them can.
+        PosesError: none of them can.
     """
     compensator = _in_base(compensator)
     file = compensator.model.file
@@ -78,7 +78,7 @@ def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> 
     first = _solve(compensator, table, q.numpy())
     kept = np.flatnonzero(first.sent)
     if not len(kept):
-        raise PttError(f"{file.source}: no place of the workspace can be sent; `ptt predict` says why of each target")
+        raise PosesError(f"{file.source}: no place of the workspace can be sent; `ptt predict` says why of each target")
     table = take_rows(table, kept)
     commands = first if len(kept) == len(q) else _solve(compensator, table, q.numpy()[kept])
     static = commands.q - commands.reversal
