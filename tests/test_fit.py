@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from ptt.effects import Effect, library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
-from ptt.errors import MachineError, ModelError, TableError
+from ptt.errors import MachineError, ModelError, PosesError, TableError
 from ptt.fitting.gauss_newton import bounded_step, descend
 from ptt.fitting.observability import correlations, unobservable
 from ptt.fitting.outliers import inside
@@ -41,6 +41,16 @@ KNOWN = library()
 def machine(**tracker: object) -> MachineFile:
     file = sample_machine("three-ptt")
     return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": SIGMA, **tracker}))
+
+
+def test_values_with_which_the_machine_cannot_stand_where_it_was_sent_are_refused_by_row() -> None:
+    """Readings kilometres away ask for offsets beyond every link: that is no fit, and no error of ours."""
+    file = machine()
+    table = empty_run(40)
+    table = table.replace(measured=table.target.copy())
+    far = Term(KNOWN["homing-offset"](), torch.tensor([1e6, 0.0, -1e6], dtype=torch.float64))
+    with pytest.raises(PosesError, match=r"table row 2 and 39 more: .* homing-offset, the machine cannot stand"):
+        fit(Model(file) + far, build_problem(file, table))
 
 
 def empty_run(rows: int = 200, seed: int = 1) -> Table:

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ptt.effects.phrases import listed
 from ptt.effects.sudden import Sudden
+from ptt.errors import PosesError
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.evidence import inverse
 from ptt.fitting.gauss_newton import DONE, Equations, descend
@@ -122,8 +124,27 @@ def _begin(
     layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
     evaluate = Evaluator(layout, problem, noise, coarse=coarse)
     unknowns = np.clip(layout.start(), layout.lower, layout.upper)
+    _require_reach(evaluate(unknowns), model, problem)
     kept = _without_outliers(evaluate(unknowns), problem, layout, noise) if robust else problem.used.copy()
     return evaluate, unknowns, kept, usual_prior(layout)
+
+
+def _require_reach(system: System, model: Model, problem: Problem) -> None:
+    """Refuse values with which the machine could not have stood where it was commanded to: nothing follows from them.
+
+    Raises:
+        PosesError: there are such rows.
+    """
+    stood = np.isfinite(system.prediction.reading.numpy()).all(axis=1) & np.isfinite(system.jacobian).all(axis=(1, 2))
+    lost = np.flatnonzero(problem.used & ~stood)
+    if not len(lost):
+        return
+    values = listed([term.effect.key for term in model.terms if len(term.theta)]) or "the drawing"
+    more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
+    raise PosesError(
+        f"{problem.table.place(int(lost[0]))}{more}: with the values that the readings ask of {values}, the machine "
+        "cannot stand where it was commanded to; look for readings far off (ptt compare) or columns in another unit"
+    )
 
 
 def _begin_long(
