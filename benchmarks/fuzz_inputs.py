@@ -74,43 +74,44 @@ class Pull(Effect):
         height = (view.q - view.home).mean(dim=1)
         return height[:, None, None] * torch.eye(3, 2, dtype=torch.float64)
 '''
-COMPARE, PREDICT = ["compare", "run.csv", "--model", "model.toml", "--json"], ["predict", "targets.csv"]
-# command line, the inputs that it reads, its output, and how often it is drawn (slow ones less)
-COMMANDS: tuple[tuple[list[str], tuple[str, ...], str, int], ...] = (
-    (COMPARE, ("run.csv", "model.toml"), "", 6),
-    ([*COMPARE, "--map", "map.toml"], ("map.toml", "run.csv"), "", 3),
-    ([*COMPARE, "--also", "also.csv"], ("also.csv",), "", 2),
-    (["compare", "run.csv", "--model", "comp", "--json"], ("comp",), "", 3),
-    (["check", "run.csv", "--model", "machine.toml", "--json"], ("run.csv", "machine.toml"), "", 8),
-    (["check", "run.csv", "--model", "machine.toml", "--out-run", "out.csv", "--json"], ("run.csv",), "out.csv", 3),
-    (["diagnose", "run.csv", "--model", "machine.toml", "--steps", "1", "--json"], ("run.csv", "machine.toml"), "", 1),
-    (["add", "run.csv", "link-length", "--model", "model.toml", "--out", "out.toml", "--json"],
-     ("run.csv", "model.toml"), "out.toml", 2),
-    (["add", "run.csv", "pull", "--model", "model.toml", "--effects", "own.py", "--out", "out.toml", "--json"],
-     ("own.py",), "out.toml", 5),
-    (["fit", "run.csv", "--model", "model.toml", "--out", "out.toml", "--json"], ("run.csv", "model.toml"),
-     "out.toml", 3),
-    (["remove", "run.csv", "backlash", "--model", "model.toml", "--out", "out.toml", "--json"], ("model.toml",),
-     "out.toml", 1),
-    ([*PREDICT, "--model", "model.toml", "--out", "out.csv", "--json"], ("targets.csv", "model.toml"), "out.csv", 8),
-    ([*PREDICT, "--model", "comp", "--out", "out.csv", "--json"], ("comp", "targets.csv"), "out.csv", 12),
-    (["train", "run.csv", "--machine", "model.toml", "--out", "folder", "--json"], ("run.csv", "model.toml"),
-     "folder", 1),
-    (["evaluate", "run.csv", "also.csv", "--json"], ("run.csv", "also.csv"), "", 6),
-    (["iso", "run.csv", "--model", "machine.toml", "--json"], ("run.csv", "machine.toml"), "", 5),
-    (["iso", "axis.csv", "--json"], ("axis.csv",), "", 5),
-    (["backlash", "scale.csv", "--lead", "5", "--json"], ("scale.csv",), "", 8),
-    (["backlash", "scale.csv", "--model", "machine.toml", "--json"], ("machine.toml", "scale.csv"), "", 3),
-    (["simulate", "rig.toml", "targets.csv", "--out", "out.csv", "--json"], ("rig.toml", "targets.csv"), "out.csv", 8),
-    (["simulate", "rig.toml", "targets.csv", "--sliders", "sliders.csv", "--out", "out.csv", "--json"],
-     ("sliders.csv",), "out.csv", 5),
-    (["plan", "machine.toml", "--out", "out.csv", "--rows", "40", "--json"], ("machine.toml",), "out.csv", 1),
-    (["dexterity", "machine.toml", "--targets", "targets.csv", "--json"], ("machine.toml", "targets.csv"), "", 3),
-    (["effects", "--effects", "own.py", "--json"], ("own.py",), "", 3),
-    (["effects", "check", "own.py", "--json"], ("own.py",), "", 3),
-    (["effects", "new", "cable-drag", "--like", "found.json", "--out", "out.py", "--json"], ("found.json",),
-     "out.py", 3),
-)  # fmt: skip
+PART = """%
+(a slot, a corner and an arc)
+N10 G21 G90 G17 G94
+N20 G0 X-20 Y-10 Z5
+N30 G1 Z-2 F240
+N40 X20 F600
+N50 G3 X25 Y-5 I0 J5
+N60 G1 Y10
+N70 G2 X15 Y20 R10
+N80 G91 G1 X-5 Y-3
+N90 G90 G0 Z5
+M30
+%
+"""
+ARM = (
+    """[machine]
+kind = "serial"
+name = "arm"
+convention = "standard"
+tool_mm = [0.0, 0.0, 50.0]
+"""
+    + "".join(
+        f"\n[[machine.joint]]\nalpha_deg = {alpha}\na_mm = {a}\nd_mm = {d}\nlimits_deg = [-170.0, 170.0]\n"
+        for alpha, a, d in ((90.0, 0.0, 300.0), (0.0, 400.0, 0.0), (90.0, 50.0, 0.0), (-90.0, 0.0, 350.0))
+    )
+    + """
+[tracker]
+frame = "fitted"
+tool = "fitted"
+sigma_mm = 0.01
+"""
+)
+ARM_FITTED = """
+[[effect]]
+name = "backlash"
+[effect.parameters]
+gap_rad = { value = [0.0004, 0.0, 0.0003, 0.0], std = [1e-05, 1e-05, 1e-05, 1e-05] }
+"""
 
 
 def make_inputs(place: Path, run: Callable[[list[str]], int]) -> None:
@@ -125,18 +126,27 @@ def make_inputs(place: Path, run: Callable[[list[str]], int]) -> None:
     (place / "rig.toml").write_text(RIG)
     (place / "map.toml").write_text(ANSWERS)
     (place / "own.py").write_text(OWN)
+    (place / "part.ngc").write_text(PART)
+    (place / "arm.toml").write_text(ARM)
+    (place / "arm_model.toml").write_text(ARM + ARM_FITTED)
+    _arm(place)
     _targets(place / "targets.csv")
     _scale_log().to_csv(place / "scale.csv", index=False)
     _axis_runs().to_csv(place / "axis.csv", index=False)
     for words in (
         ["simulate", "rig.toml", "targets.csv", "--seed", "3", "--out", "run.csv"],
         ["simulate", "rig.toml", "targets.csv", "--seed", "4", "--out", "also.csv"],
-        [*PREDICT, "--model", "model.toml", "--out", "sliders.csv"],
+        ["predict", "targets.csv", "--model", "model.toml", "--out", "sliders.csv"],
         ["train", "run.csv", "--machine", "model.toml", "--out", "comp"],
+        ["fit", "run.csv", "--model", "model.toml", "--out", "solved.toml"],
+        ["fleet", "init", "store"],
+        ["fleet", "add", "store", "bench", "run.csv", "--model", "model.toml", "--date", "2026-01-02"],
+        ["fleet", "run", "store"],
     ):
         if run(words):
             raise RuntimeError(f"{words} fails on sound inputs")
-    found = {"depends_on": [{"residual": "slider 2", "on": "b2", "share": 0.4, "p_value": 1e-5, "period_mm": 5.0}]}
+    depends = {"residual": "slider 2", "on": "b2", "share": 0.4, "p_value": 1e-5, "shape": "period", "period_mm": 5.0}
+    found = {"depends_on": [depends | {"curve": {"at": [180.0, 285.0, 390.0]}}]}
     (place / "found.json").write_text(json.dumps(found))
 
 
@@ -148,6 +158,20 @@ def _targets(path: Path) -> None:
     frame = pd.DataFrame(rows, columns=["x_cmd", "y_cmd", "z_cmd"])
     frame.insert(0, "name", [f"p{index + 1}" for index in range(len(rows))])
     frame.to_csv(path, index=False)
+
+
+def _arm(place: Path) -> None:
+    """Thirty random poses of an arm with play, as a virtual tracker reads them, and some of them as targets."""
+    from ptt.machine import load_machine
+    from ptt.rig.draw_arm import draw_arm
+
+    drawn = draw_arm(load_machine(place / "arm.toml").machine, "backlash", 3, rows=30)
+    joints = [f"q{index + 1}_cmd_rad" for index in range(drawn.q.shape[1])]
+    commands = pd.DataFrame(drawn.q.round(6), columns=joints)
+    readings = pd.DataFrame(drawn.readings.round(4), columns=["x_meas", "y_meas", "z_meas"])
+    more = pd.DataFrame({"payload_kg": drawn.payload_kg, "temp_c": drawn.temp_c.round(2), "time_s": drawn.time_s})
+    pd.concat([commands, readings, more], axis=1).to_csv(place / "arm.csv", index=False)
+    commands.head(12).to_csv(place / "arm_targets.csv", index=False)
 
 
 def _scale_log() -> pd.DataFrame:

@@ -49,12 +49,13 @@ def mutate_file(path: Path, rng: random.Random) -> Mutation:
         What was done.
     """
     if path.is_dir():
-        return _folder(path, rng)
+        return _folder(path, rng) if (path / "compensator.json").exists() else _store(path, rng)
     kinds: dict[str, tuple[Callable[[Path, random.Random], Mutation], ...]] = {
         ".csv": (_cells,) * 8 + (_rows,) * 5 + (_titles,) * 4 + (_harmless,) * 3 + (_bytes,) * 3,
         ".toml": (_toml_value,) * 8 + (_toml_lines,) * 4 + (_bytes,) * 2,
         ".py": (_own,),
         ".json": (_json_text, _json_text, _bytes),
+        ".ngc": (_gcode,) * 5 + (_bytes,),
     }
     return rng.choice(kinds[path.suffix])(path, rng)
 
@@ -332,6 +333,59 @@ def _folder(path: Path, rng: random.Random) -> Mutation:
     words = _tensors(path / names[1], rng)
     _rehash(path)
     return Mutation(f"{path.name}/{names[1]} {words}")
+
+
+GCODE_WORDS = (
+    "Xnan", "X", "X1e400", "X" + "9" * 400, "X--3", "G", "G999", "G1.5", "G2 X1 Y1 R0", "G2 X1 Y1 I1e308", "F0", "F-5",
+    "Fnan", "G20", "G91 X9999", "G17 G18 G19", "#1=3", "[1+1]", "X[1/0]", "(", ")", "((", "/X3", "%", "O100 sub",
+    "M98 P100", "G41 D1", "G43 H1", "G33 X1 K1", "G81 R1 Z-3", "G38.2 Z-1", "G92 X0", "G10 L2 P1 X0", "A3", "X1 X2",
+    "G0 G1 X3", "G2 I1 J0 K0 P1e9", "G3 I1e-9 J0", "G2 X30 Y0 R1e12", "N1e9", "X" + "1" * 300, "\u202eX3", "; x\x00",
+    "G5 I0 J3 P0 Q-3 X1 Y1", "G93 F1", "G95 F1", "G64 P0.01", "G53 X0", "G28", "T1 M6", "G4 P1e308", "g1x3y", "U3",
+)  # fmt: skip
+
+
+def _gcode(path: Path, rng: random.Random) -> Mutation:
+    """Damage a program word by word or line by line."""
+    lines = path.read_text().splitlines()
+    at = rng.randrange(len(lines))
+    kind = rng.choice(("word", "word", "word", "line", "drop", "swap", "number", "number", "long", "many"))
+    word = rng.choice(GCODE_WORDS)
+    if kind == "word":
+        lines[at] = f"{lines[at]} {word}"
+    elif kind == "line":
+        lines.insert(at, word)
+    elif kind == "drop":
+        del lines[at]
+    elif kind == "swap":
+        other = rng.randrange(len(lines))
+        lines[at], lines[other] = lines[other], lines[at]
+    elif kind == "number":
+        word = rng.choice(BAD_NUMBERS + ODD_NUMBERS)
+        lines[at] = re.sub(r"-?\d+$", lambda _: word, lines[at])
+    elif kind == "long":
+        lines[at] += " X1" * 20_000
+    else:
+        lines += ["G91 G1 X0.001"] * 2000
+    path.write_text("\n".join(lines) + "\n")
+    return Mutation(f"{path.name} {kind} {word[:30]!r}")
+
+
+def _store(path: Path, rng: random.Random) -> Mutation:
+    """Damage a fleet's store: its database, a run that it keeps, readings of it."""
+    file = rng.choice(sorted(each for each in path.rglob("*") if each.is_file()))
+    kind = rng.choice(("gone", "cut", "flip", "bytes", "empty", "folder"))
+    data = bytearray(file.read_bytes())
+    file.unlink()
+    if kind == "folder":
+        file.mkdir()
+    elif kind == "flip":
+        for _ in range(rng.choice((1, 20, 500))):
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+    if kind in ("flip", "cut"):
+        file.write_bytes(bytes(data[: rng.randrange(len(data)) if kind == "cut" else len(data)]))
+    elif kind in ("bytes", "empty"):
+        file.write_bytes(rng.randbytes(3000) if kind == "bytes" else b"")
+    return Mutation(f"{path.name}/{file.name[:20]} {kind}")
 
 
 def _tensors(path: Path, rng: random.Random) -> str:

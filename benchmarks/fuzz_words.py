@@ -18,7 +18,7 @@ OPTIONS = (
     "--goal", "--frame", "--z-datum", "--repeats", "--reversal", "--effects", "--also", "--targets", "--hold-out",
     "--no-such",
     "--plots", "--model", "--out", "--chunk-rows", "--truth", "--out-run", "--out-model", "--measure-next",
-    "--plot", "--drawing",
+    "--plot", "--drawing", "--to", "--step", "--run", "--chord-um", "--offset", "--start", "--date",
 )  # fmt: skip
 SETTINGS = (
     "payload_kg=2", "payload_kg=nan", "payload_kg=1e308", "payload_kg", "=", "order=time", "order=no", "x_std=-1",
