@@ -24,7 +24,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from fuzz import Ended, fork_words, load_commands, run_words
+from fuzz import fork_words, load_commands, require_done, run_words
 from fuzz_inputs import make_inputs
 
 STEPS = ("open", "os.rename", "os.chmod", "os.mkdir", "os.remove", "os.rmdir", "tempfile.mkstemp", "tempfile.mkdtemp")
@@ -90,14 +90,14 @@ class Killer:
             shutil.copytree(base, root / "base")
         else:
             (root / "base").mkdir()
-            make_inputs(root / "base", lambda words: fork_words(words, root / "base", self.logs).code)
+            make_inputs(root / "base", lambda words: require_done(words, root / "base", self.logs))
         self.prepared = {verb: self._prepare(verb) for verb in verbs}
 
     def _prepare(self, verb: str) -> Prepared:
         first, words, out = VERBS[verb]
         place = self.root / verb
         shutil.copytree(self.root / "base", place)
-        _require(fork_words(first, place, self.logs))
+        require_done(first, place, self.logs)
         trial = self.root / "trial"
         shutil.copytree(place, trial)
         count, started = self.root / "count", time.monotonic()
@@ -173,11 +173,6 @@ def _fork_killed(words: list[str], place: Path, step: int | None, count: Path) -
 
 def _finish(child: int) -> None:
     os.waitpid(child, 0)
-
-
-def _require(ended: Ended) -> None:
-    if ended.code:
-        raise RuntimeError(ended.err)
 
 
 def _state(path: Path) -> dict[str, str]:

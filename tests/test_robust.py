@@ -18,7 +18,7 @@ CASES = 16
 @pytest.fixture(scope="module")
 def fuzzer(tmp_path_factory):
     fuzz.load_commands()
-    return fuzz.Fuzzer(tmp_path_factory.mktemp("fuzz") / "fuzz")
+    return fuzz.Fuzzer(tmp_path_factory.mktemp("fuzz") / "fuzz", fleet=False)
 
 
 def test_damaged_inputs_end_with_a_result_or_one_clear_line(fuzzer):
