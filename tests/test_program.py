@@ -203,6 +203,8 @@ REFUSED = {
     "/G1 X5": "may skip",
     "G80\nX5": "before any of",
     "G1 X5 X6": "X is there twice",
+    "G1 X" + "9" * 300: "beyond any machine",
+    "G1 X-1000000000.5": "beyond any machine",
     "G1 X": "no number",
     "G1 G0 X5": "two kinds",
     "G2 X10 Y10": "say its centre",

@@ -14,6 +14,7 @@ TOKEN = re.compile(
     r"|(?P<letter>[A-Za-z])\s*(?P<number>[-+]?\s*(?:\d[\d ]*\.?[\d ]*|\.[\d ]+))?"
 )
 ALONE = "is worked out by the controller only"
+GREATEST = 1e9  # mm, or of whatever a letter counts: beyond it nothing is a place, and sums overflow
 FOREIGN = {
     "#": ("a parameter", ALONE),
     "[": ("an expression", ALONE),
@@ -120,7 +121,11 @@ def _read(number: int, line: str, source: str) -> Block:
             raise InputError(f"{what} {why}", where=where, fix=EXPAND if why == ALONE else "correct the line")
         if found["letter"]:
             digits = (found["number"] or "").replace(" ", "")
-            parts.append(Word(found["letter"].upper(), float(digits) if digits else None, found[0].strip()))
+            value = float(digits) if digits else None
+            if value is not None and not abs(value) <= GREATEST:
+                where = f"{at_line(source, number)}, column {place + 1}"
+                raise InputError(f"'{found[0].strip()}' is beyond any machine", where=where, fix="correct the line")
+            parts.append(Word(found["letter"].upper(), value, found[0].strip()))
         elif not found["space"]:
             parts.append(found[0])
         place = found.end()
