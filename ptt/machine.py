@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, NonNegativeFlo
 
 from ptt.errors import MachineError, shown
 from ptt.files import parse_toml, read_text, write_text
+from ptt.history_file import HistoryStep
 
 LEAST_APART = 1.0  # deg between sliders; nearer, the links are coplanar everywhere (a direct singularity)
 
@@ -268,6 +269,12 @@ def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
         document = _Document.model_validate(raw)
     except pydantic.ValidationError as error:
         raise _explain(error, where) from None
+    for number, row in enumerate(document.history, 1):
+        if row.keys() & {"kind", "added"}:  # else it is a person's own
+            try:
+                HistoryStep.model_validate(row)
+            except pydantic.ValidationError as error:
+                raise _explain(error, f"{where} history entry {number}") from None
     return MachineFile(
         document.machine, document.controller, document.tracker, document.effect, document.history, document.targets,
         document.covariance, text, where,

@@ -21,8 +21,9 @@ from ptt.correct.training.notes import check_notes
 from ptt.effects.registry import library
 from ptt.errors import HostError, InputError, MachineError, TableError
 from ptt.files import parse_toml, temporary, write_text
+from ptt.judge.history import read_entries
 from ptt.judge.iso.figures import read_axis_figures
-from ptt.machine import ThreePttSpec, parse_machine
+from ptt.machine import ThreePttSpec, format_machine, parse_machine
 from ptt.run.backlash.scale import read_scale_log
 from ptt.run.readers.columns import GREATEST
 from ptt.run.table import read_table
@@ -299,6 +300,37 @@ def test_any_value_of_any_key_is_taken_or_refused_by_its_key(key, value):
         assert len(str(error)) < 700 and str(error).isprintable()
     else:
         assert np.isfinite(getattr(machine, "link_length_mm"))  # noqa: B009
+
+
+FIGURES = {"x": 1.0, "y": 2.0, "z": 3.0, "total": 4.0}
+STEP = {
+    "date": "2026-03-15T10:00:00+00:00", "command": "add", "kind": "added", "added": ["backlash"], "rows": 80,
+    "helped": True, "files": [{"file": "a.csv", "sha256": "00"}], "ranges": {"temp_c": [20.0, 22.0]},
+    "error_before_um": FIGURES, "error_after_um": FIGURES, "heldout_before_um": FIGURES, "heldout_after_um": FIGURES,
+    "noise_um": {**FIGURES, "source": "repeats"}, "parameters_before": {"backlash": {"gap_mm": [0.1, 0.2, 0.3]}},
+}  # fmt: skip
+
+
+@QUICK
+@given(key=st.sampled_from(sorted(STEP)), inner=st.integers(0, 3), value=VALUES)
+def test_any_value_in_a_step_of_the_history_is_taken_or_refused_by_the_file(key, inner, value):
+    """What is taken can be used: a total that is a list was found out by the verb that needed it, as an accident."""
+    held = STEP[key]
+    if inner and isinstance(held, dict):
+        value = {**held, sorted(held)[inner % len(held)]: value}
+    elif inner and isinstance(held, list):
+        value = [*held[:-1], value]
+    text = "[[history]]\n" + "".join(f"{name} = {toml_of(item)}\n" for name, item in {**STEP, key: value}.items())
+    try:
+        file = parse_machine(BARE + text)
+        (step,) = read_entries(file) or (None,)
+    except MachineError as error:
+        assert len(str(error)) < 700 and str(error).isprintable()
+        return
+    if step is not None:
+        assert all(isinstance(figures["total"], float) for figures in (step.heldout_after_um, step.noise_um))
+        assert all(low <= 1e12 and high <= 1e12 for low, high in file.history[0]["ranges"].values())
+    assert "[[history]]" in format_machine(file)
 
 
 @pytest.mark.parametrize(

@@ -124,4 +124,4 @@ def _left(last: Entry | None) -> float:
     if last is None:
         return 0.0
     excess = last.heldout_after_um["total"] ** 2 - float(last.noise_um["total"]) ** 2
-    return float(np.sqrt(max(excess, 0.0)))
+    return float(np.sqrt(max(excess, 0.0))) if np.isfinite(excess) else 0.0  # nothing was held out

@@ -133,6 +133,10 @@ def _entry(before: Step, step: Step, ladder: Ladder, head: Mapping[str, Any]) ->
     }
 
 
+def _noise(figures: Mapping[str, Any]) -> dict[str, Any]:
+    return {**figures, **_plain(figures)}
+
+
 def _plain(figures: Mapping[str, Any]) -> dict[str, float]:
     return {axis: float(figures[axis]) for axis in AXES}
 
@@ -156,5 +160,5 @@ def _read(row: Mapping[str, Any]) -> Entry:
         str(row["date"]), str(row["command"]), str(changed[0]), str(row["kind"]),
         tuple({"file": str(item["file"]), "sha256": str(item["sha256"])} for item in row["files"]), int(row["rows"]),
         _plain(row["error_before_um"]), _plain(row["error_after_um"]), _plain(row["heldout_before_um"]),
-        _plain(row["heldout_after_um"]), dict(row["noise_um"]), bool(row["helped"]),
+        _plain(row["heldout_after_um"]), _noise(row["noise_um"]), bool(row["helped"]),
     )  # fmt: skip
