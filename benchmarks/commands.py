@@ -22,6 +22,7 @@ from nets import GaussianRbf, measure_domain
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.source import source_of
 from ptt.correct.exports.left import network_parts
+from ptt.correct.predictor import Predictor
 from ptt.correct.training.compensator import Compensator
 from ptt.effects import library
 from ptt.effects.registry import make_effect
@@ -139,7 +140,7 @@ def commands(compensator: Compensator, targets: np.ndarray) -> list[tuple[str, f
     begin = time.perf_counter()
     slow = compensate(compensator.model, make_table(part), correction=correction, inside=inside)
     table.append(("command, ptt predict (torch, statuses and all)", (time.perf_counter() - begin) / len(part)))
-    predict = compensator.predictor()
+    predict = Predictor(compensator)
     found = predict(part)
     apart = np.abs(found - slow.q)[slow.sent].max(axis=1)
     # Where a slider creeps through a turn by nanometres, either side of its gap is as good.

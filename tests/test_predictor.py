@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from ptt.correct.compensate import compensate
+from ptt.correct.predictor import Predictor
 from ptt.correct.training.compensator import Compensator
 from ptt.effects.drive import FollowingError
 from ptt.effects.reversal import Backlash
@@ -42,7 +43,7 @@ def _targets(file: MachineFile) -> np.ndarray:
 def test_rows_one_by_one_in_blocks_and_at_once_are_those_of_predict(bench: MachineFile) -> None:
     compensator, targets = _compensator(bench), _targets(bench)
     expected = compensate(compensator.model, make_table(targets, payload_kg=2.0)).q
-    predict = compensator.predictor()
+    predict = Predictor(compensator)
     predict.load(payload_kg=2.0)
     np.testing.assert_allclose(predict(targets), expected, rtol=0.0, atol=1e-9)
     predict.start()
@@ -59,10 +60,10 @@ def test_rows_one_by_one_in_blocks_and_at_once_are_those_of_predict(bench: Machi
 def test_effects_that_need_the_rows_ahead_are_refused(bench: MachineFile) -> None:
     lag = Term(FollowingError(), torch.full((3,), 0.02, dtype=torch.float64))
     with pytest.raises(InputError, match=r"following-error.*ptt predict"):
-        Compensator(Model(bench) + lag, None, {}).predictor()
+        Predictor(Compensator(Model(bench) + lag, None, {}))
 
 
 def test_without_a_compiler_the_way_out_is_named(bench: MachineFile, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(PttError, match="no C compiler"):
-        _compensator(bench).predictor()
+        Predictor(_compensator(bench))

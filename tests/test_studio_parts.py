@@ -23,9 +23,10 @@ from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
 from ptt.show.studio.guard import COOKIE, Guard, same_origin
 from ptt.show.studio.opening import open_both
+from ptt.show.studio.outcomes import JobFailedError, SetupFoundError
 from ptt.show.studio.page import doing
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
-from ptt.show.studio.pool import JobFailedError, Pool, SetupFoundError
+from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Learned, Source, Trained
 from ptt.show.studio.session import Session
 from ptt.show.studio.store import Place, Store

@@ -33,9 +33,9 @@ from ptt.show.studio.answers import agreed
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.looks import Look
+from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.page_finish import commands_of
 from ptt.show.studio.page_model import ladder_of, words_of
-from ptt.show.studio.pool import QuestionError
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.server import Opening, keep_opening
 from ptt.show.studio.session import Session, key_of, parameter_rows

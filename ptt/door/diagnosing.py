@@ -9,10 +9,11 @@ from ptt.diagnosis.find import STEPS
 from ptt.diagnosis.long import choose_diagnosis
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.diagnosis.verdict import diagnose as learn_whole
+from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
 from ptt.door.run import RowsLike
-from ptt.door.words import as_model, as_run
+from ptt.door.words import as_run
 from ptt.errors import SetupError
 from ptt.fitting.chunks import CHUNK
 from ptt.machine import MachineFile

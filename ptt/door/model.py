@@ -4,7 +4,7 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ptt.correct.training.compensator import Compensator, load_compensator, write_compensator
 from ptt.effects import Effect
@@ -16,6 +16,7 @@ from ptt.model.model import Model as Physics
 from ptt.model.model import parameter_names, read_model, write_model
 
 if TYPE_CHECKING:
+    from ptt.correct.predictor import Predictor
     from ptt.mechanisms.protocol import Mechanism
 
 EffectLike = str | Effect | type[Effect]
@@ -49,6 +50,17 @@ class Model:
     def mechanism(self) -> "Mechanism":
         """The nominal mechanism: `forward`, `inverse`, `jacobian` of all rows at once."""
         return build_mechanism(self.file.machine)
+
+    def predictor(self) -> "Predictor":
+        """Corrected commands one by one or in long runs, by the model's own C; needs a C compiler.
+
+        Raises:
+            PttError: there is no compiler.
+            InputError: the model has effects that C does not hold.
+        """
+        from ptt.correct.predictor import Predictor
+
+        return Predictor(self.compensator)
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -171,3 +183,28 @@ def _effect(model: Physics, index: int) -> str:
     names = parameter_names(term.effect, model.file.machine.kind, model.joints)
     values = ", ".join(f"{name} {value:.4g}" for name, value in zip(names, term.theta.tolist(), strict=True))
     return f"{term.effect.key}: {values}"
+
+
+def as_model(given: Any, usage: str) -> Model:
+    """A model from a model, a result that has one, or the path of one.
+
+    Args:
+        given: what was handed over.
+        usage: how the verb is called, as 'diagnose(model, run)'.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if isinstance(given, Model):
+        return given
+    if isinstance(given, str | Path):
+        return load(given)
+    inner = getattr(given, "model", None)
+    if isinstance(inner, Model):
+        return inner
+    raise InputError(f"{usage}: got {kind_of(given)} where the model belongs", fix="ptt.load reads one from a file")
+
+
+def kind_of(given: Any) -> str:
+    """What was handed over, in words."""
+    return "nothing" if given is None else f"a {type(given).__name__}"

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 from ptt.again.recheck import recheck as hold_against
 from ptt.again.result import Recheck
+from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
 from ptt.door.run import RowsLike
-from ptt.door.words import as_model, as_run
+from ptt.door.words import as_run
 
 if TYPE_CHECKING:
     import pandas as pd

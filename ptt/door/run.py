@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from ptt.door.model import Model
+from ptt.door.model import Model, as_model
 from ptt.door.options import Reading
 from ptt.door.reading import read_rows
 from ptt.door.result import Note, unheard
@@ -104,8 +104,6 @@ def read(
     Raises:
         InputError: it cannot be read; the message names file, row, column and a way out.
     """
-    from ptt.door.words import as_model
-
     machine = as_model(model, "read(run, model)")
     given = (run, *((also,) if isinstance(also, str | Path) else also))
     usage = "read(run, model)"
@@ -157,8 +155,6 @@ def read_targets(
     Raises:
         InputError: they cannot be read.
     """
-    from ptt.door.words import as_model
-
     machine = as_model(model, "read_targets(targets, model)")
     written = [_file_of(_positions(targets), "read_targets(targets, model)")]
     answers = _answers(map)

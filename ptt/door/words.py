@@ -3,29 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from ptt.door.model import Model, load
+from ptt.door.model import Model, kind_of
 from ptt.door.run import Rows, Run, Targets, read, read_targets
 from ptt.errors import InputError
-
-
-def as_model(given: Any, usage: str) -> Model:
-    """A model from a model, a result that has one, or the path of one.
-
-    Args:
-        given: what was handed over.
-        usage: how the verb is called, as 'diagnose(model, run)'.
-
-    Raises:
-        InputError: it is something else.
-    """
-    if isinstance(given, Model):
-        return given
-    if isinstance(given, str | Path):
-        return load(given)
-    inner = getattr(given, "model", None)
-    if isinstance(inner, Model):
-        return inner
-    raise InputError(f"{usage}: got {_named(given)} where the model belongs", fix="ptt.load reads one from a file")
 
 
 def as_run(given: Any, model: Model, usage: str) -> Run:
@@ -42,7 +22,7 @@ def as_run(given: Any, model: Model, usage: str) -> Run:
     if isinstance(given, Run):
         return given
     if isinstance(given, Model | Targets) or not _readable(given):
-        raise InputError(f"{usage}: got {_named(given)} where the run belongs", fix="ptt.read reads one from a file")
+        raise InputError(f"{usage}: got {kind_of(given)} where the run belongs", fix="ptt.read reads one from a file")
     return read(given, model)
 
 
@@ -60,13 +40,9 @@ def as_targets(given: Any, model: Model, usage: str) -> Targets:
     if isinstance(given, Targets):
         return given
     if isinstance(given, Rows | Model):
-        raise InputError(f"{usage}: got {_named(given)} where targets belong", fix="ptt.read_targets reads them")
+        raise InputError(f"{usage}: got {kind_of(given)} where targets belong", fix="ptt.read_targets reads them")
     return read_targets(given, model)
 
 
 def _readable(given: Any) -> bool:
     return isinstance(given, str | Path) or hasattr(given, "columns") or hasattr(given, "to_frame")
-
-
-def _named(given: Any) -> str:
-    return "nothing" if given is None else f"a {type(given).__name__}"

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nets import GaussianRbf, NetsError, load_rbf, save_rbf
 from ptt.correct.doubt import NetworkError
@@ -18,9 +18,6 @@ from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
 from ptt.model.model import Model, read_model, write_model
 from ptt.version import __version__
-
-if TYPE_CHECKING:
-    from ptt.correct.predictor import Predictor
 
 MODEL, NETWORK, NOTES = "model.toml", "rbf.safetensors", "compensator.json"
 OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})
@@ -48,16 +45,6 @@ class Compensator:
         if self.network is None or not {"physics", "rbf"} <= set(held):
             return None
         return NetworkError(1e-3 * float(held["rbf"]["total"]), 1e-3 * float(held["physics"]["total"]))
-
-    def predictor(self) -> "Predictor":
-        """Commands one by one or in long runs, by the model's own C; needs a C compiler.
-
-        Raises:
-            PttError: there is no compiler, or the model has effects that C does not hold.
-        """
-        from ptt.correct.predictor import Predictor
-
-        return Predictor(self)
 
     @property
     def space(self) -> Space:

@@ -11,7 +11,8 @@ from nicegui import Client
 from ptt.errors import InputError, PttError
 from ptt.machine import parse_machine
 from ptt.show.studio.looks import Look
-from ptt.show.studio.pool import JobCancelledError, JobFailedError, Pool, QuestionError, SetupFoundError
+from ptt.show.studio.outcomes import JobCancelledError, JobFailedError, QuestionError, SetupFoundError
+from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source, Trained
 from ptt.show.studio.session import START, Session, key_of
 from ptt.show.studio.store import Place

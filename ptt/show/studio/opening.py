@@ -5,7 +5,7 @@ import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ptt.show.studio.pool import QuestionError
+from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.results import ANSWERS, Source
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from nicegui import ui
 
 from ptt.run.readers.columns import UNITS, dimension_of
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.pool import QuestionError
+from ptt.show.studio.outcomes import QuestionError
 
 IGNORE = "ignore"
 WORDS = {

@@ -2,62 +2,24 @@
 
 import asyncio
 import atexit
-import io
 import multiprocessing
 import os
 import signal
-import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import redirect_stderr, suppress
-from multiprocessing.connection import Connection
+from collections.abc import Sequence
+from contextlib import suppress
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
-from ptt.errors import PttError, SetupError
-from ptt.show.studio.verbs import Run, use
+from ptt.show.studio.outcomes import JobFailedError, Progress, QuestionError, SetupFoundError
+from ptt.show.studio.verbs import Run
+from ptt.show.studio.worker import serve
 
-Progress = Callable[[str, int, int], None]
 POLL = 0.02  # s
 IDLE = 120.0  # s without work after which a process is given back
 FEWEST, MOST = 2, 4  # at once: a diagnosis beside a quick look; more than this and each of them gets slow
 KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
-
-
-class JobCancelledError(Exception):
-    """The person stopped the job."""
-
-
-class JobFailedError(Exception):
-    """The job refused or failed; the message is the one of the command line."""
-
-
-class QuestionError(Exception):
-    """A file leaves something open that a person has to answer.
-
-    Attributes:
-        question: what is open.
-        choices: the possible answers.
-    """
-
-    def __init__(self, question: str, choices: Sequence[str]) -> None:
-        """Keep question and choices."""
-        super().__init__(question)
-        self.question, self.choices = question, tuple(choices)
-
-
-class SetupFoundError(Exception):
-    """The set-up looks mistaken; the person may mend it or go on.
-
-    Attributes:
-        findings: as `ptt check --json` lists them.
-    """
-
-    def __init__(self, findings: Sequence[dict[str, Any]]) -> None:
-        """Keep the findings."""
-        super().__init__("the set-up looks mistaken")
-        self.findings = tuple(findings)
 
 
 class Hand:
@@ -199,47 +161,3 @@ class Pool:
         for hand in [hand for hand in self._free if time.monotonic() - hand.since > self.idle]:
             self._free.remove(hand)
             self._end(hand)
-
-
-def serve(connection: Connection, verb: Run | None = None) -> None:
-    """Do jobs until the page goes away.
-
-    Args:
-        connection: to the page.
-        verb: how verbs of the command line are run.
-    """
-    if hasattr(os, "setsid"):
-        os.setsid()  # with what it starts it is one group, ended as one
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    sys.stdin = open(os.devnull)  # noqa: SIM115 - nobody is asked on the terminal that the page was started from
-    from ptt.show.studio import jobs
-
-    use(verb)
-    jobs.prepare()
-    while True:
-        try:
-            folder, job, arguments = connection.recv()
-            os.chdir(folder)  # messages then name files as a person in that folder would
-            connection.send(_answer(connection, getattr(jobs, job), arguments))
-            os.chdir(os.sep)
-        except (EOFError, BrokenPipeError, KeyboardInterrupt):
-            return
-
-
-def _answer(connection: Connection, job: Callable[..., Any], arguments: Sequence[Any]) -> tuple[Any, ...]:
-    def tell(what: str, done: int = 0, of: int = 0) -> None:
-        connection.send(("progress", what, done, of))
-
-    try:
-        with redirect_stderr(io.StringIO()):
-            return "done", job(*arguments, tell=tell)
-    except QuestionError as question:
-        return "question", question.question, question.choices
-    except SetupError as error:
-        return "setup", [finding.to_dict() for finding in error.check.findings]
-    except PttError as error:
-        return "failed", " ".join(str(error).split())
-    except OSError as error:
-        return "failed", f"{Path(str(error.filename or 'file')).name}: {error.strerror or error}"
-    except Exception as error:
-        return "failed", f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"

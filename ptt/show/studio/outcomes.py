@@ -1,0 +1,41 @@
+"""What may come of a job beside its result, and how it tells where it is."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+Progress = Callable[[str, int, int], None]
+
+
+class JobCancelledError(Exception):
+    """The person stopped the job."""
+
+
+class JobFailedError(Exception):
+    """The job refused or failed; the message is the one of the command line."""
+
+
+class QuestionError(Exception):
+    """A file leaves something open that a person has to answer.
+
+    Attributes:
+        question: what is open.
+        choices: the possible answers.
+    """
+
+    def __init__(self, question: str, choices: Sequence[str]) -> None:
+        """Keep question and choices."""
+        super().__init__(question)
+        self.question, self.choices = question, tuple(choices)
+
+
+class SetupFoundError(Exception):
+    """The set-up looks mistaken; the person may mend it or go on.
+
+    Attributes:
+        findings: as `ptt check --json` lists them.
+    """
+
+    def __init__(self, findings: Sequence[dict[str, Any]]) -> None:
+        """Keep the findings."""
+        super().__init__("the set-up looks mistaken")
+        self.findings = tuple(findings)

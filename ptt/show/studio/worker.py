@@ -1,0 +1,58 @@
+"""A process that calculates: it does one job after the other until the page goes away."""
+
+import io
+import os
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from ptt.errors import PttError, SetupError
+from ptt.show.studio.outcomes import QuestionError
+from ptt.show.studio.verbs import Run, use
+
+
+def serve(connection: Connection, verb: Run | None = None) -> None:
+    """Do jobs until the page goes away.
+
+    Args:
+        connection: to the page.
+        verb: how verbs of the command line are run.
+    """
+    if hasattr(os, "setsid"):
+        os.setsid()  # with what it starts it is one group, ended as one
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.stdin = open(os.devnull)  # noqa: SIM115 - nobody is asked on the terminal that the page was started from
+    from ptt.show.studio import jobs
+
+    use(verb)
+    jobs.prepare()
+    while True:
+        try:
+            folder, job, arguments = connection.recv()
+            os.chdir(folder)  # messages then name files as a person in that folder would
+            connection.send(_answer(connection, getattr(jobs, job), arguments))
+            os.chdir(os.sep)
+        except (EOFError, BrokenPipeError, KeyboardInterrupt):
+            return
+
+
+def _answer(connection: Connection, job: Callable[..., Any], arguments: Sequence[Any]) -> tuple[Any, ...]:
+    def tell(what: str, done: int = 0, of: int = 0) -> None:
+        connection.send(("progress", what, done, of))
+
+    try:
+        with redirect_stderr(io.StringIO()):
+            return "done", job(*arguments, tell=tell)
+    except QuestionError as question:
+        return "question", question.question, question.choices
+    except SetupError as error:
+        return "setup", [finding.to_dict() for finding in error.check.findings]
+    except PttError as error:
+        return "failed", " ".join(str(error).split())
+    except OSError as error:
+        return "failed", f"{Path(str(error.filename or 'file')).name}: {error.strerror or error}"
+    except Exception as error:
+        return "failed", f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
