@@ -50,7 +50,8 @@ WAIT_S = 120.0  # of the clock: what waits for a pipe uses no processor
 LINE = 600  # characters of a message
 MEMORY = Path("/dev/shm")  # where files cost no disk, if there is such a place
 RENEWED = {verb: ("model.toml", "solved.toml", "arm_model.toml", "machine.toml") for verb in ("add", "fit", "remove")}
-RENEWED |= {"simulate": ("run.csv", "also.csv", "arm.csv"), "check": ("run.csv", "also.csv", "arm.csv")}
+RENEWED |= {"simulate": ("run.csv", "also.csv", "arm.csv")}
+RENEWED |= {"check": (*RENEWED["simulate"], *RENEWED["add"])}
 RENEWED |= {"predict": ("sliders.csv", "targets.csv", "arm_targets.csv"), "plan": ("sliders.csv", "targets.csv")}
 STORE = "store"  # of a fleet: what its verbs read and write at once
 
