@@ -157,8 +157,9 @@ def _after_repair(result: Any) -> list[str]:
     rest = listed([f"{key} {now[key]:.1f} um" for key in order[:WORST]])
     helped = "helped" if now[TOTAL] < before[TOTAL] else "took its own error away, yet the tool does not gain"
     return [
-        f"The repair {helped}: what the effects of the model do to the tool in this run goes from {before[TOTAL]:.1f} to "
-        f"{now[TOTAL]:.1f} um ({rest}). The old model still corrects what is no longer there: fit it to this run (ptt fit)."
+        f"The repair {helped}: what the effects of the model do to the tool in this run goes from {before[TOTAL]:.1f} "
+        f"to {now[TOTAL]:.1f} um ({rest}). The old model still corrects what is no longer there: fit it to this run "
+        "(ptt fit)."
     ]
 
 
