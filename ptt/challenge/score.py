@@ -1,7 +1,7 @@
 """How well a model names what is hidden in a rig: found, missed, added wrongly; and what compensation makes of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ from ptt.challenge.truth import MICRO, UNSEEN, Fault, Truth, table_of
 from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model, parameter_names
-from ptt.rig import RunResult, simulate
+from ptt.rig import Rig, RunResult, simulate
 from ptt.rig.draw import DrawnRig
 from ptt.run.noise import Noise
 
@@ -174,7 +174,7 @@ def score(model: Model, truth: Truth, correction: Correction | None = None) -> S
 
 
 def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = None) -> ToolError:
-    """Send a model's commands for the run's own targets to the rig.
+    """Send a model's commands for the run's own targets to the rig, as the run has left it.
 
     Args:
         model: effects with their parameters.
@@ -184,6 +184,7 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     Returns:
         The tool's error before and after.
     """
+    drawn = replace(drawn, rig=as_left(drawn.rig))
     before = simulate(drawn.rig, drawn.targets, noise=False)
     wanted = table_of(before.frame[before.frame["role"] != "base"])
     try:
@@ -195,6 +196,21 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     except WorkspaceError:
         after = None
     return ToolError(_error(before, drawn), after)
+
+
+def as_left(rig: Rig) -> Rig:
+    """The rig after its run: a slider that slipped in the middle of it does not slip back.
+
+    Args:
+        rig: before its run.
+
+    Returns:
+        The same with what slipped off its place from the first row on.
+    """
+    drive = rig.drive
+    if drive.slip_row is None and drive.slip_time_s is None:
+        return rig
+    return replace(rig, drive=drive.model_copy(update={"slip_row": 0, "slip_time_s": None}))
 
 
 def _explained(fault: Fault, keys: Sequence[str], truth: Truth) -> bool:
