@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile
+from ptt.run.base_visits import sound_visits
 from ptt.run.frames import align, rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
 from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise
@@ -264,7 +265,9 @@ def _from_base(
                 where=table.source,
                 fix='add rows with role = "base", or set frame = "fitted" in the machine file',
             )
-        readings = {name: table.measured[here & (table.name == name)] for name in seen}
+        visits = {name: table.measured[here & (table.name == name)] for name in seen}
+        spots = {name: np.array(drawn[name].xyz_mm) for name in seen}
+        readings = sound_visits(visits, spots, max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in seen)))
         place = np.array([drawn[name].xyz_mm for name in seen])
         mean = np.array([np.median(readings[name], axis=0) for name in seen])
         rotations[index], shifts[index] = align(place, mean)
