@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 NEAR_IN_TIME = 1800.0  # s: repeats further apart than this have seen drift and warmth come between
 ENOUGH = 30  # degrees of freedom below which repeats alone do not make a noise floor
+ROUNDING = 1e-9  # of the summed variances: what scatters by less in some direction than others' rounding
+NOTHING = 1e-18  # mm^2: no reading is better than a nanometre
+STEPS = tuple(digit * 10.0**-power for power in range(1, 5) for digit in (5.0, 2.0, 1.0))  # mm, that readings come in
+ON_STEP = 1e-5  # of a step: how near a reading lies to a whole number of them
 SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
@@ -48,7 +52,8 @@ class Noise:
     @property
     def whitener(self) -> np.ndarray:
         """W with W^T W the inverse covariance, (3, 3) 1/mm."""
-        return np.linalg.cholesky(np.linalg.inv(self.covariance)).T
+        least = max(ROUNDING * float(np.trace(self.covariance)), NOTHING)
+        return np.linalg.cholesky(np.linalg.inv(at_least(self.covariance, least))).T
 
     def to_dict(self) -> dict[str, object]:
         """Figures in micrometres for JSON."""
@@ -111,7 +116,36 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
-    return Noise(covariance, "repeats", float(freedom))
+    step = step_of(table.measured[usable])
+    return Noise(at_least(covariance, step**2 / 12.0), "repeats", float(freedom))
+
+
+def at_least(covariance: np.ndarray, variance: float) -> np.ndarray:
+    """A covariance with no direction of less than some variance, (3, 3) mm^2; as it is where it has none.
+
+    Args:
+        covariance: (3, 3) mm^2.
+        variance: mm^2.
+    """
+    sizes, ways = np.linalg.eigh(covariance)
+    if sizes[0] >= variance:
+        return covariance
+    return np.asarray((ways * np.maximum(sizes, variance)) @ ways.T)
+
+
+def step_of(reading: np.ndarray) -> float:
+    """The step that readings come in, mm: repeats within one step look alike, and are not.
+
+    Args:
+        reading: (n, 3) mm, in the tracker's own axes.
+
+    Returns:
+        The largest of the usual decimal steps that all of them are whole numbers of; zero where none is.
+    """
+    for step in STEPS:
+        if (np.abs(reading / step - np.round(reading / step)) < ON_STEP).all():
+            return step
+    return 0.0
 
 
 def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:
