@@ -44,7 +44,7 @@ def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
 def refilled(scorer: Scorer, best: State) -> State:
     """Take each curve of a set out in turn for as many plain effects as it takes: one curve can do several's work.
 
-    Swaps one for one never find those: none of them alone is worth as much.
+    Swaps one for one never find those: none of them alone is worth as much. The curve may come back beside them.
 
     Args:
         scorer: of the system.
@@ -57,7 +57,8 @@ def refilled(scorer: Scorer, best: State) -> State:
         atom = scorer.system.atoms[key]
         if key in best.keys and len(atom.columns) > FEW:
             fewer = scorer.score(without(best, key), best.memory, best.scales)
-            other = improve(scorer, fewer, _is_plain, swaps=False)
+            plain = improve(scorer, fewer, _is_plain, swaps=False)
+            other = improve(scorer, plain, swaps=False)
             if other.total > best.total + LEAST:
                 best = improve(scorer, other)
     return best
@@ -126,6 +127,13 @@ def loose(scorer: Scorer, state: State) -> tuple[str, ...]:
     return without(state, *scorer.given)
 
 
+def _wanders(atom: Atom) -> bool:
+    """Whether an atom is something that changes in the course of the run, as the tracker's wander does."""
+    if atom.effect is not None:
+        return atom.effect.card is not None and atom.effect.card.telling == "time"
+    return atom.block is not None and "time" in atom.block.on
+
+
 def _is_effect(atom: Atom) -> bool:
     return atom.effect is not None
 
@@ -148,6 +156,17 @@ def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     return moves + [scorer.score(without(state, key), state.memory, state.scales) for key in weak]
 
 
+def _remembering(scorer: Scorer, state: State, key: str) -> State:
+    """Another memory of the noise in place of an atom that changes in the course of the run.
+
+    A wander beside a jump that imitates it says little more, and the jump without it too much: one has to go for the
+    other.
+    """
+    fewer = scorer.score(without(state, key), state.memory, state.scales)
+    memory, _ = scorer.best_memory(fewer)
+    return scorer.score(fewer.keys, memory, fewer.scales)
+
+
 def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     """Another memory of the noise, and swaps of atoms, or of the memory, for others."""
     moves: list[State] = []
@@ -158,6 +177,10 @@ def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     if state.memory != WHITE:
         less.append(scorer.score(state.keys, WHITE, state.scales))
         moves.append(less[-1])
+    else:
+        moves += [
+            _remembering(scorer, state, key) for key in loose(scorer, state) if _wanders(scorer.system.atoms[key])
+        ]
     names = {key: scorer.system.atoms[key].name for key in state.keys}
     for fewer in less:
         gone = {names[key] for key in set(state.keys) - set(fewer.keys)}
