@@ -39,28 +39,39 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarr
 def best_moments(
     scorer: Scorer, state: State, may_go: Sequence[str], candidates: Sequence[Effect]
 ) -> dict[str, list[Shape]]:
-    """The row at which each sudden effect would do best in place of everything that changes in time.
+    """The rows at which each sudden effect would do best in place of what changes in time, and of everything unknown.
 
-    Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one.
+    Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one; and a
+    block that took a jump's place along the travel, or with the warmth that came along, leaves nothing of it to date.
 
     Args:
         scorer: of a linearised problem.
         state: the explanation.
-        may_go: keys of it that may be taken out; those that change in time are.
+        may_go: keys of it that may be taken out.
         candidates: effects that may be missing.
 
     Returns:
-        Sudden effect -> its moment.
+        Sudden effect -> its moments.
     """
+    atoms = scorer.system.atoms
+    timely = [key for key in may_go if _is_timely(atoms[key])]
+    unknown = [key for key in may_go if atoms[key].block is not None or key in timely]
+    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
+    found: dict[str, list[Shape]] = {}
+    for gone in [timely] if set(unknown) == set(timely) else [timely, unknown]:
+        for effect in sudden:
+            found.setdefault(effect.key, []).append(_moment_beside(scorer, state, gone, effect))
+    return found
+
+
+def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:
+    """Where a sudden effect does best beside a state less some of it."""
     system = scorer.system
     assert isinstance(system, RowSystem)
-    timely = [key for key in may_go if _is_timely(system.atoms[key])]
-    still = scorer.score(without(state, *timely), WHITE, state.scales)
+    still = scorer.score(without(state, *gone), WHITE, state.scales)
     left = np.zeros((system.at.problem.table.rows, 3))
     left[system.rows] = system.left(still.columns, still.posterior.values)
-    used = np.isin(np.arange(len(left)), system.rows)
-    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
-    return {effect.key: [best_moment(system.at, left, used, effect)] for effect in sudden}
+    return best_moment(system.at, left, np.isin(np.arange(len(left)), system.rows), effect)
 
 
 def _is_timely(atom: Atom) -> bool:
