@@ -30,6 +30,7 @@ from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
+MOST_FIRST = 0.05  # share of the rows that may open a run and be left out for it
 OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
 
 Progress = Callable[[str], None]
@@ -133,6 +134,21 @@ def find(
     return found
 
 
+def without_first(problem: Problem) -> Problem:
+    """A problem without the rows that a run opens with: from where they came, on which side of any play, nobody knows.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        The same with those rows masked; as it is where they are more than a few.
+    """
+    view = problem.view
+    first = view.starts.numpy() & (view.direction.numpy() != 0.0).any(axis=1)
+    few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
+    return problem.masked(first) if few else problem
+
+
 def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
     """What the blocks of a state put into the readings, (n, 3) mm."""
     total = np.zeros((problem.table.rows, 3))
@@ -188,9 +204,10 @@ def _needless(found: Found, current: Model, problem: Problem) -> tuple[str, ...]
         return ()
     whole = _fit_less(current, problem, found.carried, found.gross, found.noise)
     dropped: list[str] = []
+    lenders = {name for term in terms for parameter in term.effect.parameters for name in parameter.lent}
     for key in sorted(loose(scorer, state), key=lambda key: state.worth(key) if key in current.keys else np.inf):
-        if atoms[key].effect is None or key not in current.keys or len(current.terms) == 1:
-            continue
+        if atoms[key].effect is None or key not in current.keys or len(current.terms) == 1 or key in lenders:
+            continue  # nor is one that a curve beside it would take over
         fewer = _fit_less(whole.model.without(key), problem, found.carried, found.gross, found.noise)
         if 0.5 * (fewer.chi2 - whole.chi2) / state.posterior.phi < atoms[key].odds:
             whole, current = fewer, current.without(key)

@@ -6,7 +6,7 @@ from functools import partial
 
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.everywhere import Task, find_everywhere
-from ptt.diagnosis.find import STEPS, Found, Progress, find
+from ptt.diagnosis.find import STEPS, Found, Progress, find, without_first
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.search import without
 from ptt.diagnosis.span import Span, span_of
@@ -71,6 +71,7 @@ def diagnose_long(
     enough(problem)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
+    problem = without_first(problem)
     span = span_of(problem)
     sample = take(problem, sample_stretches(problem, sample_rows, STRETCH))
     told = find(model, sample, known, tell, steps, span)

@@ -9,14 +9,14 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, unknowns_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates
-from ptt.diagnosis.find import STEPS, Found, Progress, find
+from ptt.diagnosis.find import STEPS, Found, Progress, find, without_first
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, wanders_beyond
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.search import without
 from ptt.diagnosis.steps import name_steps
 from ptt.diagnosis.wander import Wander
-from ptt.diagnosis.words import by_base, explain_verdict
+from ptt.diagnosis.words import explain_verdict
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
@@ -30,6 +30,7 @@ from ptt.run.problem import Problem
 Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 LEAST = 12  # readings: twice what a rigid motion alone takes
 EXCESS = 1.5  # times a stated noise from which an error is not nothing
+BESIDE = 2.0  # the same beside what is named: one stated figure for all axes and distances is often half too small
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,7 @@ def diagnose(
     enough(problem)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
+    problem = without_first(problem)
     found = find(model, problem, known, tell, steps)
     if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
         raise too_few(problem)
@@ -221,7 +223,7 @@ def conclude(
         fitted=found.fitted,
         words="",
     )
-    return replace(result, words=explain_verdict(result, steps) + by_base(model, problem))
+    return replace(result, words=explain_verdict(result, steps))
 
 
 def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict:
@@ -229,7 +231,8 @@ def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict
     odd = any(system.atoms[key].block is not None for key in state.keys) or state.memory.pose > 0.0
     if odd or wanders_beyond(system, state) or rest.significant:
         return "unknown"
-    if problem.noise is not None and noise_left(system, state).total > EXCESS * problem.noise.total:
+    most = BESIDE if named else EXCESS
+    if problem.noise is not None and noise_left(system, state).total > most * problem.noise.total:
         return "unknown"
     return "missing" if named else "nothing-missing"
 
