@@ -176,19 +176,44 @@ def _kinds_of_values(
     """Of each value: its learned variance, whether it cannot be negative, whether it is near zero by definition.
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
-    superfluous values beside the few that matter would cost an effect its evidence. What is kept near zero has one a
-    joint altogether: where zero lies divides cosines from sines, which nature does not.
+    superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
+    and so does their straight part. What is kept near zero has one a joint altogether: where zero lies divides cosines
+    from sines, which nature does not.
     """
     joints, group, bounded, held, first, curves = problem.view.joints, [], [], [], 1, 0
     for parameter in effect.parameters:
         size = parameter.size(joints)
-        apart = joints if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 else 0
-        if apart:
-            begin = curves = (curves or first) if parameter.held else first
-            group.append(begin + np.repeat(np.arange(joints), parameter.count))
+        if parameter.role == "linear" and parameter.per_joint and parameter.count > 1:
+            curves = curves or first
+            group.append(curves + np.repeat(np.arange(joints), parameter.count))
+            first += joints
         else:
             group.append(np.full(size, 0 if parameter.role == "linear" and not parameter.held else first))
-        first += max(apart, 1)
+            first += 1
         bounded.append(np.full(size, parameter.lower >= 0.0))
-        held.append(np.full(size, parameter.held))
+        held.append(np.full(size, parameter.held and not parameter.lent))
     return np.concatenate(group)[chosen], np.concatenate(bounded)[chosen], np.concatenate(held)[chosen]
+
+
+def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:
+    """How many usual sizes the straight part of a curve is beside the curve, for each of an effect's values.
+
+    A curve has no straight part over its whole travel. The share f of the travel that was visited sees one: a curve
+    whose slope wanders at random has a level of 1/f - 1 times its bow there, and about as much slope.
+
+    Args:
+        effect: the effect.
+        problem: n rows.
+
+    Returns:
+        (w,) of all its parameters in their order; one for all but what others lend their cause to.
+    """
+    low, high = problem.view.q.amin(dim=0), problem.view.q.amax(dim=0)
+    ends = problem.view.travel_limits
+    share = ((high - low) / (ends[:, 1] - ends[:, 0])).clamp(1e-3, 1.0).numpy()
+    sizes, curve = [], 1.0
+    for parameter in (each.on(problem.file.machine.kind) for each in effect.parameters):
+        more = np.maximum((1.0 / share - 1.0) * curve / parameter.usual, 1.0) if parameter.lent else np.ones(len(share))
+        sizes.append(np.repeat(more, parameter.count) if parameter.lent else np.ones(parameter.size(len(share))))
+        curve = parameter.usual
+    return np.concatenate(sizes)

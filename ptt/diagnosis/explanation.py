@@ -14,6 +14,7 @@ from ptt.diagnosis.score import State
 from ptt.diagnosis.steps import Step, held_out, share_of
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
+from ptt.fitting.linear import usual_sizes
 from ptt.model.model import Model, Term, parameter_names
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -182,7 +183,8 @@ def _told(
     assert atom.effect is not None
     values = atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
     std, prior = state.errors(atom, scale)
-    told = std**2 < MEASURED * np.minimum(prior, atom.sizes(scale)) ** 2
+    usual = usual_sizes(atom.effect, problem)
+    told = std[: len(usual)] ** 2 < MEASURED * np.minimum(prior[: len(usual)], usual) ** 2
     rows = zip(_names(atom.effect, problem), values, std, told, strict=False)  # what is linear comes first
     return tuple((*name, float(value), float(error)) for name, value, error, seen in rows if seen)
 

@@ -64,9 +64,18 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
 
 
 def _foretells(scorer: Scorer, state: State, key: str) -> bool:
-    """Whether the whole explanation does better on hidden blocks of travel with an effect than without it."""
-    whole = loose(scorer, state)
+    """Whether the whole explanation does better on hidden blocks of travel with an effect than without it.
+
+    A curve whose straight part is the effect does its work as well, so it stands aside.
+    """
+    whole = tuple(other for other in loose(scorer, state) if key == other or not _lends(scorer, other, key))
     return held_out(scorer, whole) < held_out(scorer, tuple(other for other in whole if other != key))
+
+
+def _lends(scorer: Scorer, curve: str, key: str) -> bool:
+    """Whether the straight part of a curve is what another effect is."""
+    one, two = scorer.system.atoms[curve].effect, scorer.system.atoms[key].effect
+    return one is not None and two is not None and any(two.name in each.lent for each in one.parameters)
 
 
 def share_of(scorer: Scorer, key: str) -> float:

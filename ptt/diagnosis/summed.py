@@ -11,7 +11,7 @@ from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.gross import gross_errors
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums, block_sums, hide, sum_rows
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.system import System, clock_of, whitened
+from ptt.diagnosis.system import System, clock_of, straightened, whitened
 from ptt.effects import Effect
 from ptt.fitting.chunks import map_chunks, numbers
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
@@ -227,6 +227,7 @@ def columns_of(
     """
     shapes = {key: shapes for key, (_, shapes) in trials.items()}
     linear = linear_columns(at.fitted, chunk, [effect for effect, _ in trials.values()], at.noise, shapes)
+    linear = straightened(linear, at.fitted, run.problem)
     wanted = [atom.name for atom in at.blocks] if names is None else list(names)
     if not wanted:
         return linear, linear.columns

@@ -2,12 +2,12 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block
+from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block, straight_sizes
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, RowSums, Sums, base_sums, block_sums, hide
 from ptt.diagnosis.narrow import narrow
@@ -221,7 +221,7 @@ def build_system(
     Returns:
         The system.
     """
-    linear = linear or linear_columns(fitted, problem, candidates, noise, shapes)
+    linear = straightened(linear or linear_columns(fitted, problem, candidates, noise, shapes), fitted, problem)
     assert linear.at is not None
     blocks = unknown_blocks(problem, linear.at.chain, periods, span)
     columns = np.concatenate([linear.columns[rows], *(whitened(block, noise)[rows] for block in blocks)], axis=2)
@@ -236,6 +236,17 @@ def build_system(
         travel_blocks(problem.table)[rows], _levers(linear, noise, rows), linear.at,
         few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
     )  # fmt: skip
+
+
+def straightened(linear: Linear, fitted: FitResult, problem: Problem) -> Linear:
+    """The same with the straight parts of curves in sizes that they have over the visited travel."""
+    more = np.ones(linear.columns.shape[2])
+    for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
+        more[linear.present[term.effect.key]] = straight_sizes(term.effect, problem)[free]
+    for trial in linear.trials:
+        more[trial.columns] = straight_sizes(trial.effect, problem)[: len(trial.columns)]
+    base = linear.base_columns * more
+    return replace(linear, columns=linear.columns * more, scale=linear.scale * more, base_columns=base)
 
 
 def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndarray]:
