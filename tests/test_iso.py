@@ -325,6 +325,8 @@ def test_command_on_axis_runs(app, tmp_path):
     answer = json.loads(CliRunner().invoke(app, [str(path), "--json"]).stdout)
     assert answer["axes"][0]["B_um"] == pytest.approx(4.0)
     assert "reversal B" in CliRunner().invoke(app, [str(path)]).stdout
+    for words in (["--also", str(path)], ["--set", "temp_c=20"], ["--any-direction"]):  # was silently left aside
+        assert CliRunner().invoke(app, [str(path), *words]).exit_code != 0
 
 
 def test_targets_a_hair_apart_are_one_pose_and_loads_too():

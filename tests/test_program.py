@@ -259,3 +259,6 @@ def test_the_command_tells_a_program(tmp_path: Path, capsys) -> None:
     assert told["moves"] < told["pieces"] and 0.0 < told["deviation_um"] <= 10.0 and told["largest_shift_um"] > 100.0
     assert out.read_text() == corrected(part.read_text(), WORN, chord_um=10.0)
     assert run(["program", str(out), "--model", str(model), "--out", str(out)]) == 2
+    for setting in ("payload_kg=1e308", "temp_c=nan", "time_s=inf", "feed_mm_s=3"):
+        words = ["program", str(part), "--model", str(model), "--out", str(tmp_path / "no.ngc"), "--set", setting]
+        assert run(words) == 2 and "--set: " in capsys.readouterr().err

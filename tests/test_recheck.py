@@ -94,6 +94,9 @@ def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -
     assert {item.moved.effect for item in found.changed} == {"backlash"}
     assert all(item.repaired for item in found.changed) and "Repaired" in found.words
     assert found.made_um["now"]["backlash"] < 0.1 * found.made_um["before"]["backlash"]
+    assert " on reversal by the model of " in found.words or "as a whole" in found.words
+    assert set(found.made_um["now"]) == {"total", *(term.effect.key for term in found.model.terms)}
+    assert all(found.to_dict()["made_um"]["before"])  # no key without a name
     assert "The repair helped" in found.words and "link-length" in found.words.partition("The repair helped")[2]
 
 

@@ -10,6 +10,8 @@ from ptt.again.weigh import Weighed
 from ptt.fitting.evidence import WIDE, inverse
 from ptt.fitting.solve import rms
 
+TOTAL = "total"
+
 
 @dataclass(frozen=True)
 class Moved:
@@ -134,7 +136,7 @@ def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:
         values: (w,) of the model, in usual sizes.
 
     Returns:
-        Key of the effect -> root mean square; '' for all together.
+        Key of the effect -> root mean square; 'total' for all together.
     """
     layout, system = found.at.fitted.layout, found.system
     flat = found.own.reshape(3 * len(system.rows), -1)
@@ -144,5 +146,5 @@ def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:
         mine = np.ones(len(values), dtype=bool) if term is None else owner == index
         work = flat[:, mine] @ values[mine]
         work = system.in_mm((work - basis @ (basis.T @ work)).reshape(-1, 3))
-        made["" if term is None else term.effect.key] = rms(work, np.ones(len(work), dtype=bool))["total"]
+        made[TOTAL if term is None else term.effect.key] = rms(work, np.ones(len(work), dtype=bool))["total"]
     return made

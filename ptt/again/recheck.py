@@ -18,7 +18,7 @@ from ptt.diagnosis.noise import noise_after
 from ptt.diagnosis.steps import Step, name_steps
 from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
-from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.chunks import LONG, SAMPLE, numbers, sample_stretches, take
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 
@@ -76,7 +76,7 @@ def recheck(
         noise_um=noise_after(problem, found.system, found.state).to_dict(),
         since=before.since,
         rows=len(found.system.rows),
-        outlier_rows=tuple(int(row) for row in np.flatnonzero(found.gross)),
+        outlier_rows=tuple(int(row) for row in numbers(problem)[found.gross]),
         notes=(*notes, *before.notes, *news.notes, *_set_up(found), *context_notes(before, problem)),
         words="",
         model=replace(model, terms=_merged(model, now)),

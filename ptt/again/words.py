@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ptt.again.figures import Moved
+from ptt.again.figures import TOTAL, Moved
 from ptt.effects import Effect
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, figure, listed, sizes_in_words
@@ -50,7 +50,8 @@ def say_change(effect: Effect, place: int, moved: Moved, view: View, since: str 
     if repaired:
         left = replace(now, size=np.copysign(now.size, moved.now * moved.before))
         error = figure(moved.std * abs(now.size / moved.now) if moved.now else 0.0)
-        return f"Repaired: {then} {compose([before], noun)}, now {sizes_in_words([left])} (+- {error})."
+        model = "by the model" if since is None else f"by the model of {then.removeprefix('on ')}"
+        return f"Repaired: {compose([before], noun)} {model}, {sizes_in_words([left])} (+- {error}) in this run."
     return f"{_upper(_beside(before, now, noun, then))}."
 
 
@@ -152,12 +153,13 @@ def _after_repair(result: Any) -> list[str]:
     if not cured:
         return []
     before, now = result.made_um["before"], result.made_um["now"]
-    order = sorted((key for key in now if key), key=lambda key: -now[key])
+    order = sorted((key for key in now if key != TOTAL), key=lambda key: -now[key])
     rest = listed([f"{key} {now[key]:.1f} um" for key in order[:WORST]])
-    helped = "helped" if now[""] < before[""] else "took its own error away, yet the tool does not gain"
+    helped = "helped" if now[TOTAL] < before[TOTAL] else "took its own error away, yet the tool does not gain"
     return [
-        f"The repair {helped}: what the effects of the model do to the tool in this run goes from {before['']:.1f} to "
-        f"{now['']:.1f} um ({rest}). The old model still corrects what is no longer there: fit it to this run."
+        f"The repair {helped}: what the effects of the model do to the tool in this run goes from {before[TOTAL]:.1f} "
+        f"to {now[TOTAL]:.1f} um ({rest}). The old model still corrects what is no longer there: fit it to this run "
+        "(ptt fit)."
     ]
 
 

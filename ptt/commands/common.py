@@ -23,7 +23,7 @@ Standard output belongs to the result; notes, understood columns and progress go
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,7 +63,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 __all__ = [
     "Also", "Anyway", "Effects", "Json", "Map", "ModelPath", "Progress", "Reading", "Run", "Set", "Targets",
     "asker", "load_both", "note", "open_library", "open_model", "open_run", "parse_settings", "plain", "progress",
-    "read_rows", "refuse_readings", "show", "tell_notes",
+    "read_rows", "refuse_idle", "refuse_readings", "show", "tell_notes",
 ]  # fmt: skip
 
 
@@ -151,6 +151,24 @@ def read_rows(
     from ptt.door.reading import read_rows as understood
 
     return understood(path, file, reading, purpose, checked=checked, ask=asker(reading), note=note)
+
+
+def refuse_idle(given: Mapping[str, object], what: str, fix: str) -> None:
+    """Refuse options that would say nothing: what was meant by them would silently not be done.
+
+    Args:
+        given: option -> its value.
+        what: why it says nothing here.
+        fix: the way out.
+
+    Raises:
+        InputError: one of them was given.
+    """
+    from ptt.errors import InputError
+
+    for option, value in given.items():
+        if value:
+            raise InputError(what, where=option, fix=fix)
 
 
 def asker(reading: Reading) -> "Ask | None":

@@ -16,6 +16,7 @@ from ptt.commands.common import (
     Targets,
     asker,
     note,
+    refuse_idle,
     show,
 )
 
@@ -46,19 +47,11 @@ def export(
     chosen = find_format(to)
     reading = Reading(also, targets, set_, map_, effects, json)
     if run is None:
-        _refuse_idle({"--also": also, "--targets": targets, "--set": set_, "--map": map_})
+        idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_}
+        refuse_idle(idle, "says how a run is read, and no run is named", "add --run RUN.csv")
     loaded = load(model, effects=effects or ())
     table = None if run is None else read_rows(run, loaded.file, reading, checked=True, ask=asker(reading), note=note)
     if step is not None and not chosen.stepped:
         note(f"--step says nothing to format {chosen.name}")
     result = export_as(loaded, chosen, out, model, step=step, table=table)
     show(result.to_dict(), str(result), json)
-
-
-def _refuse_idle(given: dict[str, object]) -> None:
-    """Options on how a run is read where none is: what was meant by them would silently not be done."""
-    from ptt.errors import InputError
-
-    for option, value in given.items():
-        if value:
-            raise InputError("says how a run is read, and no run is named", where=option, fix="add --run RUN.csv")

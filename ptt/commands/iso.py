@@ -5,7 +5,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ptt.commands.common import Also, Effects, Json, Map, Reading, Set, Targets, open_library, parse_settings, show
+from ptt.commands.common import (
+    Also,
+    Effects,
+    Json,
+    Map,
+    Reading,
+    Set,
+    Targets,
+    open_library,
+    parse_settings,
+    refuse_idle,
+    show,
+)
 
 if TYPE_CHECKING:
     from ptt.judge.iso.figures import IsoPoses
@@ -36,6 +48,8 @@ def iso(
         open_library(Reading(effects=effects))  # no figure needs them; a file that cannot be used is said all the same
     result: IsoAxes | IsoPoses
     if is_axis_file(run):
+        idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_, "--any-direction": any_direction}
+        refuse_idle(idle, "says nothing of axis runs, which hold target and measured alone", "leave it out")
         result = read_axis_figures(run)
     else:
         reading = {"also": also or (), "targets": targets, "set_values": parse_settings(set_ or []), "mapping": map_}

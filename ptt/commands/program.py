@@ -91,13 +91,17 @@ def _read(source: Path) -> tuple[str, str, str]:
 
 def _context(set_: list[str] | None) -> dict[str, float]:
     from ptt.errors import InputError
+    from ptt.run.readers.assemble import require_number
 
     values = parse_settings(set_ or ())
     strange = [key for key in values if key not in CONTEXT]
     if strange:
         fix = f"it is one of {', '.join(CONTEXT)}; speeds are those of F"
         raise InputError(f"'{strange[0]}' says nothing to a program", where="--set", fix=fix)
-    return {key: float(value) for key, value in values.items()}
+    numbers = {key: float(value) for key, value in values.items()}
+    for key, value in numbers.items():
+        require_number(key, value)
+    return numbers
 
 
 def _refuse_itself(source: Path, out: Path) -> None:

@@ -16,7 +16,7 @@ from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.search import without
 from ptt.diagnosis.steps import name_steps
 from ptt.diagnosis.wander import Wander
-from ptt.diagnosis.words import explain_verdict
+from ptt.diagnosis.words import by_base, explain_verdict
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
@@ -223,7 +223,7 @@ def conclude(
         fitted=found.fitted,
         words="",
     )
-    return replace(result, words=explain_verdict(result, steps))
+    return replace(result, words=explain_verdict(result, steps) + by_base(model, problem))
 
 
 def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict:

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+import numpy as np
 import torch
 
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, listed, remedies
 from ptt.fitting.gauge import Told, sparsest
-from ptt.model.model import Term
+from ptt.fitting.solve import residual_of, rms
+from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.view import View
@@ -176,6 +178,26 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
             cut_short=steps is not None and steps == count,
         )
     )  # fmt: skip
+
+
+def by_base(model: Model, problem: Problem) -> str:
+    """A word on the tracker's frame where base reflectors hold it in other commands; '' where there are none.
+
+    Args:
+        model: as given.
+        problem: the readings.
+
+    Returns:
+        A sentence with the error that `ptt compare` and `ptt add` print, which is another one.
+    """
+    if problem.base is None:
+        return ""
+    fitted = residual_of(model, problem)
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    return (
+        " (Here the tracker's frame is free to move. Held to the base reflectors, as compare and add hold it, the "
+        f"error of the model as given is {rms(fitted.residual, rows)['total']:.1f} um.)"
+    )
 
 
 def tell_verdict(

@@ -17,7 +17,8 @@ from ptt.door.words import as_run
 from ptt.errors import SetupError
 from ptt.fitting.chunks import CHUNK
 from ptt.machine import MachineFile
-from ptt.run.table import write_table
+from ptt.run.named import named_rows
+from ptt.run.table import Table, write_table
 from ptt.setup import Check, setup_verdict
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class Diagnosed(Result):
         """What the command prints."""
         if self.result is None:
             return f"verdict: setup\n\n{self.check}"
-        return format_diagnosis(self.result)
+        return format_diagnosis(self.result, None if self.opened is None else self.opened.problem.table)
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each candidate: share, p-value, held-out error before and after in um, ties."""
@@ -156,11 +157,12 @@ def diagnose(
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 
-def format_diagnosis(result: "Diagnosis") -> str:
+def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
     """The diagnosis as text.
 
     Args:
         result: the diagnosis.
+        table: the run, for the lines of what was left out.
 
     Returns:
         Lines.
@@ -174,7 +176,9 @@ def format_diagnosis(result: "Diagnosis") -> str:
             ties = ", ".join(candidate.indistinguishable_from)
             figures = f"{candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}"
             lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
-        lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given", ""]
+        lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given"]
+        lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
+        lines += ["step anew, so that its held-out figures differ somewhat", ""]
     if result.depends_on:
         lines.append("what is left depends on:")
         for item in result.depends_on:
@@ -193,9 +197,10 @@ def format_diagnosis(result: "Diagnosis") -> str:
     if result.not_testable:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
-    noise = result.noise.to_dict()
+    noise, left = result.noise.to_dict(), int(result.outliers.sum())
+    where = f": {named_rows(table, result.outliers)}" if left and table is not None else ""
     lines.append(
         f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
-        f"{int(result.outliers.sum())} left out as gross errors"
+        f"{left} left out as gross errors{where}"
     )
     return "\n".join(lines)

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ptt.again.recheck import recheck as hold_against
 from ptt.again.result import Recheck
 from ptt.door.model import as_model
@@ -11,6 +13,7 @@ from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
 from ptt.door.run import RowsLike
 from ptt.door.words import as_run
+from ptt.run.named import named_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +56,9 @@ class Rechecked(Result):
 
     def __str__(self) -> str:
         """What the command prints."""
-        return str(self.result)
+        rows, table = self.result.outlier_rows, self.opened.problem.table
+        left = f"\nleft out as gross errors: {named_rows(table, np.array(rows))}" if rows else ""
+        return f"{self.result}{left}"
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each value: before, now, std, z."""

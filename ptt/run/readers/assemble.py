@@ -77,18 +77,31 @@ def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.
         All columns.
 
     Raises:
-        TableError: a name that cannot be set, or a value that is not finite.
+        TableError: a name that cannot be set, or a value that is not finite or beyond any machine.
     """
     unknown = [name for name in values if name not in SETTABLE]
     if unknown:
         settable = ", ".join((*SETTABLE, "order"))
         raise TableError(f"'{shown(unknown[0])}' cannot be set", where="--set", fix=f"settable: {settable}")
     for name, value in values.items():
-        if not np.isfinite(value):
-            raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
-        if abs(value) > greatest(SETTABLE[name]):
-            raise TableError(f"{name} = {value:g} is beyond any machine", where="--set", fix="correct it")
+        require_number(name, value)
     return export.columns | {SETTABLE[name]: np.full(export.n, float(value)) for name, value in values.items()}
+
+
+def require_number(name: str, value: float) -> None:
+    """Refuse a value that is set for all rows and that no machine can mean.
+
+    Args:
+        name: as in 'payload_kg'.
+        value: of it.
+
+    Raises:
+        TableError: not finite, or beyond any machine.
+    """
+    if not np.isfinite(value):
+        raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
+    if abs(value) > greatest({**_CONTEXT, **SETTABLE}[name]):
+        raise TableError(f"{name} = {value:g} is beyond any machine", where="--set", fix="correct it")
 
 
 def _nan(n: int, width: int) -> np.ndarray:

@@ -95,7 +95,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     steps = tuple(step[0] for step in result.suggested)
     return Learned(
         plain(result.to_dict() | opened.set_up),
-        format_diagnosis(result),
+        format_diagnosis(result, problem.table),
         csv,
         card=plain(card_of_diagnosis(result, problem).to_dict()),
         fits=fits_of(result, opened.model, problem),
