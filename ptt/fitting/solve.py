@@ -1,6 +1,6 @@
 """Weighted least squares of all effects and the tracker frame together, and what the fit does not know."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +9,12 @@ import torch
 from ptt.effects.phrases import listed
 from ptt.effects.sudden import Sudden
 from ptt.errors import PosesError
+from ptt.fitting.alike import excess, times_of
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.evidence import inverse
 from ptt.fitting.gauss_newton import DONE, Equations, descend
 from ptt.fitting.layout import Layout, lay_out
-from ptt.fitting.long import LongEvaluator
+from ptt.fitting.long import LongEvaluator, LongSystem
 from ptt.fitting.outliers import inside, linear_residual
 from ptt.fitting.prior import Prior, crowding_of, learn_prior, usual_prior
 from ptt.fitting.result import FitResult
@@ -28,6 +29,7 @@ NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
 SEEN = 1.0  # a direction counts as seen where the data know it better than its usual size
 ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
 ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
+Witness = Callable[[np.ndarray], np.ndarray | None]
 ALIKE = 0.1  # change of a log variance below which sizes count as settled
 
 
@@ -197,10 +199,24 @@ def _result(
         model, layout, unknowns, empty, empty, system.prediction, system.residual @ np.linalg.inv(noise.whitener).T,
         problem.used & ~kept, noise, 0.0, 1, 0, empty, prior, evaluate.calls, status,
     )  # fmt: skip
-    return conclude(result, unknowns, information, chi2, count)
+    return conclude(result, unknowns, information, chi2, count, _witness(system, problem, kept))
 
 
-def conclude(fitted: FitResult, unknowns: np.ndarray, information: np.ndarray, chi2: float, count: float) -> FitResult:
+def _witness(system: System | LongSystem, problem: Problem, kept: np.ndarray) -> Witness | None:
+    """What tells whether rows err alike; None for a long run, whose rows are never held at once."""
+    if not isinstance(system, System) or not system.jacobian.shape[-1]:
+        return None
+    return lambda inverse: excess(system.jacobian[kept], system.residual[kept], times_of(problem, kept), inverse)
+
+
+def conclude(
+    fitted: FitResult,
+    unknowns: np.ndarray,
+    information: np.ndarray,
+    chi2: float,
+    count: float,
+    witness: Witness | None = None,
+) -> FitResult:
     """State what rows tell of the unknowns: values, covariance, directions that they do not see.
 
     Args:
@@ -209,6 +225,7 @@ def conclude(fitted: FitResult, unknowns: np.ndarray, information: np.ndarray, c
         information: J^T J of the rows in usual sizes, (u, u).
         chi2: weighted sum of squares that is left of them.
         count: number of their coordinates.
+        witness: what rows that err alike add to the scatter of X^T r, given the inverse of the equations.
 
     Returns:
         The fit with all this.
@@ -220,7 +237,9 @@ def conclude(fitted: FitResult, unknowns: np.ndarray, information: np.ndarray, c
     # Small learned sizes make good values, but one parameter may be large where its fellows are not.
     sizes = prior.sizes(layout)
     wide = widening * prior.crowding
-    covariance = wide * inverse(information + np.diag(wide / np.maximum(prior.variance, sizes**2)))
+    solved = inverse(information + np.diag(wide / np.maximum(prior.variance, sizes**2)))
+    more = witness(solved) if witness else None
+    covariance = wide * solved if more is None else wide * solved + solved @ more @ solved
     unseen = unseen_directions(informed * np.outer(sizes, sizes))
     result = replace(
         fitted, unknowns=unknowns, covariance=covariance * np.outer(layout.scale, layout.scale), information=informed,

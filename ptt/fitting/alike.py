@@ -1,0 +1,141 @@
+"""Rows that err alike because they were read one soon after the other: what that takes from their word on a parameter.
+
+A tracker that wanders, and physics that a model lacks, leave residuals that are alike along the time. The values of a
+fit hardly suffer, but a parameter that varies as slowly as the wander is known less well than as many independent rows
+would tell it: the covariance becomes H^-1 (X^T V X) H^-1 with the V that the residuals show.
+
+Source: sandwich covariance under correlated errors, White, Econometrica 48, 1980; the correlation is that of an
+Ornstein-Uhlenbeck process, exp(-|dt|/T), matched to products of residuals.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.run.problem import Problem
+
+LAGS = 16  # rows apart, from neighbours to half the rows, whose products are looked at
+CONSTANTS = 9  # time constants between two steps of the clock and half the run
+SURE = 3.5  # standard deviations: one sound run in a hundred passes in some axis at some constant
+LEAST = 24  # rows from which products tell anything
+TINY = 1e-300
+MOST = 0.8  # share of its energy that a fit may have swallowed before the rest says nothing
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Part of the residuals that lasts from row to row.
+
+    Attributes:
+        variance: (3,) of it per axis, in units of noise squared; zero where none shows.
+        constant: time in which it falls to 1/e.
+    """
+
+    variance: np.ndarray
+    constant: float
+
+
+@dataclass(frozen=True)
+class Times:
+    """When the rows were read.
+
+    Attributes:
+        time: (n,) s, or the row's number where there is no clock.
+        run: (n,) number of the run.
+    """
+
+    time: np.ndarray
+    run: np.ndarray
+
+    def decay(self, constant: float) -> np.ndarray:
+        """What is left of a wander since the row before, (n,); nothing of another run's."""
+        step = np.maximum(np.diff(self.time, prepend=self.time[:1]), 0.0)
+        return np.where(np.diff(self.run, prepend=self.run[:1] - 1) != 0, 0.0, np.exp(-step / constant))
+
+
+def times_of(problem: Problem, rows: np.ndarray) -> Times:
+    """The clock of some rows.
+
+    Args:
+        problem: n rows.
+        rows: (n,) bool.
+
+    Returns:
+        Their times.
+    """
+    view = problem.view
+    number = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
+    time = view.time.numpy() if "time" in view.varies else number
+    return Times(time[rows], view.run.numpy()[rows])
+
+
+def alike_in_time(residual: np.ndarray, times: Times) -> Alike | None:
+    """The part of residuals that lasts, if there is any.
+
+    Args:
+        residual: (n, 3) in units of noise.
+        times: of the rows.
+
+    Returns:
+        None where rows are too few, or may well be independent.
+    """
+    gap, product = _products(residual, times)
+    if len(residual) < LEAST or not len(gap):
+        return None
+    shortest = 2.0 * float(np.median(gap[: len(residual) - 1])) or 1.0
+    longest = max(0.5 * float(np.ptp(times.time)), shortest)
+    best, told, square = 0.0, None, (residual**2).mean(axis=0)
+    for constant in np.geomspace(shortest, longest, CONSTANTS):
+        weight = np.exp(-gap / constant)
+        energy = float(weight @ weight)
+        sure = weight @ product / np.maximum(square * np.sqrt(energy), TINY)
+        worth = float((np.maximum(sure, 0.0) ** 2).sum())
+        if sure.max() > SURE and worth > best:
+            # Where one axis errs alike for sure the others may: what they show counts, sure or not.
+            best, told = worth, Alike(np.clip(weight @ product / energy, 0.0, square), float(constant))
+    return told
+
+
+def _products(residual: np.ndarray, times: Times) -> tuple[np.ndarray, np.ndarray]:
+    """Times between rows of one run, (m,), and products of their residuals per axis, (m, 3)."""
+    rows = len(residual)
+    lags = np.unique(np.geomspace(1, max(rows // 2, 1), LAGS).astype(int))
+    gaps, products = [np.zeros(0)], [np.zeros((0, 3))]
+    for lag in lags[lags < rows]:
+        same = times.run[lag:] == times.run[:-lag]
+        gaps.append(np.abs(times.time[lag:] - times.time[:-lag])[same])
+        products.append((residual[lag:] * residual[:-lag])[same])
+    return np.concatenate(gaps), np.concatenate(products)
+
+
+def excess(jacobian: np.ndarray, residual: np.ndarray, times: Times, inverse: np.ndarray) -> np.ndarray | None:
+    """What rows that err alike add to X^T V X beyond independent rows of the same scatter.
+
+    Args:
+        jacobian: X, (n, 3, u) in units of noise and usual size.
+        residual: (n, 3) in units of noise.
+        times: of the rows.
+        inverse: of the normal equations, prior included, (u, u).
+
+    Returns:
+        (u, u), None where nothing shows. A fit swallows part of a slow wander; what it left is scaled up by that.
+    """
+    told = alike_in_time(residual, times)
+    if told is None:
+        return None
+    joined, own = _joined(jacobian, told, times), np.einsum("nai,naj,a->ij", jacobian, jacobian, told.variance)
+    whole = len(residual) * float(told.variance.sum())
+    swallowed = min(float(np.einsum("ij,ji->", inverse, joined)) / whole, MOST)
+    return joined / (1.0 - swallowed) - own
+
+
+def _joined(jacobian: np.ndarray, told: Alike, times: Times) -> np.ndarray:
+    """X^T K X per axis times its variance, K = exp(-|dt|/T) within runs, by one pass over the rows, (u, u)."""
+    scaled = jacobian * np.sqrt(told.variance)[:, None]
+    decay, state, before = times.decay(told.constant), np.zeros(scaled.shape[1:]), np.empty_like(scaled)
+    for row, keep in enumerate(decay.tolist()):
+        before[row] = state = state * keep
+        state = state + scaled[row]
+    flat, earlier = scaled.reshape(-1, scaled.shape[2]), before.reshape(-1, scaled.shape[2])
+    cross = flat.T @ earlier
+    return np.asarray(flat.T @ flat + cross + cross.T)
