@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
@@ -165,6 +166,14 @@ def test_the_side_that_was_hidden_is_said(tmp_path, name, faults, plus, minus, s
     assert not re.search(minus if sign > 0 else plus, words)
     if size is not None:
         assert found == pytest.approx(size, rel=0.2 if "up to" in words else 0.06), words
+
+
+@pytest.mark.parametrize(("label", "often"), [("harmonic 2", "twice every turn"), ("harmonic 3", "3 times every turn")])
+def test_a_harmonic_repeats_more_than_once_a_turn(tmp_path, label, often):
+    effect = replace(KNOWN["once-per-rev"](), label=label)
+    theta = torch.tensor([0.0, 0.006, 0.0, 0.0, 0.0, 0.0, MACHINE.machine.screw_lead_mm / int(label[-1])])
+    waves = effect.say(theta, torch.full((7,), 1e-4), hide(tmp_path, {}).view)
+    assert f"{often} of the screw" in max(waves, key=lambda wave: wave.size).text
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -142,7 +142,10 @@ class AxisCompliance(Effect):
     )
     card: ClassVar[Card] = Card(
         cause="Nut, bearing and screw yield under the load of the axis.",
-        equation="dq_i = c_i f_i; f from tau columns, else f = (dp/dq)^T F with F = (0, 0, -m g), m the payload",
+        equation=(
+            "dq_i = c_i f_i; f from tau columns, else f = (dp/dq)^T F with F = (0, 0, -m g), m payload and platform "
+            "(arms: payload)"
+        ),
         source="virtual work; stiffness mapping: Gosselin, IEEE Trans. Robotics and Automation 6(3), 1990",
         size="2 to 50 N/um; 5 kg at x = 60 mm and 5 N/um: (-11, 0, -6) um",
         fingerprint="Proportional to payload; the tool sags, toward the leg that carries most.",

@@ -174,11 +174,11 @@ class OncePerRev(Effect):
         waves, errors, period = theta[: 2 * k].reshape(2, k), std[: 2 * k].reshape(2, k), float(theta[-1])
         arm = isinstance(view.mechanism, Serial)
         turn, unit = ("gear", "rad") if arm else ("screw", "mm")
-        own = self.parameters[0].on(family(view))
-        parts = []
+        own, parts = self.parameters[0].on(family(view)), []
+        often = {1: "with every turn", 2: "twice every turn"}.get(self._harmonic, f"{self._harmonic} times every turn")
         for joint, ((cosine, sine), error) in enumerate(zip(waves.T.tolist(), errors.T, strict=True), 1):
             crest = (np.arctan2(sine, cosine) / (2.0 * np.pi) % 1.0) * period
-            words = f"repeat{{s}} an error of {{what}} with every turn of the {turn}, highest {crest:.2g} {unit} in"
+            words = f"repeat{{s}} an error of {{what}} {often} of the {turn}, highest {crest:.2g} {unit} in"
             size = float(np.hypot(cosine, sine))
             parts.append(said(Phrase("", words, words), size, float(error.max()), own.unit, own.usual, joint))
         return tuple(parts)
@@ -195,11 +195,15 @@ class OncePerRev(Effect):
             return "joint values spread over more phases of gear_period_rad, a whole turn where the file has none"
         return "poses whose heights are not commensurate with the lead"
 
+    @property
+    def _harmonic(self) -> int:
+        """How often in a turn it repeats, by the label."""
+        words = self.label.split()
+        return max(int(words[1]), 1) if len(words) == 2 and words[0] == "harmonic" and words[1].isdigit() else 1
+
     def _period(self, view: View) -> float:
         assert view.lead is not None
-        words = self.label.split()
-        harmonic = int(words[1]) if len(words) == 2 and words[0] == "harmonic" and words[1].isdigit() else 1
-        return view.lead / max(harmonic, 1)
+        return view.lead / self._harmonic
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The drawing's lead."""
