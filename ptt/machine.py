@@ -78,8 +78,12 @@ class ThreePttSpec(_Frozen):
     def _check_geometry(self) -> "ThreePttSpec":
         if any(low >= high for low, high in self.travel_ends):
             raise ValueError("slider_travel_mm: the lower end must come first and be smaller than the upper end")
-        if abs(self.base_radius_mm - self.platform_radius_mm) >= self.link_length_mm:
-            raise ValueError("link_length_mm: the links are too short to reach from the sliders to the platform")
+        spread = abs(self.base_radius_mm - self.platform_radius_mm)
+        if spread >= self.link_length_mm:
+            raise ValueError(
+                f"link_length_mm: links of {self.link_length_mm:g} mm are too short to reach from the sliders to the "
+                f"platform, {spread:g} mm further in; is a diameter given for a radius?"
+            )
         return self
 
 
