@@ -1,6 +1,7 @@
 """Set-up mistakes are named with a proof and undone; sound set-ups are left alone."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -221,6 +222,72 @@ def test_targets_in_metres_are_no_mistake_of_the_clock() -> None:
     case = next(case for case in CASES if case.title == "targets in metres")
     tried = try_case(case, "targets", 6000)
     assert [item.mistake for item in tried.found.findings] == ["unit-scale"]
+
+
+def slips(sound: tuple[MachineFile, Table], *missed: int) -> np.ndarray:
+    """Readings of which some were missed, those after each moved up."""
+    kept = np.delete(sound[1].measured, missed, axis=0)
+    return np.vstack([kept, np.full((len(missed), 3), np.nan)])
+
+
+def test_two_readings_missed_are_found_both(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    found = check_setup(file, table.replace(measured=slips(sound, 70, 211)))
+    assert {item.mistake for item in found.sure} == {"row-shift"}
+    assert found.table is not None
+    true = table.measured.copy()
+    true[[70, 211]] = np.nan
+    np.testing.assert_array_equal(found.table.measured, true)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.0 / 25.4])
+def test_a_missed_reading_in_a_left_handed_frame(sound: tuple[MachineFile, Table], factor: float) -> None:
+    """Neither shows without the other; in inches on top there are three mistakes."""
+    file, table = sound
+    found = check_setup(file, table.replace(measured=factor * slips(sound, 122) * [1.0, 1.0, -1.0]))
+    assert {item.mistake for item in found.sure} == {"row-shift", "axis-sign"} | (
+        {"unit-scale"} if factor < 1 else set()
+    )
+    assert found.table is not None
+    cured = agreement(found.file, found.table)
+    assert (cured < 1.5 * agreement(file, table) + 1e-3).all()
+
+
+@pytest.mark.parametrize("factor", [25.4, 1e3])
+def test_a_run_in_one_wrong_unit_agrees_with_itself_and_not_with_the_travel(
+    sound: tuple[MachineFile, Table], factor: float
+) -> None:
+    file, table = sound
+    assert table.command is not None
+    small = table.replace(
+        target=table.target / factor, command=table.command / factor, measured=table.measured / factor
+    )
+    (only,) = check_setup(file, small).findings
+    assert only.mistake == "unit-scale"
+    assert "every length of the run" in only.words and "travel" in only.words
+
+
+def test_readings_from_the_last_row_to_the_first() -> None:
+    file, table = draw_run(9003, rows=60)
+    (only,) = check_setup(file, table.replace(measured=table.measured[::-1])).findings
+    assert only.mistake == "row-order" and "from the last row to the first" in only.words
+
+
+def test_azimuths_in_radians() -> None:
+    file, table = load_machine(DATA / "machine.toml"), read_table(DATA / "run.csv")
+    spec = file.machine.model_copy(update={"slider_azimuth_deg": (0.0, 2.0943951, 4.1887902)})
+    (only,) = check_setup(replace(file, machine=spec), table).findings
+    assert only.mistake == "angle-unit" and "[0.0, 120.0, 240.0]" in only.fix
+
+
+def test_what_nothing_explains_does_not_hold_together(sound: tuple[MachineFile, Table]) -> None:
+    """The readings of some other run: no known mistake, and no word of a set-up that holds."""
+    file, table = sound
+    other = np.random.default_rng(4).uniform(-80.0, 80.0, table.measured.shape)
+    found = check_setup(file, table.replace(measured=other))
+    assert found.ok and "no machine is built so far off" in str(found)
+    assert "holds together" not in str(found)
+    assert check_setup(file, table).to_dict()["unexplained"] is None
 
 
 def test_poses_that_match_in_two_ways_are_named_and_left_alone() -> None:

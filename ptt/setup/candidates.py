@@ -10,44 +10,30 @@ import torch
 
 from ptt.machine import ThreePttSpec
 from ptt.setup.rigid import medians
-from ptt.setup.score import build
+from ptt.setup.score import build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
 Side = Literal["readings", "targets", "both"]
 UNITS = {"inches": 25.4, "metres": 1e3, "centimetres": 10.0, "micrometres": 1e-3}
 SHORT = {"inches": "in", "metres": "m", "centimetres": "cm", "micrometres": "um"}
 BEYOND_HOMING = 5.0  # mm: a slider's zero further off than this was counted from elsewhere, not homed badly
-SHORTEST, LONGEST = 60.0, 1e4  # mm: links of machines that carry a reflector
 AXES = "xyz"
 
 
-def mistakes_in(setup: Setup) -> list[Hypothesis]:
-    """Every single geometric mistake that the columns of a run leave possible.
+def read_off(setup: Setup) -> list[Hypothesis]:
+    """What the readings by themselves show to be likely: a unit by how far they spread, and a left-handed frame."""
+    commanded = forward_many([setup])[0]
+    place = setup.table.target if np.isfinite(setup.table.target).any() else commanded
+    known = np.isfinite(place).all(axis=1) & np.isfinite(setup.table.measured).all(axis=1)
+    if not known.any():
+        return []
+    own, read = (float(np.linalg.norm(np.std(points[known], axis=0))) for points in (place, setup.table.measured))
+    near = [item for item, factor in zip(units("readings"), UNITS.values(), strict=True) if _near(own, factor * read)]
+    return [*near, next(item for item in mirrors("readings") if item.undone == "z negated")]
 
-    Args:
-        setup: both files.
 
-    Returns:
-        Hypotheses, the plainer first.
-    """
-    table = setup.table
-    read, wanted = np.isfinite(table.measured).any(), np.isfinite(table.target).any()
-    sent = table.command is not None
-    found: list[Hypothesis] = []
-    if read:
-        found += [*mirrors("readings"), *units("readings")]
-        found += [] if setup.free else turned_axes("readings")
-    if wanted:
-        found += units("targets")
-        found += mirrors("targets") if sent or not read else []
-    if wanted and read:
-        found += units("both")
-        found += mirrors("both") if sent else []
-    if sent:
-        found += [*slider_units(setup), *slider_orders(setup)]
-    if sent or wanted:
-        found += [*drawing_slips(setup)]
-    return found
+def _near(one: float, other: float) -> bool:
+    return 0.8 * one < other < 1.25 * one
 
 
 def mirrors(side: Side) -> Iterator[Hypothesis]:
@@ -91,12 +77,21 @@ def units(side: Side) -> Iterator[Hypothesis]:
 def slider_units(setup: Setup) -> Iterator[Hypothesis]:
     """Slider heights in another unit, alone or with everything else."""
     low, high = drawn(setup).whole_travel
+    for item, factor in zip(scales(setup), np.repeat(list(UNITS.values()), 2), strict=True):
+        if _plausible(setup, float(factor), 2.0 * (high - low)):
+            yield item
+
+
+def scales(setup: Setup) -> Iterator[Hypothesis]:
+    """Every unit of the slider heights, alone and with all other lengths of the run."""
+    others = [f"{axis}_{kind}" for kind, points in (("cmd", setup.table.target), ("meas", setup.table.measured))
+              for axis in "x" if np.isfinite(points).any()]  # fmt: skip
     for unit, factor in UNITS.items():
-        if not _plausible(setup, factor, 2.0 * (high - low)):
-            continue
-        fix = f"rename the columns (b1_cmd_{SHORT[unit]}, ...)"
+        titles = [f"{title}_{SHORT[unit]}, ..." for title in ("b1_cmd", *others)]
+        fix = f"rename the columns ({titles[0]})"
         yield Hypothesis("unit-scale", f"slider heights taken as {unit}", fix, _scaled(factor), 0.0)
         both = _then(_scaled(factor), _turn("both", factor * np.eye(3)))
+        fix = f"rename the columns ({', '.join(titles)})"
         yield Hypothesis("unit-scale", f"every length of the run taken as {unit}", fix, both, 0.1)
 
 
@@ -109,7 +104,7 @@ def slider_orders(setup: Setup) -> Iterator[Hypothesis]:
             if order != (0, 1, 2) and len(set(signs)) > 1:
                 continue  # two mistakes at once, and which slider it was is not told apart
             moved, down = order != (0, 1, 2), [leg for leg in range(3) if signs[leg] < 0]
-            words = _order_words(order) if moved else ""
+            words = order_words(order) if moved else ""
             words += " and " if moved and down else ""
             words += f"{slider_words(down)} counted downward" if down else ""
             fix = f"swap the columns ({words})" if moved else f"take {slider_words(down)} as a constant less the column"
@@ -120,35 +115,6 @@ def slider_orders(setup: Setup) -> Iterator[Hypothesis]:
     yield Hypothesis(
         "slider-sign", "each slider counted from its own zero", "add the constants to the columns", own_zeros, 0.8
     )
-
-
-def drawing_slips(setup: Setup) -> Iterator[Hypothesis]:
-    """Slips in the machine file that need no number to be found."""
-    spec = setup.file.machine
-    assert isinstance(spec, ThreePttSpec)
-    other = "below" if spec.sliders == "above" else "above"
-    yield Hypothesis(
-        "slider-side", f"the sliders {other} the platform", f'write sliders = "{other}"', _drawn(sliders=other)
-    )
-    base, platform, link = spec.base_radius_mm, spec.platform_radius_mm, spec.link_length_mm
-    swap = f"write base_radius_mm = {platform:g} and platform_radius_mm = {base:g}"
-    yield Hypothesis(
-        "radii-interchanged", "base and platform radius interchanged", swap,
-        _drawn(base_radius_mm=platform, platform_radius_mm=base),
-    )  # fmt: skip
-    for keys in (("base_radius_mm",), ("platform_radius_mm",), ("base_radius_mm", "platform_radius_mm")):
-        half = {key: getattr(spec, key) / 2.0 for key in keys}
-        words = f"half of {' and '.join(keys)}, which {'is a diameter' if len(keys) == 1 else 'are diameters'},"
-        fix = "write " + " and ".join(f"{key} = {value:g}" for key, value in half.items())
-        yield Hypothesis("diameter-for-radius", words, fix, _drawn(**half), 0.1 * (len(keys) - 1))
-    for unit, factor in UNITS.items():
-        if not SHORTEST <= factor * link <= LONGEST or SHORTEST <= link <= LONGEST:
-            continue  # a machine of that size may well be
-        lengths = {
-            "base_radius_mm": factor * base, "platform_radius_mm": factor * platform, "link_length_mm": factor * link
-        }  # fmt: skip
-        fix = f"write base_radius_mm = {factor * base:g} and so on, in mm"
-        yield Hypothesis("unit-scale", f"the machine file's lengths taken as {unit}", fix, _drawn(**lengths), 0.1)
 
 
 def own_zeros(setup: Setup) -> Setup:
@@ -182,7 +148,8 @@ def slider_words(legs: Sequence[int]) -> str:
     return f"slider{'s' if len(legs) > 1 else ''} {' and '.join(str(leg + 1) for leg in legs)}"
 
 
-def _order_words(order: tuple[int, ...]) -> str:
+def order_words(order: tuple[int, ...]) -> str:
+    """An order of the sliders in words."""
     moved = [place for place in range(3) if order[place] != place]
     if len(moved) == 2:
         return f"sliders {moved[0] + 1} and {moved[1] + 1} interchanged"
@@ -218,10 +185,6 @@ def _then(first: Undo, second: Undo) -> Undo:
     return lambda setup: second(first(setup))
 
 
-def _drawn(**changes: object) -> Undo:
-    return lambda setup: setup.with_drawing(**changes)
-
-
 def _reordered(order: tuple[int, ...], signs: np.ndarray) -> Undo:
     def undo(setup: Setup) -> Setup:
         command = setup.table.command[:, list(order)]  # type: ignore[index]
@@ -236,6 +199,33 @@ def _reordered(order: tuple[int, ...], signs: np.ndarray) -> Undo:
         return moved.with_rows(command=signs * command + np.round(zero, 3))
 
     return undo
+
+
+def slider_formulas(before: np.ndarray | None, after: np.ndarray | None) -> str:
+    """What was done to the slider columns, as formulas a person can type: 'write b1_cmd = 542.3 - b1_cmd'.
+
+    Args:
+        before: (n, 3) mm, or None.
+        after: (n, 3) mm, columns in another order, turned round or shifted.
+
+    Returns:
+        The formulas; '' where nothing or something else was done.
+    """
+    if before is None or after is None or before is after:
+        return ""
+    told = []
+    for leg in range(3):
+        ways = [(sign, other) for sign in (1.0, -1.0) for other in (leg, *(each for each in range(3) if each != leg))]
+        rests = {way: after[:, leg] - way[0] * before[:, way[1]] for way in ways}
+        way = next((way for way, rest in rests.items() if np.nanmax(rest) - np.nanmin(rest) < 1e-6), None)
+        if way is None:
+            return ""
+        zero = round(float(np.nanmean(rests[way])), 3)
+        column = f"b{way[1] + 1}_cmd"
+        plus = f"{column} {'+' if zero > 0 else '-'} {abs(zero):g}" if zero else column
+        told.append((f"b{leg + 1}_cmd", plus if way[0] > 0 else f"{zero:.7g} - {column}"))
+    changed = [f"{title} = {formula}" for title, formula in told if title != formula]
+    return f"write {', '.join(changed)}" if changed else ""
 
 
 def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.ndarray:

@@ -9,14 +9,16 @@ from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import stated_frame
 from ptt.setup.arm import FEWEST as FEWEST_OF_ARM
 from ptt.setup.arm import find_arm
+from ptt.setup.candidates import read_off
 from ptt.setup.clock import find_speed
 from ptt.setup.context import find_units
-from ptt.setup.geometry import explains_more, find_geometry, is_steep
+from ptt.setup.geometry import differ, explains_more, find_geometry, is_off, is_steep, unexplained
+from ptt.setup.judged import undo_all
 from ptt.setup.noise import find_noise
 from ptt.setup.order import find_disorder
-from ptt.setup.reach import find_reach, find_speck
+from ptt.setup.reach import find_reach, find_speck, find_travel
 from ptt.setup.result import Check, Finding
-from ptt.setup.rows import find_shifted_rows
+from ptt.setup.rows import find_shifted_rows, find_slip
 from ptt.setup.score import FEWEST
 from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
@@ -35,18 +37,20 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
         Findings, the sure ones first, and both files with those undone; several runs are handed back as they came.
     """
     findings: list[Finding] = []
+    open_ends: list[str] = []
     cured, parts, stated = file, [], stated_frame(file.targets)
     for part in _files(table):
         found, after = _check_one(Setup(cured, part.replace(target=stated.into_base(part.target))), ordered, units_said)
         findings += [
             item for item in found if (item.mistake, item.words) not in {(f.mistake, f.words) for f in findings}
         ]
+        open_ends += [] if any(item.sure for item in found) else unexplained(after)
         cured = after.file
         parts.append(after.table.replace(target=stated.as_stated(after.table.target)))
     findings.sort(key=lambda item: not item.sure)
     whole = parts[0] if len(parts) == 1 else table
     little = "" if any(item.sure for item in findings) else too_little(file, table)
-    return Check(tuple(findings), written(cured, file), whole, table.rows, little)
+    return Check(tuple(findings), written(cured, file), whole, table.rows, little, "; ".join(open_ends[:1]))
 
 
 def too_little(file: MachineFile, table: Table) -> str:
@@ -76,7 +80,7 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
     findings: list[Finding] = []
     steps = [find_units] if ordered else [find_units, find_disorder]
     if isinstance(setup.file.machine, ThreePttSpec):
-        steps += [find_first, find_geometry, find_first, find_shuffled]
+        steps += [find_travel, find_first, find_slip_besides, find_geometry, find_geometry, find_first, find_shuffled]
         steps += [find_reach] if units_said else [find_speck, find_reach]
     else:
         steps += [find_arm]
@@ -95,10 +99,29 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
 
 def find_first(setup: Setup) -> tuple[list[Finding], Setup]:
     """Readings that slipped, unless a mistake in the geometry explains as much: on small paths both look alike."""
+    if differ(setup):
+        return [], setup
     rows = find_shifted_rows(setup)
     if rows[0] and not is_steep(rows[0][0]) and explains_more(setup, rows[1]):
         return [], setup
     return rows
+
+
+def find_slip_besides(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Readings that slipped and are in another unit, or left-handed, or both: neither shows without the other."""
+    if not is_off(setup) or differ(setup):
+        return [], setup
+    likely = read_off(setup)
+    for steps in dict.fromkeys((tuple(likely[:1]), tuple(likely[-1:]), (*likely[:1], *likely[-1:]))):
+        found, cured = find_slip(undo_all(steps, setup)) if len(set(steps)) == len(steps) > 0 else ([], setup)
+        if found and is_steep(found[0]):
+            slip = found[0]
+            words = f"with {' and '.join(step.undone for step in steps)}, {slip.words}"
+            return [
+                *found,
+                *(Finding(s.mistake, words, s.fix, slip.before_um, slip.after_um, True, slip.source) for s in steps),
+            ], cured
+    return [], setup
 
 
 def _files(table: Table) -> list[Table]:

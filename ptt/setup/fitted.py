@@ -75,13 +75,13 @@ def _lengths(setup: Setup) -> Iterator[Hypothesis]:
         drawn = getattr(spec, key)
         if abs(value - drawn) < SLIP:
             continue
-        words = f"{key} = {value:.4g} in place of {drawn:.4g}"
+        words = f"{key} = {value:.6g} in place of {drawn:.6g}"
         if key == "base_radius_mm":
             other = spec.platform_radius_mm - (value - drawn)
-            words += f" (or platform_radius_mm = {other:.4g}: only their difference counts)"
+            words += f" (or platform_radius_mm = {other:.6g}: only their difference counts)"
         changes = {key: round(value, 4)}
         yield Hypothesis(
-            "drawing-length", words, f"write {key} = {value:.4g} if the drawing agrees", _redrawn(changes), 0.6
+            "drawing-length", words, f"write {key} = {value:.6g} if the drawing agrees", _redrawn(changes), 0.6
         )
 
 

@@ -4,9 +4,10 @@ import numpy as np
 import torch
 
 from ptt.machine import ThreePttSpec
-from ptt.setup.candidates import drawing_slips, mirrors, units
+from ptt.setup.candidates import UNITS, mirrors, scales, units
+from ptt.setup.drawing import drawing_slips
 from ptt.setup.result import Finding
-from ptt.setup.score import build
+from ptt.setup.score import agree, build
 from ptt.setup.setup import Setup, drawn, used_rows
 
 FEWEST = 5
@@ -45,6 +46,51 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
     sure = before > NEARLY_ALL and not others
     finding = Finding(found[0].mistake, words, found[0].fix, None, None, sure, setup.table.source)
     return [finding], found[0].undo(setup) if sure else setup
+
+
+def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Slider heights that hardly ever lie within the travel, where another unit brings all of them into it.
+
+    Where every length of a run is in one wrong unit, targets, commands and readings agree all the same.
+
+    Args:
+        setup: both files of a 3-PTT.
+
+    Returns:
+        At most one finding, and the files with it undone.
+    """
+    before = _out_of_travel(setup)
+    if before is None or before < NEARLY_ALL:
+        return [], setup
+    inside = []
+    for hypothesis in scales(setup):
+        cured = hypothesis.undo(setup)
+        after = _out_of_travel(cured)
+        if after is not None and after <= NEARLY_NONE:
+            inside.append((agree([cured])[0].total(0.0), hypothesis, cured))
+    if not inside:
+        return [], setup
+    total, hypothesis, cured = min(inside, key=lambda item: item[0])
+    if agree([setup])[0].total(0.0) + np.log(2.0) < total - np.log(max(UNITS.values())):
+        return [], setup  # the columns agree as they are, and would not by that
+    words = (
+        f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone} all but "
+        f"{NEARLY_NONE:.0%} lie in it"
+    )
+    return [Finding("unit-scale", words, hypothesis.fix, None, None, True, setup.table.source)], cured
+
+
+def _out_of_travel(setup: Setup) -> float | None:
+    """Share of commands outside the travel; None where there are too few to tell."""
+    mechanism, command = build(drawn(setup)), setup.table.command
+    if mechanism is None or command is None:
+        return None
+    sent = command[np.isfinite(command).all(axis=1)]
+    if len(sent) < FEWEST or np.ptp(sent, axis=0).max() < 1e-9:
+        return None
+    low, high = mechanism.limits().numpy()
+    rim = MARGIN * (high - low)
+    return float(1.0 - ((sent >= low - rim) & (sent <= high + rim)).all(axis=1).mean())
 
 
 def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:

@@ -55,6 +55,7 @@ class Check:
         table: the run, cured; None where only a machine was checked.
         rows: rows looked at.
         too_little: why the geometry could not be judged, '' where it could.
+        unexplained: what no fault of a machine does, and no mistake that is known explains; '' where there is none.
     """
 
     findings: tuple[Finding, ...]
@@ -62,6 +63,7 @@ class Check:
     table: "Table | None" = None
     rows: int = 0
     too_little: str = ""
+    unexplained: str = ""
 
     @property
     def ok(self) -> bool:
@@ -76,14 +78,17 @@ class Check:
     def to_dict(self) -> dict[str, Any]:
         """Keys as `ptt check --json` writes them."""
         findings = [finding.to_dict() for finding in self.findings]
-        return {"ok": self.ok, "findings": findings, "rows": self.rows, "too_little": self.too_little or None}
+        return {"ok": self.ok, "findings": findings, "rows": self.rows} | {
+            "too_little": self.too_little or None,
+            "unexplained": self.unexplained or None,
+        }
 
     def __str__(self) -> str:
         """The findings as text."""
-        if not self.findings and not self.too_little:
-            return f"the set-up holds together ({self.rows} rows)"
         last = [f"too little to judge the set-up by: {self.too_little}"] if self.too_little else []
-        return "\n".join([*(str(finding) for finding in self.findings), *last])
+        last += [self.unexplained] if self.unexplained else []
+        lines = [*(str(finding) for finding in self.findings), *last]
+        return "\n".join(lines) or f"the set-up holds together ({self.rows} rows)"
 
     def _repr_html_(self) -> str:
         """The findings in a notebook."""

@@ -11,10 +11,12 @@ from ptt.setup.setup import Setup
 SLIPS = (1, -1, 2, -2)
 FEWEST = 8  # rows
 LEAST_ROWS = 3  # a block of fewer rows is gross errors
-FALL = 5.0
+FALL, STEEP = 5.0, 20.0  # of the error by one slip, and by several, that fit more
+MOST_SLIPS, HELPS = 3, 0.9  # of the mean distance: what each further slip has to leave at most
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
 MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
 SEEN = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
+BEYOND_FAULTS = 2.0  # mm: what is left by the right reflectors is less
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 
 
@@ -55,18 +57,33 @@ def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
         setup: both files.
 
     Returns:
-        At most one finding, and the files with it undone.
+        One finding for each slip, and the files with them undone.
     """
     place, reading = places(setup), setup.table.measured
     known = np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1)
     if known.sum() < FEWEST or not _slip_is_possible(place, reading, setup.free):
         return [], setup
-    _, slip, first = _best_slip(place, reading, setup.free)
-    moved = slipped(reading, slip, first)
-    before, after = _beside_faults(setup, place, reading, moved)
-    fell = _mean_distance(place, reading, setup.free) > 2.0 * _mean_distance(place, moved, setup.free)
-    if not before > FALL * after or not fell:
-        return [], setup
+    far = last = _mean_distance(place, reading, setup.free)
+    slips: list[tuple[int, int]] = []
+    moved, before, after = reading, 0.0, np.inf
+    while before <= (FALL if len(slips) == 1 else STEEP) * after:
+        _, slip, first = _best_slip(place, moved, setup.free)
+        slips.append((slip, first))
+        moved = slipped(moved, slip, first)
+        near = _mean_distance(place, moved, setup.free)
+        if len(slips) > MOST_SLIPS or near > HELPS * last:
+            return [], setup
+        last = near
+        if far > 2.0 * near:
+            before, after = _beside_faults(setup, place, reading, moved)
+    std = setup.table.std
+    for slip, first in slips:
+        std = None if std is None else slipped(std, slip, first)
+    findings = [_tell_slip(setup, slip, first, before, after) for slip, first in slips]
+    return findings, setup.with_rows(measured=moved, std=std)
+
+
+def _tell_slip(setup: Setup, slip: int, first: int, before: float, after: float) -> Finding:
     line = setup.table.line[first]
     whole = first <= 1
     where = "from the first row on" if whole else f"from row {line} on"
@@ -75,10 +92,9 @@ def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
         f"{'' if whole else (': a reading was missed there' if slip < 0 else ': a reading too many there')}; "
         f"moved back, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
     )
-    fix = "move the readings back by that, and leave the row without a reading empty"
-    finding = Finding("row-shift", words, fix, 1e3 * before, 1e3 * after, True, setup.table.source)
-    std = setup.table.std
-    return [finding], setup.with_rows(measured=moved, std=std if std is None else slipped(std, slip, first))
+    rows = "all readings" if whole else f"the readings from row {line} on"
+    fix = f"move {rows} {'up' if slip > 0 else 'down'} by {abs(slip)}, and leave the row without a reading empty"
+    return Finding("row-shift", words, fix, 1e3 * before, 1e3 * after, True, setup.table.source)
 
 
 def slipped(reading: np.ndarray, slip: int, first: int) -> np.ndarray:
@@ -118,18 +134,18 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         reading[rows] -= turn @ shift
         left[block] -= shift
         first, last = setup.table.line[rows[0]], setup.table.line[rows[-1]]
-        at = ", ".join(f"{value:.1f}" for value in shift)
+        at, off = (", ".join(f"{value:.{digits}f}" for value in turn @ shift) for digits in (1, 3))
         words = (
             f"rows {first} to {last} are read {size:.1f} mm beside the rest, "
             f"all by the same ({at}) mm: another reflector"
         )
-        fix = f"take ({at}) mm off rows {first} to {last}, or empty their readings"
+        fix = f"take ({off}) mm off x_meas, y_meas, z_meas of rows {first} to {last}, or empty those"
         findings.append(Finding("wrong-reflector", words, fix, None, None, True, setup.table.source))
     if not 0 < len(shifts) <= MOST_REFLECTORS:
         return [], setup
     kept = np.linalg.norm(left, axis=1)
     after = float(np.sqrt(np.mean(kept[kept <= TRIM * np.median(kept) + 1e-9] ** 2)))
-    if before < FALL * after:
+    if before < FALL * after or after > BEYOND_FAULTS:
         return [], setup
     figures = f"; with that off, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
     told = [

@@ -14,6 +14,7 @@ from ptt.setup.rigid import align_many, middle, rms
 from ptt.setup.setup import Setup
 
 FEWEST = 5  # rows: with fewer a rigid motion alone explains nearly everything
+LOST = 100.0  # mm that a command which does not close is wrong by, at least: links in metres are short
 FLOOR = 0.05  # mm: agreement beyond this is no further proof
 PAIRS = ("targets", "commands", "between")
 """Readings against targets, readings against commands, and targets against commands."""
@@ -63,7 +64,7 @@ def agree(setups: Sequence[Setup]) -> list[Agreement]:
     target = np.stack([setup.table.target for setup in setups])
     reading = np.stack([setup.table.measured for setup in setups])
     sent = np.array([_sent(setup) for setup in setups])
-    size = max(setup.file.machine.link_length_mm for setup in setups)  # type: ignore[union-attr]
+    size = max(LOST, *(setup.file.machine.link_length_mm for setup in setups))  # type: ignore[union-attr]
     sizes = np.full((len(setups), 1), size)
     return agree_points(target, forward_many(setups), reading, sent, sizes, setups[0].free)
 
@@ -88,11 +89,11 @@ def agree_points(
     columns: list[np.ndarray] = []
     turn, shift = np.zeros(0), np.zeros(0)
     for place, certain in ((target, wanted), (commanded, sent)):
-        if not columns or not np.isfinite(columns[0]).any() or np.isfinite(commanded).any():
+        distance, first = np.full(read.shape, np.nan), not columns or not np.isfinite(columns[0]).any()
+        if first or np.isfinite(place).any():
             turn_now, shift_now, distance = align_many(place, reading, free)
+            turn, shift = (turn_now, shift_now) if first else (turn, shift)
         lost = certain & read & ~np.isfinite(place).all(axis=2)
-        if not columns or not np.isfinite(columns[0]).any():
-            turn, shift = turn_now, shift_now
         columns.append(_enough(rms(distance, lost, sizes), distance, lost))
     columns.append(_between(target, commanded, sent, sizes))
     width = np.nanmin(np.stack([_spread(points) for points in (target, commanded, reading)]), axis=0)

@@ -13,7 +13,7 @@ FEWEST, LEAST = 12, 6  # rows and different poses: fewer match anything
 MOST = 600  # rows that are matched: the pairing costs their cube
 ROUNDS = 25  # a matching settles within a dozen
 LEAVES = 2.0  # mm: twice the largest ordinary fault
-FALL = 5.0
+FALL, STEEP = 5.0, 20.0
 APART = 5.0  # times what is left that poses have to lie apart for a match to mean anything
 MOVED = 0.2  # of the rows that belong elsewhere: a few are gross errors, or a reading that was missed
 SAME = 1e-3  # mm: matches that differ by less are equally good
@@ -35,8 +35,10 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     if not FEWEST <= len(read) <= len(poses) <= MOST or not len(both):
         return [], setup
     before = _root_mean_square(align_many(place[None, both], setup.table.measured[None, both], setup.free)[2][0])
-    if before < FALL * LEAVES:
+    if before < LEAVES:
         return [], setup
+    if (back := _reversed(setup, before)) is not None:
+        return back
     a, b = place[poses], setup.table.measured[read]
     matches = [_settle(a, b, turn, setup.free) for turn in _starts(a, b, setup.free)]
     after, order, turn = min(matches, key=lambda match: (match[0] > LEAVES, _tilt(match[2]) > UPRIGHT, match[0]))
@@ -48,6 +50,28 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     alone = not any(other[0] < 2.0 * after + SAME and _apart(other[2], turn) for other in matches)
     finding = _tell(setup, before, after, int(moved.sum()), len(read), alone)
     return [finding], _sorted(setup, read, poses[order]) if alone else setup
+
+
+def _reversed(setup: Setup, before: float) -> tuple[list[Finding], Setup] | None:
+    """Readings from the last to the first: so plain an order that nothing has to be matched."""
+    place, used = places(setup), np.flatnonzero(used_rows(setup.table))
+    reading, std = setup.table.measured.copy(), setup.table.std
+    reading[used] = reading[used[::-1]]
+    distance = align_many(place[None], reading[None], setup.free)[2][0]
+    after = _root_mean_square(distance[np.isfinite(distance)])
+    if after > min(LEAVES, before / STEEP):
+        return None
+    words = (
+        "the readings run from the last row to the first; turned round, the error falls "
+        f"from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
+    )
+    finding = Finding(
+        "row-order", words, "turn the readings' rows round", 1e3 * before, 1e3 * after, True, setup.table.source
+    )
+    if std is not None:
+        std = std.copy()
+        std[used] = std[used[::-1]]
+    return [finding], setup.with_rows(measured=reading, std=std)
 
 
 def _starts(a: np.ndarray, b: np.ndarray, free: bool) -> list[np.ndarray]:

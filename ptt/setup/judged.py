@@ -1,0 +1,135 @@
+"""What a mistake undone leaves between targets, commands and readings beside ordinary faults; whether that is proof."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.run.table import take_rows
+from ptt.setup.faults import fault_columns, left_after_faults
+from ptt.setup.rigid import rms
+from ptt.setup.score import FLOOR, Agreement, agree, forward_many
+from ptt.setup.setup import Hypothesis, Setup, drawn, used_rows
+
+MOST_ROWS = 120  # rows judged: more say nothing new about a mistake that touches all
+BROKEN = 0.5  # mm left beside ordinary faults: below it there is nothing to explain
+BEYOND = 2.0  # mm: twice the largest ordinary fault
+FALL = np.log(5.0)  # an error has to fall to a fifth
+STEEP = 20.0  # to a twentieth: then what stays is noise and play, and no fault of another kind does that
+RAW = 0.2
+SPECK, UNLIKELY = 2e-3, 5.0  # of a link: nobody measures a machine within that, and all errors are small there
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A hypothesis and what it leaves.
+
+    Attributes:
+        setup: the files with the mistake undone.
+        steps: what was undone, one after the other.
+        agreement: what stays, ordinary faults taken off.
+        plain: what stayed before anything was undone; None where nothing was.
+        raw: the same sum of logarithms with ordinary faults left in, which parts what they hide.
+    """
+
+    setup: Setup
+    steps: tuple[Hypothesis, ...]
+    agreement: Agreement
+    plain: "Judged | None" = None
+    raw: float = 0.0
+
+    @property
+    def width(self) -> float:
+        """How far the points lay apart before anything was undone, mm."""
+        return (self.plain or self).agreement.width
+
+    @property
+    def worst(self) -> float:
+        """Largest of the pairs, mm, made up for where all lies closer together than before."""
+        return float(np.nan_to_num(self.agreement.beside(self.width)).max())
+
+    @property
+    def total(self) -> float:
+        """What stays, as a sum of logarithms."""
+        return self.agreement.total(self.width)
+
+    @property
+    def score(self) -> float:
+        """Small is good."""
+        odd = _oddness(self.agreement.turn)
+        odd += UNLIKELY * (self.agreement.width < SPECK * drawn(self.setup).link_length_mm)
+        return self.total + RAW * self.raw + sum(step.cost for step in self.steps) + odd
+
+
+def judge(setup: Setup, steps: tuple[Hypothesis, ...], plain: Judged | None = None) -> Judged:
+    """What stays between the columns beside ordinary faults.
+
+    Args:
+        setup: both files, mistakes undone.
+        steps: what was undone.
+        plain: what stayed before anything was undone.
+
+    Returns:
+        The judgement.
+    """
+    agreement = agree([setup])[0]
+    values, reading = agreement.rms.copy(), setup.table.measured
+    for index, place in enumerate((setup.table.target, forward_many([setup])[0])):
+        if not np.isfinite(values[index]) or values[index] > drawn(setup).link_length_mm / 4.0:
+            continue
+        columns = fault_columns(setup, place)
+        if columns is not None:
+            distance = left_after_faults(place, reading, columns, setup.free)[None]
+            lost = np.isfinite(reading).all(axis=1) & ~np.isfinite(distance[0])
+            left = rms(distance, lost[None] & np.isfinite(place).any(), drawn(setup).link_length_mm)[0]
+            values[index] = min(values[index], left)
+    return Judged(setup, steps, replace(agreement, rms=values), plain, agreement.total(agreement.width))
+
+
+def undo_all(steps: tuple[Hypothesis, ...], setup: Setup) -> Setup:
+    """Both files with one mistake undone after the other."""
+    for step in steps:
+        setup = step.undo(setup)
+    return setup
+
+
+def thinned(setup: Setup, most: int) -> Setup:
+    """So many rows spread over the run, those with a reading first: every second one may have none."""
+    used = used_rows(setup.table)
+    read = used & np.isfinite(setup.table.measured).all(axis=1)
+    rows = np.flatnonzero(read if read.any() else used)
+    if len(rows) > most:
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))]
+    return replace(setup, table=take_rows(setup.table, rows)) if len(rows) < setup.table.rows else setup
+
+
+def is_proof(plain: Judged | None, item: Judged) -> bool:
+    """Whether the error falls by far, from beyond what ordinary faults do to what they do."""
+    speck = SPECK * drawn(item.setup).link_length_mm
+    if plain is None or item.agreement.width < speck <= plain.agreement.width:
+        return False
+    before, after = plain.agreement.rms, item.agreement.beside(item.width)
+    fell = np.isfinite(before) & (before > after)
+    steep = np.nanmax(before) > STEEP * np.nanmax(after)
+    large = before[fell].max(initial=0.0) > (BROKEN * _size(item) if steep else _least(item))
+    deep = plain.total - item.total > len(item.steps) * FALL
+    rest = max(float(np.nanmax(after)), FLOOR)
+    each = np.nanmax(before) > np.exp(FALL) * rest and rest < BEYOND * _size(item)
+    return bool(large and deep and each)
+
+
+def _least(item: Judged) -> float:
+    """How large an error has to be before a mistake is looked for; lengths are seen between targets and commands."""
+    length = any(step.mistake == "drawing-length" for step in item.steps)
+    return (BROKEN if length else BEYOND) * _size(item)
+
+
+def _size(item: Judged) -> float:
+    """Small machines have small faults."""
+    return min(1.0, drawn(item.setup).link_length_mm / 200.0)
+
+
+def _oddness(turn: np.ndarray) -> float:
+    """A tracker stands upright before it stands on its head: parts hypotheses that fit alike."""
+    tilt = np.arccos(np.clip(turn[2, 2], -1.0, 1.0))
+    angle = np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0))
+    return float(0.04 * tilt + 0.01 * angle)
