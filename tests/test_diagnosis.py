@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
@@ -15,6 +16,7 @@ from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.effects import library
 from ptt.fitting.sums import accumulate, gain, project, solve
 from ptt.machine import format_machine
+from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
@@ -98,6 +100,22 @@ def test_a_wave_in_the_readings_of_one_axis_is_no_wander(tmp_path):
     found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)))
     assert found.verdict == "unknown"
     assert (found.depends_on[0].residual, found.depends_on[0].on) == ("z", "time")
+
+
+def test_a_slip_between_the_moments_that_a_search_tries_is_dated_to_the_row(tmp_path):
+    """One row on the wrong side of a jump is as far off as the jump: nothing may be named to make good for it."""
+    forward, row = build_mechanism(MACHINE.machine).forward, 102
+    for seed in (87, 88):
+        _, path = run(tmp_path, "none", seed, rows=190, heavy_dof=3.0)
+        frame = pd.read_csv(path)
+        heights = torch.tensor(frame[["b1_cmd", "b2_cmd", "b3_cmd"]].to_numpy())
+        slip = torch.tensor([0.0, 0.08, 0.0]) * torch.tensor(np.arange(len(frame)) > row)[:, None]
+        frame[["x_meas", "y_meas", "z_meas"]] += (forward(heights + slip) - forward(heights)).numpy()
+        frame.to_csv(path, index=False)
+        problem = build_problem(MACHINE, read_table(path))
+        found = diagnose(Model(MACHINE), problem)
+        assert (found.verdict, found.suggested) == ("missing", (("homing-slip",),))
+        assert float(found.model.terms[0].theta[-1]) == pytest.approx(float(problem.view.time[row]))
 
 
 def test_unknown_fault_is_not_forced_into_the_library(tmp_path):

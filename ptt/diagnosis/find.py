@@ -21,6 +21,7 @@ from ptt.diagnosis.system import System, build_system
 from ptt.diagnosis.turn import best_moments, gross_beside
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
+from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
@@ -104,6 +105,13 @@ def find(
         tell(f"search {turn + 1}")
         if kept is None:
             state = search(scorer)
+            found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
+            dated = _dated(found, candidates)
+            if dated:
+                shapes = {key: [*trials, *dated.get(key, ())] for key, trials in shapes.items()}
+                system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, shapes, span)
+                scorer = Scorer(system, model.keys, steps, barred)
+                state = search(scorer)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at
@@ -147,6 +155,17 @@ def without_first(problem: Problem) -> Problem:
     first = view.starts.numpy() & (view.direction.numpy() != 0.0).any(axis=1)
     few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
     return problem.masked(first) if few else problem
+
+
+def _dated(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
+    """Moments to the row for a first search that has found something sudden or slow; none where it has not.
+
+    Between the moments that it tried lie rows enough for curves that make good for them, and those would stay.
+    """
+    atoms = found.system.atoms
+    if not any(isinstance(atoms[key].effect, Sudden) and atoms[key].shape is not None for key in found.state.keys):
+        return {}
+    return best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
 
 
 def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
