@@ -273,6 +273,25 @@ def test_readings_from_the_last_row_to_the_first() -> None:
     assert only.mistake == "row-order" and "from the last row to the first" in only.words
 
 
+def test_sliders_out_of_travel_are_not_taken_as_micrometres(sound: tuple[MachineFile, Table]) -> None:
+    """Counted downward from 900 mm they lie beyond a travel that has zero in it, and a thousandth of them within."""
+    file, table = sound
+    assert table.command is not None
+    spec = file.machine.model_copy(update={"slider_travel_mm": ((-420.0, 420.0),) * 3})
+    found = check_setup(replace(file, machine=spec), table.replace(command=900.0 - table.command))
+    assert [item.mistake for item in found.sure] == ["slider-sign"]
+    assert found.sure[0].fix == "write b1_cmd = 900 - b1_cmd, b2_cmd = 900 - b2_cmd, b3_cmd = 900 - b3_cmd"
+
+
+def test_readings_of_every_second_row_may_be_late(sound: tuple[MachineFile, Table]) -> None:
+    """Moved back, they stand in rows that had none before: no row tells both errors."""
+    file, table = sound
+    every = np.where(np.arange(table.rows)[:, None] % 2 == 0, table.measured, np.nan)
+    found = check_setup(file, table.replace(measured=np.roll(every, 1, axis=0)))
+    assert [item.mistake for item in found.sure] == ["row-shift"]
+    assert "late from the first row on" in found.sure[0].words
+
+
 def test_azimuths_in_radians() -> None:
     file, table = load_machine(DATA / "machine.toml"), read_table(DATA / "run.csv")
     spec = file.machine.model_copy(update={"slider_azimuth_deg": (0.0, 2.0943951, 4.1887902)})

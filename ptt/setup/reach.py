@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from ptt.machine import ThreePttSpec
-from ptt.setup.candidates import UNITS, mirrors, scales, units
+from ptt.setup.candidates import mirrors, scales, units
 from ptt.setup.drawing import drawing_slips
 from ptt.setup.result import Finding
 from ptt.setup.score import agree, build
@@ -13,6 +13,7 @@ from ptt.setup.setup import Setup, drawn, used_rows
 FEWEST = 5
 NEARLY_ALL, NEARLY_NONE = 0.9, 0.05
 SPECK = 2e-3  # of a link
+AGREED = 0.02  # of the spread: what ordinary faults leave
 MARGIN = 0.05  # of the travel: ends are often stated roughly
 
 
@@ -66,18 +67,29 @@ def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
     for hypothesis in scales(setup):
         cured = hypothesis.undo(setup)
         after = _out_of_travel(cured)
-        if after is not None and after <= NEARLY_NONE:
-            inside.append((agree([cured])[0].total(0.0), hypothesis, cured))
+        if after is not None and after <= NEARLY_NONE and _width(cured) > SPECK * drawn(setup).link_length_mm:
+            inside.append((_relative(cured), hypothesis, cured))
     if not inside:
         return [], setup
-    total, hypothesis, cured = min(inside, key=lambda item: item[0])
-    if agree([setup])[0].total(0.0) + np.log(2.0) < total - np.log(max(UNITS.values())):
+    left, hypothesis, cured = min(inside, key=lambda item: item[0])
+    if left > max(2.0 * _relative(setup), AGREED):
         return [], setup  # the columns agree as they are, and would not by that
     words = (
         f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone} all but "
         f"{NEARLY_NONE:.0%} lie in it"
     )
     return [Finding("unit-scale", words, hypothesis.fix, None, None, True, setup.table.source)], cured
+
+
+def _width(setup: Setup) -> float:
+    """How far the sliders move, mm."""
+    return float(np.nan_to_num(np.ptp(np.nan_to_num(np.asarray(setup.table.command)), axis=0)).max())
+
+
+def _relative(setup: Setup) -> float:
+    """What stays between the columns, of how far they spread."""
+    agreement = agree([setup])[0]
+    return agreement.worst / max(agreement.width, 1e-9)
 
 
 def _out_of_travel(setup: Setup) -> float | None:

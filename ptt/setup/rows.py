@@ -12,6 +12,7 @@ SLIPS = (1, -1, 2, -2)
 FEWEST = 8  # rows
 LEAST_ROWS = 3  # a block of fewer rows is gross errors
 FALL, STEEP = 5.0, 20.0  # of the error by one slip, and by several, that fit more
+ALIKELY = 1.5  # where every row moves on by the same, a missed reading is a shift of all that follow
 MOST_SLIPS, HELPS = 3, 0.9  # of the mean distance: what each further slip has to leave at most
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
 MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
@@ -40,7 +41,7 @@ def find_shifted_rows(setup: Setup) -> tuple[list[Finding], Setup]:
     if not slip[0] or not block[0]:
         return slip if slip[0] else block
     left = [_mean_distance(places(item[1]), item[1].table.measured, setup.free) for item in (slip, block)]
-    return slip if left[0] < left[1] else block
+    return slip if left[0] < ALIKELY * left[1] else block
 
 
 def _mean_distance(place: np.ndarray, reading: np.ndarray, free: bool) -> float:
@@ -85,7 +86,7 @@ def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
 
 def _tell_slip(setup: Setup, slip: int, first: int, before: float, after: float) -> Finding:
     line = setup.table.line[first]
-    whole = first <= 1
+    whole = np.isfinite(setup.table.measured[:first]).all(axis=1).sum() <= 1
     where = "from the first row on" if whole else f"from row {line} on"
     words = (
         f"readings stand {abs(slip)} row{'s' if abs(slip) > 1 else ''} {'late' if slip > 0 else 'early'} {where}"
@@ -208,11 +209,14 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
             distances.append(align_many(place[None], values[None], setup.free)[2][0])
         else:
             distances.append(left_after_faults(place, values, columns, setup.free))
-    both = np.isfinite(distances[0]) & np.isfinite(distances[1])
-    both &= distances[1] <= TRIM * np.nanmedian(distances[1]) + 1e-9
-    if both.sum() < FEWEST:
+    known = np.stack([np.isfinite(distance) for distance in distances])
+    if known.sum(axis=1).min() < FEWEST:
         return 0.0, np.inf
-    before, after = (float(np.sqrt(np.mean(distance[both] ** 2))) for distance in distances)
+    known[1] &= distances[1] <= TRIM * np.nanmedian(distances[1]) + 1e-9
+    both = known.all(axis=0)
+    if both.sum() >= FEWEST:  # where every second row has a reading, none has one in both
+        known[:] = both
+    before, after = (float(np.sqrt(np.mean(of[rows] ** 2))) for of, rows in zip(distances, known, strict=True))
     return before, after
 
 
