@@ -14,13 +14,13 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
-from ptt.diagnosis.words import explain_step, explain_verdict, sentences
+from ptt.diagnosis.words import explain_step, explain_verdict, sentence, sentences
 from ptt.effects import library
 from ptt.effects.phrases import figure
-from ptt.fitting.gauge import sparsest
+from ptt.fitting.gauge import Told, sparsest
 from ptt.fitting.solve import fit, residual_of
 from ptt.machine import format_machine, load_machine
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.rig.draw_arm import unweighed
 from ptt.rig.rig import parse_rig
 from ptt.rig.serial_arm import ArmFaults, ArmRig
@@ -166,6 +166,25 @@ def test_the_side_that_was_hidden_is_said(tmp_path, name, faults, plus, minus, s
     assert not re.search(minus if sign > 0 else plus, words)
     if size is not None:
         assert found == pytest.approx(size, rel=0.2 if "up to" in words else 0.06), words
+
+
+def test_a_size_that_no_machine_has_asks_for_the_drawing(tmp_path):
+    view = hide(tmp_path, {}).view
+    for lean, asked in ((0.1, True), (0.01, False)):
+        theta, std = torch.tensor([0.0, lean, 0.0, 0.0, 0.0, 0.0]), torch.full((6,), 1e-5)
+        words = sentence(Told(Term(KNOWN["tower-tilt"](), theta, std=std)), view)
+        assert ("(100 x its usual size: is the drawing right?)" in words) == asked
+
+
+def test_a_knock_has_no_sliders_that_could_have_something_in_common(tmp_path):
+    problem = hide(tmp_path, {})
+    small = torch.tensor(
+        [1e-5, 0.0, 1e-5, 0.0, 0.0, 0.0, 10.0], dtype=torch.float64
+    )  # early, less than the readings tell
+    (told,) = sparsest(
+        [Term(KNOWN["setup-jump"](), small, std=torch.full((7,), 1e-4, dtype=torch.float64))], problem, NOISE
+    )
+    assert "against each other" not in sentence(told, problem.view)
 
 
 @pytest.mark.parametrize(("label", "often"), [("harmonic 2", "twice every turn"), ("harmonic 3", "3 times every turn")])

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ptt.effects.base import family
-from ptt.effects.phrases import Said, compose, listed, remedies
+from ptt.effects.phrases import Said, compose, doubt, listed, remedies
 from ptt.fitting.gauge import Told, sparsest
 from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model, Term
@@ -46,7 +46,7 @@ def sentence(told: Told, view: View) -> str:
     body = compose(parts, noun)
     if not body:
         return f"{told.term.effect.key} explains a part"
-    return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}"
+    return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}{doubt(parts)}"
 
 
 def _gauge(told: Told, noun: str) -> str:

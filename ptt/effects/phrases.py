@@ -22,6 +22,7 @@ LARGE = 1000.0  # urad from which an angle is said in mrad
 MOST = 6  # values of one effect that anybody reads
 SMALL = 0.02  # share of the largest value below which nobody would turn a screw
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
+ABSURD = 30.0  # usual sizes that no machine is off by, but a drawing with a wrong sign or figure is
 SIGNIFICANT = 3.0  # standard errors from which a value is worth a word
 
 
@@ -171,6 +172,19 @@ def compose(parts: Sequence[Said], noun: str) -> str:
         words += f" and {rest}" if subject == before else f"{', ' if words else ''}{subject} {rest}"
         before = subject
     return f"{words}{few}" if sure else f"{words}, no more than chance would make it"
+
+
+def doubt(parts: Sequence[Said]) -> str:
+    """A word on sizes that no machine has; '' where there are none.
+
+    Args:
+        parts: what can be said.
+
+    Returns:
+        For example ' (105 x its usual size: is the drawing right?)'.
+    """
+    most = max((part.worth for part in worth_saying(parts)), default=0.0)
+    return f" ({most:.0f} x its usual size: is the drawing right?)" if most > ABSURD else ""
 
 
 def _clause(who: str, text: str, group: Sequence[Said], noun: str) -> tuple[str, str]:

@@ -69,7 +69,8 @@ def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise, widen: float
         std = torch.full_like(theta, torch.nan) if term.std is None else term.std.clone()
         if taking.shape[1]:
             std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[mine])
-        names = _alike(linear, own, taking, motions, few.frames)
+        # A motion of the tracker has no legs that could have something in common.
+        names = () if term.effect.stage == "metrology" else _alike(linear, own, taking, motions, few.frames)
         said.append(Told(replace(term, theta=theta, std=std), names))
     return tuple(said)
 
