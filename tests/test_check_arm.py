@@ -8,7 +8,7 @@ import pytest
 
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.rig.draw_arm import draw_arm
-from ptt.run.table import Table, make_table
+from ptt.run.table import Table, make_table, take_rows
 from ptt.setup import check_setup
 
 MACHINES = Path(__file__).parent.parent / "data" / "machines"
@@ -70,6 +70,27 @@ def test_mistakes_of_an_arm_are_named_and_cured(title: str, name: str) -> None:
     assert found.findings[0].after_um < 100.0
     assert found.table is not None
     assert check_setup(found.file, found.table).ok
+
+
+@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
+def test_an_arms_missed_reading_is_found_at_its_row(name: str) -> None:
+    file, table = arm(name)
+    missed = table.rows // 2
+    early = np.vstack([np.delete(table.measured, missed, axis=0), np.full((1, 3), np.nan)])
+    found = check_setup(file, table.replace(measured=early))
+    assert [item.mistake for item in found.sure] == ["row-shift"]
+    assert found.table is not None
+    empty = np.flatnonzero(~np.isfinite(found.table.measured).all(axis=1))
+    assert abs(int(empty[0]) - missed) <= 1  # repeats of a pose in a row may stand for each other
+    assert check_setup(found.file, found.table).ok
+
+
+def test_a_dozen_rows_of_an_arm_are_enough() -> None:
+    file, table = arm("ur10")
+    few = take_rows(table, np.linspace(0, table.rows - 1, 14).astype(int))
+    assert check_setup(file, few).findings == ()
+    assert check_setup(file, sent(np.degrees)(few)).sure[0].mistake == "angle-unit"
+    assert "too little to judge" in str(check_setup(file, take_rows(few, np.arange(6))))
 
 
 @pytest.mark.parametrize("fault", ["none", "link", "compliance", "backlash", "growth"])

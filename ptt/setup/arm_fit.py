@@ -1,0 +1,93 @@
+"""Fits of an arm's readings: a linear one that screens, an exact one that judges.
+
+The tracker may stand anywhere and the reflector sit anywhere on the tool.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from ptt.machine import SerialSpec
+from ptt.mechanisms.serial import Serial
+from ptt.setup.faults import left_after_faults
+from ptt.setup.rigid import align_many, rms
+from ptt.setup.setup import Setup
+
+ROUNDS = 8
+USUAL = (0.5, 1e-3, 0.5, 1e-3, 1e-3)  # mm and rad: errors of a, alpha, d, theta and the Hayati angle
+LOOSE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """Where the joint values of a hypothesis put the tool.
+
+    Attributes:
+        place: (m, 3) mm.
+        turn: (m, 3, 3), the tool's axes.
+    """
+
+    place: np.ndarray
+    turn: np.ndarray
+
+
+def pose_many(cases: list[tuple[SerialSpec, np.ndarray]]) -> list[Posed]:
+    """Place and axes of the tool for each case of a drawing and joint values, (m, k) rad."""
+    posed: list[Posed | None] = [None] * len(cases)
+    groups: dict[SerialSpec, list[int]] = {}
+    for index, (spec, _) in enumerate(cases):
+        groups.setdefault(spec, []).append(index)
+    for spec, members in groups.items():
+        q = torch.as_tensor(np.stack([cases[index][1] for index in members]), dtype=torch.float64)
+        place, turn = Serial.from_spec(spec).pose(q)
+        for index, p, r in zip(members, place.numpy(), turn.numpy(), strict=True):
+            posed[index] = Posed(p, r)
+    return [pose for pose in posed if pose is not None]
+
+
+def linear(pose: Posed, reading: np.ndarray) -> tuple[float, np.ndarray]:
+    """What the best linear map of position and orientation leaves, mm, and its part of the position, (3, 3)."""
+    known = np.isfinite(reading).all(axis=1)
+    columns = np.concatenate([pose.place, pose.turn.reshape(-1, 9)], axis=1)[known]
+    columns, wanted = columns - columns.mean(axis=0), reading[known] - reading[known].mean(axis=0)
+    size = np.sqrt((columns**2).mean(axis=0)) + 1e-9
+    scaled = columns / size
+    normal = scaled.T @ scaled + LOOSE * len(scaled) * np.eye(scaled.shape[1])
+    solved = np.linalg.solve(normal, scaled.T @ wanted)
+    left = np.linalg.norm(wanted - scaled @ solved, axis=1)
+    return float(np.sqrt(np.median(left**2))), (solved / size[:, None])[:3].T
+
+
+def judge_arm(setup: Setup, rows: np.ndarray) -> float:
+    """What an exact fit of station, reflector and ordinary link errors leaves, mm."""
+    reading = setup.table.measured[rows]
+    kept = np.isfinite(reading).all(axis=1)
+    q, reading = setup.table.command[rows][kept], reading[kept]  # type: ignore[index]
+    (pose,) = pose_many([(arm_spec(setup), q)])
+    place = pose.place + pose.turn @ _mount(pose, reading, setup.free)
+    arm = Serial.from_spec(arm_spec(setup))
+    slopes = arm.geometry_jacobian(torch.as_tensor(q, dtype=torch.float64))[:, :3].numpy()[..., :-3]
+    columns = np.concatenate([slopes * np.tile(USUAL, arm.joints), pose.turn], axis=2)
+    left = left_after_faults(place, reading, columns, setup.free)
+    return float(rms(left[None], np.zeros((1, len(left)), dtype=bool), 1.0)[0])
+
+
+def _mount(pose: Posed, reading: np.ndarray, free: bool) -> np.ndarray:
+    """Where the reflector sits beside the drawing's tool point, (3,) mm in the tool's frame, by Gauss-Newton."""
+    mount = np.zeros(3)
+    for _ in range(ROUNDS):
+        place = pose.place + pose.turn @ mount
+        turn, shift, _ = align_many(place[None], reading[None], free)
+        left = (reading - shift[0]) @ turn[0] - place
+        turns = np.stack([np.cross(axis, place - place.mean(axis=0)) for axis in np.eye(3)], axis=2)
+        blocks = [pose.turn, np.broadcast_to(np.eye(3), pose.turn.shape), turns / 100.0]
+        matrix = np.concatenate(blocks, axis=2).reshape(3 * len(place), -1)
+        mount = mount + np.linalg.lstsq(matrix, left.ravel(), rcond=1e-8)[0][:3]
+    return mount
+
+
+def arm_spec(setup: Setup) -> SerialSpec:
+    """The drawing of a machine that is known to be an arm."""
+    assert isinstance(setup.file.machine, SerialSpec)
+    return setup.file.machine
