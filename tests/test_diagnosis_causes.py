@@ -15,6 +15,7 @@ from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.base_visits import sound_visits
+from ptt.run.frames import align
 from ptt.run.noise import Noise, noise_from_repeats, step_of
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
@@ -94,3 +95,15 @@ def test_a_slider_that_slipped_is_measured_again_where_it_is():
     np.testing.assert_allclose(x[row:], y[row:])
     twice = remeasure(Model(bench_machine()), still).to_dict()
     assert remeasure(Model(bench_machine()), drawn).to_dict() == twice
+
+
+def test_errors_of_poses_on_a_line_do_not_turn_the_frame_about_it():
+    random = np.random.default_rng(7)
+    place = np.outer(np.linspace(-40.0, 40.0, 30), [0.6, 0.1, -0.79]) + random.normal(0.0, 1e-6, (30, 3))
+    thrown = np.where(np.arange(30) % 2, 0.1, -0.1)[:, None] * [0.3, 1.0, 0.2]  # ahead on one way, behind on the other
+    turn, _ = align(place, place + thrown + [1.0, 2.0, 3.0])
+    assert np.abs(turn - np.eye(3)).max() < 0.01
+    tilted = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    tilted *= np.sign(np.linalg.det(tilted))
+    turn, _ = align(place, place @ tilted.T)
+    assert np.abs((place @ turn.T - place @ tilted.T)).max() < 0.2  # along the line it is told as ever

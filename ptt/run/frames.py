@@ -5,6 +5,7 @@ import torch
 from torch import Tensor
 
 TRIMS = 4
+LINE = 0.03  # of their length, below which poses lie on a line: their errors would tell the turn about it
 
 
 def align(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +110,10 @@ _GENERATORS = torch.tensor(
 
 def _kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     middle, centre = place.mean(axis=0), reading.mean(axis=0)
-    left, _, right = np.linalg.svd((reading - centre).T @ (place - middle))
+    cross, sizes = (reading - centre).T @ (place - middle), np.linalg.svd(place - middle, compute_uv=False)
+    if sizes[1] < LINE * sizes[0]:
+        cross = cross + (LINE * sizes[0]) ** 2 * np.eye(3)  # as it would be with nothing turned
+    left, _, right = np.linalg.svd(cross)
     mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     turn = left @ mirror @ right
     return turn, centre - turn @ middle
