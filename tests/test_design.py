@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
+from ptt.commands.plan import format_plan
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects import library
 from ptt.errors import InputError, WorkspaceError
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, parse_machine
 from ptt.mechanisms.dexterity import singularities
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.plan.arm import telling_poses
 from ptt.plan.contest import open_contest
 from ptt.plan.first_run import plan_first_run, repeats_in
@@ -325,6 +326,19 @@ def test_a_first_run_says_what_it_can_tell(bench: MachineFile) -> None:
     assert set(loaded.targets.payload_kg) == {0.0, 2.5, 5.0} and loaded.targets.payload_kg[-1] == 0.0
 
 
+def test_a_plan_for_a_model_tells_what_the_model_has_again(bench: MachineFile) -> None:
+    bare = plan_first_run(Model(bench), rows=120)
+    model = Model(bench) + library()["link-length"]() + library()["column-bend"]()
+    plan = plan_first_run(model, rows=120)
+    told, alone = ({effect.effect: effect for effect in each.effects} for each in (plan, bare))
+    assert set(told) == set(alone) and [name for name in told if told[name].in_model] == ["link-length", "column-bend"]
+    assert not any(effect.in_model for effect in alone.values())
+    ours, theirs = (np.array([std for _, _, std, _ in each["link-length"].parameters]) for each in (told, alone))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-6)  # the other effect of the model moves nothing without a load
+    assert "Of what the model has, this run would not tell: column-bend needs column payload_kg" in plan.words
+    assert "would not tell" not in bare.words and "= link-length" in format_plan(plan, "t.csv")
+
+
 def test_expected_standard_errors_are_those_of_a_fit(bench: MachineFile, tmp_path: Path) -> None:
     quiet = replace(bench, tracker=bench.tracker.model_copy(update={"sigma_mm": 0.004}))
     plan = plan_first_run(Model(quiet), rows=120)
@@ -357,6 +371,10 @@ def test_poses_of_an_arm_tell_more_than_random_ones(arm: MachineFile) -> None:
 
     chosen = telling_poses(Model(arm), space, 60, np.random.default_rng(1), library(), 0.005)
     assert information(chosen) > information(random) + 2.0
+    zeros = torch.zeros(30, dtype=torch.float64)  # what the model has by now is measured as well the next time
+    for solved in (Term(library()["dh-offsets"](), zeros), library()["dh-offsets"]()):
+        again = telling_poses(Model(arm) + solved, space, 60, np.random.default_rng(1), library(), 0.005)
+        assert information(again) > information(random) + 2.0
 
 
 def test_too_few_rows_are_refused(bench: MachineFile) -> None:

@@ -111,10 +111,12 @@ def format_plan(result: "FirstRun", out: str) -> str:
         Lines.
     """
     lines = [f"{out}: {result.targets.rows} rows", result.words, ""]
+    own = any(effect.in_model for effect in result.effects)
     lines.append(f"{'effect':<20} {'seen':>8}  expected standard errors at {result.sigma * 1e3:g} um noise")
     for effect in result.effects:
+        title = f"{'= ' if effect.in_model else '  ' if own else ''}{effect.effect}"
         if effect.needs:
-            lines.append(f"{effect.effect:<20} {'-':>8}  needs {effect.needs}")
+            lines.append(f"{title:<20} {'-':>8}  needs {effect.needs}")
             continue
         told: dict[tuple[str, str], list[float]] = {}
         hidden = set()
@@ -131,5 +133,6 @@ def format_plan(result: "FirstRun", out: str) -> str:
             for stem_unit, values in told.items()
             for stem in [stem_unit[0]]
         ]  # fmt: skip
-        lines.append(f"{effect.effect:<20} {f'{effect.seen} of {effect.size}':>8}  {'; '.join(parts)}")
+        lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {'; '.join(parts)}")
+    lines += ["= is in the model already: how well this run would tell it again"] if own else []
     return "\n".join(lines)

@@ -59,7 +59,7 @@ def telling_poses(
         (count, k) rad.
     """
     poses = draw_poses(space, CHOICE * count, random)
-    if known.get("dh-offsets") is None or "dh-offsets" in model.keys:
+    if known.get("dh-offsets") is None and "dh-offsets" not in model.keys:
         return poses[:count]
     table = table_of([single(pose, "v") for pose in poses], space, straight=False)
     columns, _ = _columns(model, table, known, sigma)
@@ -95,7 +95,8 @@ def choose_from(model: Model, candidates: Table, count: int, known: Library, see
 
 
 def _wanted(model: Model, known: Library) -> list[str]:
-    return [name for name in GEOMETRY[model.file.machine.kind] if name in known and name not in model.keys]
+    told = {term.effect.key for term in model.terms if len(term.theta)}  # beside the rest, as the model's own
+    return [name for name in GEOMETRY[model.file.machine.kind] if name in known and name not in told]
 
 
 def _columns(model: Model, table: Table, known: Library, sigma: float) -> tuple[np.ndarray, int]:

@@ -112,7 +112,7 @@ def plan_first_run(
     rising = (view.direction.numpy()[read] > 0).mean(axis=0)
     done = repeats_in(timed, view.direction.numpy())
     visited = int((table.role == "datum").sum())
-    words = _words(table, done, rising, visited, levels)
+    words = _words(table, done, rising, visited, levels) + _lost(effects)
     return FirstRun(table, done, rising, visited, effects, sigma, words)
 
 
@@ -195,6 +195,12 @@ def _numbered(visits: list[Visit]) -> list[Visit]:
         count += 1
         result.append(visit.named(f"p{count}") if visit.rows > 1 else replace(visit, name=(f"p{count}",)))
     return result
+
+
+def _lost(effects: tuple[Foresight, ...]) -> str:
+    """What the model has and the plan would not measure again."""
+    lost = [f"{effect.effect} needs {effect.needs}" for effect in effects if effect.in_model and effect.needs]
+    return f" Of what the model has, this run would not tell: {'; '.join(lost)}." if lost else ""
 
 
 def _words(table: Table, freedom: int, rising: np.ndarray, datums: int, levels: tuple[float, ...]) -> str:

@@ -32,6 +32,7 @@ class Foresight:
         seen: combinations of its parameters that the rows will see.
         size: how many parameters it has.
         needs: what the rows lack for it to be tested, '' where they can.
+        in_model: whether the model has it already.
         parameters: (name, unit, expected standard error or None where the rows do not tell it, usual size).
     """
 
@@ -40,12 +41,14 @@ class Foresight:
     size: int
     needs: str
     parameters: tuple[tuple[str, str, float | None, float], ...]
+    in_model: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         names = ("name", "unit", "std", "usual")
         return {
             "effect": self.effect,
+            "in_model": self.in_model,
             "testable": not self.needs,
             "needs": self.needs,
             "seen": self.seen,
@@ -55,49 +58,56 @@ class Foresight:
 
 
 def foresee(model: Model, view: View, rows: np.ndarray, known: Library, sigma: float) -> tuple[Foresight, ...]:
-    """Expected standard errors of every effect that could be added, one at a time.
+    """Expected standard errors of the effects of a model, and of every one that could be added, one at a time.
 
     Args:
-        model: as it is now; its effects are fitted beside each one.
+        model: as it is now; its other effects are fitted beside each one.
         view: n rows as they are planned.
         rows: rows that will be read as poses, (n,) bool.
         known: effects by name.
         sigma: noise of one coordinate, mm.
 
     Returns:
-        One for each effect that fits the machine and is not in the model.
+        The effects of the model first, then one for each other effect that fits the machine.
     """
-    kind = model.file.machine.kind
+    kind, found = model.file.machine.kind, []
+    for term in model.terms:
+        others = model.without(term.effect.key)
+        one = _foresee(others, term.effect, view, rows, beside(others, view, rows, sigma), sigma)
+        found.append(replace(one, in_model=True))
     nuisance = beside(model, view, rows, sigma)
-    found = []
     for name, cls in known.items():
         framed = cls is TrackerFrame and model.file.tracker.frame != "trusted"
-        if kind not in cls.mechanisms or name in model.keys or framed:
-            continue
-        effect = cls()
-        lack = effect.needs(view)
-        sizes = tuple(p.on(kind) for p in effect.parameters if p.role == "linear" for _ in range(p.size(view.joints)))
-        names = parameter_names(effect, kind, view.joints)[: len(sizes)]
-        if lack:
-            blank = tuple((text, p.unit, None, p.usual) for text, p in zip(names, sizes, strict=True))
-            found.append(Foresight(effect.key, 0, len(sizes), lack, blank))
-            continue
-        usual = np.array([p.usual for p in sizes])
-        columns = columns_of(model, effect, view, sigma)[rows].reshape(-1, len(usual)) * usual
-        information = leftover(columns, nuisance)
-        # Held values are defined to be near zero: the rows need not see them.
-        held = np.array([p.held for p in sizes], dtype=float)
-        information = information + np.diag(held)
-        strength, ways = np.linalg.eigh(information)
-        unseen = ways[:, strength < SEEN]
-        seen = len(usual) - unseen.shape[1] - int(held.sum())
-        variance = np.diag(np.linalg.inv(information + unseen @ unseen.T))
-        told = np.square(unseen).sum(axis=1) <= PRIOR_SHARE
-        std = [float(u * np.sqrt(v)) if own else None for u, v, own in zip(usual, variance, told, strict=True)]
-        values = tuple((n, p.unit, s, p.usual) for n, p, s in zip(names, sizes, std, strict=True))
-        kept = tuple(value for value, own in zip(values, held, strict=True) if not own)
-        found.append(Foresight(effect.key, seen, len(kept), "", kept))
+        if kind in cls.mechanisms and name not in model.keys and not framed:
+            found.append(_foresee(model, cls(), view, rows, nuisance, sigma))
     return tuple(found)
+
+
+def _foresee(
+    model: Model, effect: Effect, view: View, rows: np.ndarray, nuisance: np.ndarray, sigma: float
+) -> Foresight:
+    """What the rows will tell of one effect beside a model that does not have it."""
+    kind, lack = model.file.machine.kind, effect.needs(view)
+    sizes = tuple(p.on(kind) for p in effect.parameters if p.role == "linear" for _ in range(p.size(view.joints)))
+    names = parameter_names(effect, kind, view.joints)[: len(sizes)]
+    if lack:
+        blank = tuple((text, p.unit, None, p.usual) for text, p in zip(names, sizes, strict=True))
+        return Foresight(effect.key, 0, len(sizes), lack, blank)
+    usual = np.array([p.usual for p in sizes])
+    columns = columns_of(model, effect, view, sigma)[rows].reshape(-1, len(usual)) * usual
+    information = leftover(columns, nuisance)
+    # Held values are defined to be near zero: the rows need not see them.
+    held = np.array([p.held for p in sizes], dtype=float)
+    information = information + np.diag(held)
+    strength, ways = np.linalg.eigh(information)
+    unseen = ways[:, strength < SEEN]
+    seen = len(usual) - unseen.shape[1] - int(held.sum())
+    variance = np.diag(np.linalg.inv(information + unseen @ unseen.T))
+    told = np.square(unseen).sum(axis=1) <= PRIOR_SHARE
+    std = [float(u * np.sqrt(v)) if own else None for u, v, own in zip(usual, variance, told, strict=True)]
+    values = tuple((n, p.unit, s, p.usual) for n, p, s in zip(names, sizes, std, strict=True))
+    kept = tuple(value for value, own in zip(values, held, strict=True) if not own)
+    return Foresight(effect.key, seen, len(kept), "", kept)
 
 
 def see_plan(model: Model, table: Table) -> tuple[View, Table]:
