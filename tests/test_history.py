@@ -56,6 +56,18 @@ def test_a_ladder_is_drawn_again_from_the_file(problem: Problem, folder: Path, t
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+def test_a_run_of_one_pose_is_refused_where_nothing_can_be_held_out(problem: Problem, tmp_path: Path) -> None:
+    table = problem.table
+    save_machine(replace(problem.file, text=""), tmp_path / "m.toml")
+    row = ",".join(map(str, (*table.target[3], *table.measured[3])))
+    (tmp_path / "one.csv").write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas", *[row] * 30]) + "\n")
+    words = ["one.csv", "--model", "m.toml", "--out", "n.toml"]
+    for verb in (["add", words[0], "homing-offset", *words[1:]], ["fit", *words]):
+        outcome = ptt(*(tmp_path / word if "." in word else word for word in verb))
+        assert outcome.exit_code == 3 and "one.csv: no reading can be held out" in outcome.stderr
+    assert not (tmp_path / "n.toml").exists()
+
+
 def test_parameters_are_kept_as_they_were_before(problem: Problem, folder: Path) -> None:
     ladder = climb(Model(problem.file), problem, [KNOWN["backlash"](), KNOWN["link-length"]()])
     first, second = record(ladder, "add", [folder / "run.csv"]).history

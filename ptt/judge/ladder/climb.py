@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ptt.effects import Effect
-from ptt.errors import ModelError
+from ptt.errors import ModelError, PosesError
 from ptt.fitting.chunks import LONG
 from ptt.fitting.long import hidden_residual
 from ptt.fitting.report import FitReport, report_fit
@@ -213,6 +213,11 @@ def _measure(
     rows = problem.used & ~fits[-1].outliers
     for residual in (*(item.residual for item in fits), *held_out):
         rows = rows & np.isfinite(residual).all(axis=1)
+    if not rows.any():
+        raise PosesError(
+            f"{problem.table.source}: no reading can be held out: too few poses differ, or their frame is hidden too; "
+            "measure more poses"
+        )
     falls = [0.0, *(_fall(a, b, rows, problem) for a, b in pairwise(held_out))]
     steps = tuple(
         Step(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _restored(fitted, rungs[0][2]))
