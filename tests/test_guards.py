@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -347,11 +348,27 @@ NOTES = {
     "sha256": {"model.toml": "a", "rbf.safetensors": "b"},
     "trained_on": [{"file": "run.csv", "sha256": "c"}],
     "heldout_rms_um": {"physics": {"x": 1.0, "y": 1.0, "z": 1.0, "total": 1.7}},
+    "protocol": "blocks",
     "rbf": {"centres": 8, "spread": 1.0, "learned": [True, True, False], "share": 0.5, "inputs": "tool"},
 }  # fmt: skip
 
 
 PATHS = ["format", "sha256", "trained_on", "heldout_rms_um", "heldout_rms_um.physics", "heldout_rms_um.physics.total"]
+USED = ("rbf", "rbf.centres", "rbf.learned", "rbf.share", "protocol", "trained_on", "heldout_rms_um")  # by the report
+
+
+@pytest.mark.parametrize("path", USED)
+@pytest.mark.parametrize("gone", [True, False])
+def test_what_a_report_reads_of_a_compensator_is_there(path, gone):
+    notes = json.loads(json.dumps(NOTES))
+    *above, last = path.split(".")
+    holder = notes[above[0]] if above else notes
+    if gone:
+        del holder[last]
+    else:
+        holder[last] = None
+    with pytest.raises(InputError, match=re.escape(f"compensator.json, {path}")):
+        check_notes(notes, "comp")
 
 
 @QUICK

@@ -28,9 +28,9 @@ class _Source(_Kept):
 
 class _Network(_Kept):
     centres: NonNegativeInt
+    learned: Annotated[list[bool], Field(min_length=3, max_length=3)]
+    share: float
     spread: NonNegativeFloat | None = None
-    learned: list[bool] = []
-    share: float | None = None
     inputs: Literal["tool", "joints"] = "tool"
     heldout_by_inputs_um: dict[str, Any] = {}
 
@@ -38,11 +38,11 @@ class _Network(_Kept):
 class _Notes(_Kept):
     format: Literal[1]
     sha256: dict[str, str]
-    trained_on: list[_Source] = []
+    trained_on: list[_Source]
+    heldout_rms_um: dict[str, _Figures]
+    protocol: str
+    rbf: _Network
     rms_um: dict[str, _Figures] = {}
-    heldout_rms_um: dict[str, _Figures] = {}
-    protocol: str = ""
-    rbf: _Network | None = None
     noise_um: dict[str, Any] = {}
 
 
