@@ -378,12 +378,13 @@ def _judge_outputs(paths: list[Path]) -> tuple[str, str]:
     """Whether we can read our own outputs."""
     import pandas as pd
 
+    from ptt.commands.outputs import kind_of
     from ptt.errors import PttError
     from ptt.machine import load_machine
 
     for path in paths:
         try:
-            if path.suffix == ".toml" and "columns" not in path.read_text():
+            if kind_of(path) == "machine":  # by what it holds: a command line may call it anything
                 load_machine(path)
             elif path.suffix == ".csv":
                 pd.read_csv(path, comment="#")

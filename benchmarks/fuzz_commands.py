@@ -26,6 +26,8 @@ COMMANDS: tuple[tuple[list[str], tuple[str, ...], str, int], ...] = (
     ([*PREDICT, "--model", "comp", "--out", "out.csv", "--json"], ("comp", "targets.csv"), "out.csv", 12),
     (["train", "run.csv", "--machine", "model.toml", "--out", "folder", "--json"], ("run.csv", "model.toml"),
      "folder", 1),
+    (["report", "run.csv", "--model", "model.toml", "--compensator", "comp", "--out", "out.html", "--json"],
+     ("comp", "run.csv", "model.toml"), "out.html", 2),
     (["evaluate", "run.csv", "also.csv", "--json"], ("run.csv", "also.csv"), "", 6),
     (["iso", "run.csv", "--model", "machine.toml", "--json"], ("run.csv", "machine.toml"), "", 5),
     (["iso", "axis.csv", "--json"], ("axis.csv",), "", 5),
