@@ -11,15 +11,18 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
+from ptt.diagnosis import noise
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.effects import library
+from ptt.errors import TableError
 from ptt.fitting.sums import accumulate, gain, project, solve
 from ptt.machine import format_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
+from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import read_table
 
@@ -126,6 +129,19 @@ def test_unknown_fault_is_not_forced_into_the_library(tmp_path):
     assert slider.startswith("b")
     low, high = found.depends_on[0].place
     assert high - low < 40.0
+
+
+def test_a_floor_that_can_be_told_no_finer_is_the_last_that_could(tmp_path, monkeypatch):
+    """Under readings of half a micrometre a saturated model sees every curve it has, and keeps no row to scatter."""
+    _, path = run(tmp_path, "none", 90, rows=60)
+    problem = replace(build_problem(MACHINE, read_table(path)), noise=None)
+    rounds = [Noise(np.eye(3) * 1e-6, "saturated model", 30.0), Noise(np.eye(3) * 1e-7, "saturated model", 5.0)]
+    monkeypatch.setattr(noise, "_saturated", lambda *given: left.pop(0))
+    left = rounds.copy()
+    assert noise.noise_floor(Model(MACHINE), problem, library()) is rounds[0]
+    left = rounds[::-1]
+    with pytest.raises(TableError, match="do not tell the noise"):
+        noise.noise_floor(Model(MACHINE), problem, library())
 
 
 def test_two_effects_are_both_found(tmp_path):

@@ -153,11 +153,14 @@ def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
     """
     if problem.noise is not None:
         return problem.noise
-    noise, _ = starting_noise(problem)
-    for _ in range(ROUNDS):
-        noise = _saturated(model, problem, known, noise)
-        if noise.freedom < LEAST_FREEDOM:
-            raise too_few(problem)
+    noise = _saturated(model, problem, known, starting_noise(problem)[0])
+    if noise.freedom < LEAST_FREEDOM:
+        raise too_few(problem)
+    for _ in range(ROUNDS - 1):
+        finer = _saturated(model, problem, known, noise)
+        if finer.freedom < LEAST_FREEDOM:  # the finer the noise, the more of the curves is seen, until nothing is left
+            break
+        noise = finer
     return noise
 
 
