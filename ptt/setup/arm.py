@@ -9,8 +9,9 @@ from itertools import combinations, product
 
 import numpy as np
 
+from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
-from ptt.setup.arm_fit import arm_spec, judge_arm, linear, pose_many
+from ptt.setup.arm_fit import arm_spec, judge_arm, linear, linear_many, pose_many
 from ptt.setup.candidates import UNITS, mirrors, units
 from ptt.setup.result import Finding
 from ptt.setup.rows import slipped
@@ -23,6 +24,7 @@ LEADERS = 4
 PLACES, MOST_PLACES = 12, 24  # rows at which a missed reading is tried, roughly and closely
 TURNS = {"90 deg": np.pi / 2.0, "-90 deg": -np.pi / 2.0, "180 deg": np.pi}
 TIE = 1.5
+SAME = ("z negated", "y and z swapped")  # of the ways to mirror readings, all one where the frame is free
 LEAST = 0.01  # mm: agreement beyond this is no further proof
 Judged = tuple[float, list[Hypothesis], Setup]
 
@@ -151,14 +153,25 @@ def _zeros(count: int, free: bool) -> Iterator[Hypothesis]:
 def _leaders(setup: Setup, rows: np.ndarray) -> list[Hypothesis]:
     """The best of the screen, and doing nothing."""
     hypotheses = list(_mistakes(setup))
-    found = []
+    cases, readings = [], []
     for hypothesis in hypotheses:
         undone = hypothesis.undo(setup)
-        found.append((undone.file.machine, undone.table.command[rows], undone.table.measured[rows]))  # type: ignore[index]
-    posed = pose_many([item[:2] for item in found])  # type: ignore[misc]
-    left = np.array([linear(pose, reading)[0] for pose, (_, _, reading) in zip(posed, found, strict=True)])
+        turned, command = _zeros_in_commands(arm_spec(setup), arm_spec(undone))
+        cases.append((turned, np.asarray(undone.table.command)[rows] + command))
+        readings.append(undone.table.measured[rows])
+    left = linear_many(pose_many(cases), np.stack(readings))
     order = np.argsort(np.log(left + 1e-6) + [hypothesis.cost for hypothesis in hypotheses], kind="stable")
     return [hypotheses[0], *(hypotheses[index] for index in order[:LEADERS] if index != 0)]
+
+
+def _zeros_in_commands(drawn: SerialSpec, undone: SerialSpec) -> tuple[SerialSpec, np.ndarray]:
+    """Zeros that were moved in the drawing, as a shift of the commands (k,) rad: one mechanism serves them all."""
+    pairs = list(zip(drawn.joint, undone.joint, strict=True))
+    if drawn is undone or any(
+        one.model_copy(update={"theta_offset_deg": two.theta_offset_deg}) != two for one, two in pairs
+    ):
+        return undone, np.zeros(len(pairs))
+    return drawn, np.radians([two.theta_offset_deg - one.theta_offset_deg for one, two in pairs])
 
 
 def _slips_from(setup: Setup, rows: np.ndarray) -> list[Hypothesis]:
@@ -193,8 +206,9 @@ def _read_off(setup: Setup, rows: np.ndarray) -> list[list[Hypothesis]]:
     size = abs(volume) ** (1.0 / 3.0)
     near = [unit for unit, factor in UNITS.items() if 0.8 < size * factor < 1.25]
     more = [item for item in units("readings") if near and near[0] in item.undone.split()]
+    left_handed = [item for item in mirrors("readings") if not setup.free or item.undone in SAME]
     plain: list[list[Hypothesis]] = [more] if more else [[]]
-    return plain + ([[*more, item] for item in mirrors("readings")] if volume < 0.0 else [])
+    return plain + ([[*more, item] for item in left_handed] if volume < 0.0 else [])
 
 
 def _driven(matrix: np.ndarray) -> Undo:

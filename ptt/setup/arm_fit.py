@@ -11,9 +11,10 @@ import torch
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.setup.faults import left_after_faults
-from ptt.setup.rigid import align_many, rms
+from ptt.setup.rigid import align_many, middle, rms
 from ptt.setup.setup import Setup
 
+SETTLED = 1e-3  # mm
 ROUNDS = 8
 USUAL = (0.5, 1e-3, 0.5, 1e-3, 1e-3)  # mm and rad: errors of a, alpha, d, theta and the Hayati angle
 LOOSE = 1e-9
@@ -44,6 +45,25 @@ def pose_many(cases: list[tuple[SerialSpec, np.ndarray]]) -> list[Posed]:
         for index, p, r in zip(members, place.numpy(), turn.numpy(), strict=True):
             posed[index] = Posed(p, r)
     return [pose for pose in posed if pose is not None]
+
+
+def linear_many(posed: list[Posed], readings: np.ndarray) -> np.ndarray:
+    """What the best linear map of position and orientation leaves in each case, (h,) mm: `linear`, all at once.
+
+    Args:
+        posed: h cases of m rows.
+        readings: (h, m, 3) mm, NaN where there is none.
+    """
+    known = np.isfinite(readings).all(axis=2)
+    weight = known / np.maximum(known.sum(axis=1), 1)[:, None]
+    columns = np.stack([np.concatenate([pose.place, pose.turn.reshape(-1, 9)], axis=1) for pose in posed])
+    wanted = np.where(known[..., None], readings, 0.0)
+    columns, wanted = (points - weight[:, None] @ points for points in (columns, wanted))
+    columns, wanted = (np.where(known[..., None], points, 0.0) for points in (columns, wanted))
+    scaled = columns / (np.sqrt(weight[:, None] @ columns**2) + 1e-9)
+    normal = scaled.transpose(0, 2, 1) @ scaled + LOOSE * known.sum(axis=1)[:, None, None] * np.eye(columns.shape[2])
+    left = wanted - scaled @ np.linalg.solve(normal, scaled.transpose(0, 2, 1) @ wanted)
+    return middle(np.where(known, np.sqrt((left**2).sum(axis=2)), np.nan))
 
 
 def linear(pose: Posed, reading: np.ndarray) -> tuple[float, np.ndarray]:
@@ -83,7 +103,10 @@ def _mount(pose: Posed, reading: np.ndarray, free: bool) -> np.ndarray:
         turns = np.stack([np.cross(axis, place - place.mean(axis=0)) for axis in np.eye(3)], axis=2)
         blocks = [pose.turn, np.broadcast_to(np.eye(3), pose.turn.shape), turns / 100.0]
         matrix = np.concatenate(blocks, axis=2).reshape(3 * len(place), -1)
-        mount = mount + np.linalg.lstsq(matrix, left.ravel(), rcond=1e-8)[0][:3]
+        step = np.linalg.lstsq(matrix, left.ravel(), rcond=1e-8)[0][:3]
+        mount = mount + step
+        if np.abs(step).max() < SETTLED:
+            break
     return mount
 
 
