@@ -68,9 +68,22 @@ def test_the_excess_is_that_of_the_whole_covariance_matrix() -> None:
     random = np.random.default_rng(5)
     left, columns = random.normal(size=(80, 3)) + 2.0 * wander(random, 80), random.normal(size=(80, 3, 4))
     times = Times(np.sort(random.uniform(0.0, 800.0, 80)), np.repeat([0, 1], 40))
-    told, more = alike_in_time(left, times), excess(columns, left, times, np.zeros((4, 4)))
+    told, more = alike_in_time(left, times), excess(columns, left, times, np.zeros((4, 4)), 100.0)
     assert told is not None and more is not None
     gap = np.abs(times.time[:, None] - times.time)
     alike = np.exp(-gap / told.constant) * (times.run[:, None] == times.run) - np.eye(80)
     whole = sum(told.variance[axis] * columns[:, axis].T @ alike @ columns[:, axis] for axis in range(3))
     np.testing.assert_allclose(more, whole, rtol=1e-9, atol=1e-9)
+
+
+def test_an_axis_that_alone_scatters_widely_leaves_a_covariance() -> None:
+    """What is taken off as counted is never more than was: a parameter of alternating signs had no variance left."""
+    random = np.random.default_rng(7)
+    left = random.normal(size=(200, 3)) * [1.0, 1.0, 0.1]
+    left[:, 2] += 6.0 * wander(random, 200)[:, 2]
+    columns = np.zeros((200, 3, 1))
+    columns[::2, 2], columns[1::2, 2] = 1.0, -1.0
+    solved, scatter = np.array([[1.0 / 200.0]]), float((left**2).mean())
+    more = excess(columns, left, Times(STEP * np.arange(200), np.zeros(200)), solved, scatter)
+    assert more is not None
+    assert (scatter * solved + solved @ more @ solved)[0, 0] > 0.0

@@ -19,6 +19,7 @@ CONSTANTS = 9  # time constants between two steps of the clock and half the run
 SURE = 3.5  # standard deviations: one sound run in a hundred passes in some axis at some constant
 LEAST = 24  # rows from which products tell anything
 TINY = 1e-300
+COUNTED = 0.9  # share of a row's own scatter that may last at most: rounding must not make the rest negative
 MOST = 0.8  # share of its energy that a fit may have swallowed before the rest says nothing
 
 
@@ -108,7 +109,9 @@ def _products(residual: np.ndarray, times: Times) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(gaps), np.concatenate(products)
 
 
-def excess(jacobian: np.ndarray, residual: np.ndarray, times: Times, inverse: np.ndarray) -> np.ndarray | None:
+def excess(
+    jacobian: np.ndarray, residual: np.ndarray, times: Times, inverse: np.ndarray, scatter: float
+) -> np.ndarray | None:
     """What rows that err alike add to X^T V X beyond independent rows of the same scatter.
 
     Args:
@@ -116,6 +119,7 @@ def excess(jacobian: np.ndarray, residual: np.ndarray, times: Times, inverse: np
         residual: (n, 3) in units of noise.
         times: of the rows.
         inverse: of the normal equations, prior included, (u, u).
+        scatter: variance that each row has as an independent one, in units of noise squared.
 
     Returns:
         (u, u), None where nothing shows. A fit swallows part of a slow wander; what it left is scaled up by that.
@@ -123,7 +127,10 @@ def excess(jacobian: np.ndarray, residual: np.ndarray, times: Times, inverse: np
     told = alike_in_time(residual, times)
     if told is None:
         return None
-    joined, own = _joined(jacobian, told, times), np.einsum("nai,naj,a->ij", jacobian, jacobian, told.variance)
+    counted = np.minimum(
+        told.variance, scatter
+    )  # an axis that scatters by more than the others was not counted in full
+    joined, own = _joined(jacobian, told, times), np.einsum("nai,naj,a->ij", jacobian, jacobian, counted)
     whole = len(residual) * float(told.variance.sum())
     swallowed = min(float(np.einsum("ij,ji->", inverse, joined)) / whole, MOST)
     return joined / (1.0 - swallowed) - own

@@ -29,7 +29,7 @@ NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
 SEEN = 1.0  # a direction counts as seen where the data know it better than its usual size
 ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
 ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
-Witness = Callable[[np.ndarray], np.ndarray | None]
+Witness = Callable[[np.ndarray, float], np.ndarray | None]
 ALIKE = 0.1  # change of a log variance below which sizes count as settled
 
 
@@ -206,7 +206,8 @@ def _witness(system: System | LongSystem, problem: Problem, kept: np.ndarray) ->
     """What tells whether rows err alike; None for a long run, whose rows are never held at once."""
     if not isinstance(system, System) or not system.jacobian.shape[-1]:
         return None
-    return lambda inverse: excess(system.jacobian[kept], system.residual[kept], times_of(problem, kept), inverse)
+    times = times_of(problem, kept)
+    return lambda inverse, scatter: excess(system.jacobian[kept], system.residual[kept], times, inverse, scatter)
 
 
 def conclude(
@@ -225,7 +226,8 @@ def conclude(
         information: J^T J of the rows in usual sizes, (u, u).
         chi2: weighted sum of squares that is left of them.
         count: number of their coordinates.
-        witness: what rows that err alike add to the scatter of X^T r, given the inverse of the equations.
+        witness: what rows that err alike add to the scatter of X^T r, given the inverse of the equations and the
+            scatter of a row.
 
     Returns:
         The fit with all this.
@@ -238,7 +240,7 @@ def conclude(
     sizes = prior.sizes(layout)
     wide = widening * prior.crowding
     solved = inverse(information + np.diag(wide / np.maximum(prior.variance, sizes**2)))
-    more = witness(solved) if witness else None
+    more = witness(solved, wide) if witness else None
     covariance = wide * solved if more is None else wide * solved + solved @ more @ solved
     unseen = unseen_directions(informed * np.outer(sizes, sizes))
     result = replace(
