@@ -16,6 +16,7 @@ from ptt.history_file import HistoryStep
 
 LEAST_APART = 1.0  # deg between sliders; nearer, the links are coplanar everywhere (a direct singularity)
 
+Sigma = Annotated[float, Field(ge=1e-9)]  # mm; a hundredth of an atom: less is no scatter, and its square vanishes
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -133,14 +134,14 @@ class BasePoint(_Frozen):
 
     name: str
     xyz_mm: Triple
-    sigma_mm: PositiveFloat = 0.005
+    sigma_mm: Sigma = 0.005
 
 
 class TrackerSpec(_Frozen):
     """How readings relate to the base frame, and how well one coordinate is read."""
 
     frame: Literal["fitted", "trusted", "fitted-per-run", "measured"] = "fitted"
-    sigma_mm: PositiveFloat | None = None
+    sigma_mm: Sigma | None = None
     tool: Literal["fitted", "fitted-per-run", "trusted"] = "trusted"
     base_point: tuple[BasePoint, ...] = ()
 

@@ -106,4 +106,4 @@ def test_errors_of_poses_on_a_line_do_not_turn_the_frame_about_it():
     tilted = np.linalg.qr(random.normal(size=(3, 3)))[0]
     tilted *= np.sign(np.linalg.det(tilted))
     turn, _ = align(place, place @ tilted.T)
-    assert np.abs((place @ turn.T - place @ tilted.T)).max() < 0.2  # along the line it is told as ever
+    assert np.abs(place @ turn.T - place @ tilted.T).max() < 0.2  # along the line it is told as ever

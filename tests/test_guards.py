@@ -462,6 +462,12 @@ def test_what_was_tested_can_be_had_again():
     assert needed <= names and project["license"]
 
 
+@pytest.mark.parametrize("sigma", ["1e-308", "1e-12", "0.0", "-1.0"])
+def test_a_scatter_that_no_tracker_has_is_refused_by_its_key(sigma):
+    with pytest.raises(MachineError, match=r"machine\.toml key tracker\.sigma_mm"):
+        parse_machine(f"{BARE}[tracker]\nsigma_mm = {sigma}\n")
+
+
 @pytest.mark.parametrize("azimuth", ["[0, 120, 0]", "[0, 120, 119.9999]", "[0, 360, 240]", "[-1e9, 120, 240]"])
 def test_sliders_at_one_azimuth_are_refused_by_the_key(azimuth):
     with pytest.raises(MachineError, match=r"machine\.toml key machine\.slider_azimuth_deg: .*azimuth"):

@@ -251,11 +251,12 @@ def _directions(export: Export, joints: int) -> np.ndarray | None:
 def _stds(export: Export) -> np.ndarray | None:
     names = [f"{axis}_std" for axis in "xyz"]
     block = _filled(export, names, None)
-    wrong = np.argwhere(block < 0.0) if block is not None else np.empty(0)
+    # Less than a hundredth of an atom is no scatter, and its square vanishes.
+    wrong = np.argwhere((block < 0.0) | ((block > 0.0) & (block < 1e-9))) if block is not None else np.empty(0)
     if block is not None and wrong.size:
         row, column = (int(index) for index in wrong[0])
         raise TableError(
-            f"negative standard deviation ({block[row, column]:g})",
+            f"{'negative' if block[row, column] < 0.0 else 'vanishing'} standard deviation ({block[row, column]:g})",
             where=place(export, row, names[column]),
             fix="mark it with an empty cell",
         )
