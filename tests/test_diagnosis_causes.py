@@ -107,3 +107,13 @@ def test_errors_of_poses_on_a_line_do_not_turn_the_frame_about_it():
     tilted *= np.sign(np.linalg.det(tilted))
     turn, _ = align(place, place @ tilted.T)
     assert np.abs(place @ turn.T - place @ tilted.T).max() < 0.2  # along the line it is told as ever
+
+
+@pytest.mark.parametrize(("moving", "lags"), [(False, False), (True, True)])
+def test_nothing_lags_where_the_clock_shows_that_the_machine_stood(moving, lags):
+    drawn = draw_rig("none", 33, bench_machine(), "speed", rows=90)
+    conditions = drawn.rig.conditions.model_copy(update={"moving": moving, "dwell_s": 4.0})
+    table = table_of(simulate(replace(drawn.rig, conditions=conditions), drawn.targets).frame, drawn.absent)
+    assert table.feed_mm_s is not None and len(np.unique(table.feed_mm_s)) > 1
+    view = build_problem(bench_machine(), table).view
+    assert ("speed" in view.varies) is lags and bool(view.velocity.abs().max() > 0.0) is lags

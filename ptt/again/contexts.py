@@ -1,17 +1,12 @@
 """What differs between two runs beside the machine: loads and warmth that a model has or has not seen."""
 
-from dataclasses import replace
 from typing import Any
-
-import numpy as np
-import torch
 
 from ptt.again.before import Before
 from ptt.run.problem import Problem
 from ptt.run.ranges import ranges_of
 
 SEEN = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
-STOPPED = 1.5  # times the way at the stated feed that a row takes, from which the machine stood while it was read
 LEAST = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # that is worth a word
 
 
@@ -48,27 +43,3 @@ def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
 def _matters(column: str, low: float, high: float, problem: Problem) -> bool:
     usual = problem.file.machine.reference_temp_c if column == "temp_c" else 0.0
     return max(abs(low - usual), abs(high - usual)) > LEAST[column]
-
-
-def as_driven(problem: Problem) -> Problem:
-    """The run without speed where its clock shows that the machine stood while it was read.
-
-    A feed column says how fast the machine came, not whether it still moved: rows that take longer than the way at that
-    feed were read at a stop, where nothing lags.
-
-    Args:
-        problem: the run.
-
-    Returns:
-        The same, or the same at a standstill.
-    """
-    table, view = problem.table, problem.view
-    if table.feed_mm_s is None or table.time_s is None or "speed" not in view.varies:
-        return problem
-    way = np.linalg.norm(np.diff(view.p.numpy(), axis=0), axis=1)
-    took, feed = np.diff(table.time_s), table.feed_mm_s[1:]
-    steps = (way > 0.0) & (took > 0.0) & (feed > 0.0) & ~view.starts.numpy()[1:]
-    if not steps.any() or np.median(took[steps] * feed[steps] / way[steps]) < STOPPED:
-        return problem
-    still = replace(view, velocity=torch.zeros_like(view.velocity), varies=view.varies - {"speed"})
-    return replace(problem, view=still)

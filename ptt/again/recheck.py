@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.again.before import look_back
 from ptt.again.changes import PREFIX, Change
-from ptt.again.contexts import as_driven, context_notes
+from ptt.again.contexts import context_notes
 from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
 from ptt.again.news import Progress, look_for_news
 from ptt.again.result import Changed, Recheck, Verdict
@@ -55,7 +55,6 @@ def recheck(
     if problem.table.rows > LONG:
         notes.append(f"of {problem.table.rows} rows, stretches of about {SAMPLE} in all were looked at")
         problem = take(problem, sample_stretches(problem, SAMPLE))
-    problem = as_driven(problem)
     before = look_back(model, problem)
     found = weigh(before, problem, known, tell)
     now = model_at(before, _stands(found))

@@ -10,6 +10,7 @@ from torch import Tensor
 from ptt.errors import TableError
 from ptt.machine import MachineFile
 from ptt.run.base_visits import sound_visits
+from ptt.run.driven import as_driven
 from ptt.run.frames import align, rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
 from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise
@@ -144,7 +145,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
             missing that the machine file relies on.
     """
     stated_in = target_frames(file, table)
-    view = build_view(file, in_base(table, stated_in))
+    view = as_driven(build_view(file, in_base(table, stated_in)), table)
     observed = np.isfinite(table.measured).all(axis=1)
     used = observed & (table.role != "base")
     policy = file.tracker.frame
