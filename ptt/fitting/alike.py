@@ -127,9 +127,8 @@ def excess(
     told = alike_in_time(residual, times)
     if told is None:
         return None
-    counted = np.minimum(
-        told.variance, scatter
-    )  # an axis that scatters by more than the others was not counted in full
+    # An axis that scatters by more than the others was not counted in full.
+    counted = np.minimum(told.variance, COUNTED * scatter)
     joined, own = _joined(jacobian, told, times), np.einsum("nai,naj,a->ij", jacobian, jacobian, counted)
     whole = len(residual) * float(told.variance.sum())
     swallowed = min(float(np.einsum("ij,ji->", inverse, joined)) / whole, MOST)
