@@ -32,7 +32,7 @@ def run_page(words: list[str]) -> int:
     from ptt.commands.main import run
     from ptt.errors import PttError
     from ptt.show.studio import jobs, verbs
-    from ptt.show.studio.pool import _answer
+    from ptt.show.studio.worker import _answer
 
     job, *given = words
     contents = [_content(Path(name)) for name in given]
