@@ -4,12 +4,18 @@ Fits the effects of the machine file, lets the RBF network learn what is left, a
 `ptt predict --model DIR` reads. `python train.py --help` lists the options.
 """
 
-from ptt.commands.main import run_alone
+import sys
 
 
 def main() -> None:
-    """Run the training."""
-    run_alone("train")
+    """Run the training; Ctrl-C may end it at any moment, while it is being loaded as well."""
+    try:
+        from ptt.commands.main import run_alone
+
+        run_alone("train")
+    except KeyboardInterrupt:
+        sys.stderr.write("error: interrupted\n")
+        sys.exit(130)
 
 
 if __name__ == "__main__":

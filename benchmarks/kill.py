@@ -90,7 +90,7 @@ class Killer:
             shutil.copytree(base, root / "base")
         else:
             (root / "base").mkdir()
-            make_inputs(root / "base", lambda words: require_done(words, root / "base", self.logs))
+            make_inputs(root / "base", lambda words: require_done(words, root / "base", self.logs), fleet=False)
         self.prepared = {verb: self._prepare(verb) for verb in verbs}
 
     def _prepare(self, verb: str) -> Prepared:

@@ -1,5 +1,6 @@
 """What is refused before anything is computed, and what is kept when something goes wrong on the way."""
 
+import importlib
 import json
 import os
 import re
@@ -440,8 +441,10 @@ def test_version_says_what_figures_come_from(capsys):
     assert run(["--version"]) == 0 and capsys.readouterr().out.startswith("ptt ")
 
 
-def test_ctrl_c_while_the_program_is_loaded_is_one_line_too(monkeypatch, capsys):
-    from ptt.__main__ import main
+@pytest.mark.parametrize("program", ["ptt.__main__", "train"])
+def test_ctrl_c_while_the_program_is_loaded_is_one_line_too(program, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT))
+    main = importlib.import_module(program).main
 
     class Loading:
         def __getattr__(self, name):
