@@ -214,7 +214,7 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
         return 0.0, np.inf
     known[1] &= distances[1] <= TRIM * np.nanmedian(distances[1]) + 1e-9
     both = known.all(axis=0)
-    if both.sum() >= FEWEST:  # where every second row has a reading, none has one in both
+    if both.sum() > 0.8 * known.sum(axis=1).min():  # where every second row has a reading, few have one in both
         known[:] = both
     before, after = (float(np.sqrt(np.mean(of[rows] ** 2))) for of, rows in zip(distances, known, strict=True))
     return before, after
