@@ -78,7 +78,7 @@ def explains_more(setup: Setup, other: Setup) -> bool:
     """Whether some mistake in the geometry, proven or not, leaves less than another cure of the same files does."""
     plain = judge(thinned(setup, MOST_ROWS), ())
     least = min((item.total for item in _leaders([plain])), default=np.inf)
-    return bool(least < judge(thinned(other, MOST_ROWS), (), plain).total)
+    return bool(least < min(plain.total - np.log(2.0), judge(thinned(other, MOST_ROWS), (), plain).total))
 
 
 def _turned_round(plain: Judged, setup: Setup) -> tuple[list[Finding], Setup]:
