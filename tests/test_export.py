@@ -1,5 +1,6 @@
 """What all exports share: names of formats, files that appear together, the error that is left."""
 
+import platform
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,15 @@ def test_nothing_is_written_where_one_file_of_several_cannot_be(tmp_path: Path) 
     assert sorted(each.name for each in tmp_path.iterdir()) == ["b", "mine"]
     assert write_all({tmp_path / "a": "1", tmp_path / "c": b"2"}) == (tmp_path / "a", tmp_path / "c")
     assert (tmp_path / "a").read_text() == "1"
+
+
+def test_a_link_is_written_through_and_the_dead_are_swept(tmp_path: Path) -> None:
+    (tmp_path / "way.cfg").symlink_to("there.cfg")
+    left = tmp_path / f".there.cfg.{platform.node().replace('.', '-')}.{2**22 - 1}.x"  # of a process that is gone
+    left.write_text("half")
+    write_all({tmp_path / "way.cfg": "whole"})
+    assert (tmp_path / "way.cfg").is_symlink() and (tmp_path / "there.cfg").read_text() == "whole"
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["there.cfg", "way.cfg"]
 
 
 def test_errors_left_are_those_of_a_machine_worked_out_by_hand(bench: MachineFile) -> None:
