@@ -26,6 +26,7 @@ from ptt.files import parse_toml, temporary, write_text
 from ptt.judge.history import read_entries
 from ptt.judge.iso.figures import read_axis_figures
 from ptt.machine import ThreePttSpec, format_machine, parse_machine
+from ptt.model.model import read_model
 from ptt.run.backlash.scale import read_scale_log
 from ptt.run.readers.columns import GREATEST
 from ptt.run.table import read_table
@@ -463,6 +464,13 @@ def test_what_was_tested_can_be_had_again():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     needed = {text.split(">")[0].lower() for text in project["dependencies"]}
     assert needed <= names and project["license"]
+
+
+def test_an_effect_of_a_long_name_is_refused_in_few_words():
+    file = parse_machine(f'{BARE}[[effect]]\nname = "{"x" * 30_000}"\n')
+    with pytest.raises(InputError) as caught:
+        read_model(file)
+    assert len(str(caught.value)) < 300
 
 
 @pytest.mark.parametrize("sigma", ["1e-308", "1e-12", "0.0", "-1.0"])

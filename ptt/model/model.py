@@ -10,7 +10,7 @@ from ptt.effects import Effect, Library, Parameter, library
 from ptt.effects.base import STAGES, flatten, sizes, total_size
 from ptt.effects.dated import is_dated
 from ptt.effects.registry import make_effect, parse_key
-from ptt.errors import ModelError
+from ptt.errors import ModelError, shown
 from ptt.machine import EffectEntry, MachineFile, ParameterEntry
 from ptt.run.view import View
 
@@ -113,7 +113,7 @@ def read_model(file: MachineFile, known: Library | None = None) -> Model:
         try:
             model = model + _read_term(entry, make_effect(known, entry.name, entry.label), model)
         except ModelError as error:
-            raise ModelError(error.what, where=f"{file.source} [[effect]] {entry.name}", fix=error.fix) from None
+            raise ModelError(error.what, where=f"{file.source} [[effect]] {shown(entry.name)}", fix=error.fix) from None
     return model
 
 
