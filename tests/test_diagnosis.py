@@ -268,3 +268,17 @@ def test_a_later_step_says_after_which_its_error_is(tmp_path):
     for number, step in enumerate(steps[1:], start=1):
         assert f"held-out error after {steps[0].effect}" in step.words
         assert all(before.effect in step.words for before in steps[:number])
+
+
+def test_rows_at_a_stop_are_no_gross_errors(tmp_path):
+    """A soft stop pushes the platform back beyond one plane of the workspace: few rows, far off, in one place."""
+    _, path = run(tmp_path, "none", 91, rows=230)
+    frame = pd.read_csv(path)
+    edge = float(np.nanquantile(frame["x_meas"], 0.93))
+    beyond = (frame["x_meas"] > edge).to_numpy()
+    frame["x_meas"] -= 0.08 * np.clip(frame["x_meas"] - edge, 0.0, None)
+    frame.to_csv(path, index=False)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)))
+    assert found.outliers[beyond].sum() < 0.5 * beyond.sum()
+    assert found.verdict == "unknown"
+    assert found.depends_on[0].on == "x"

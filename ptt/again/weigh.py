@@ -10,7 +10,7 @@ from ptt.again.changes import PREFIX, Change, changes_of
 from ptt.again.supposed import At, stand_at, suppose
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.gross import gross_errors
+from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.score import Scorer, State
@@ -206,4 +206,4 @@ def _sift(at: At, problem: Problem, candidates: Sequence[Effect], noise: Noise) 
     """Lone rows that neither the model with all its values free nor all effects together can explain, (n,) bool."""
     linear = linear_columns(at.fitted, problem, candidates, noise)
     saturated = few_shapes(linear.trials, linear.simple)
-    return gross_errors(linear.columns, linear.residual, linear.rows, linear.simple, saturated, problem.view.q.numpy())
+    return gross_errors(linear.columns, linear.residual, linear.rows, linear.simple, saturated, places_of(problem))

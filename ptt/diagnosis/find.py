@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import SECOND, present_candidates
-from ptt.diagnosis.gross import gross_errors
+from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import place_own_moments
 from ptt.diagnosis.noise import noise_again, starting_noise
@@ -203,7 +203,7 @@ def settled(state: State, system: System) -> bool:
 def _sift(linear: Linear, problem: Problem) -> np.ndarray:
     """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
     saturated = few_shapes(linear.trials, linear.simple)
-    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, problem.view.q.numpy())
+    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, places_of(problem))
 
 
 def _without(model: Model, keys: Sequence[str]) -> Model:

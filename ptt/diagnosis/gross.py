@@ -3,6 +3,7 @@
 import numpy as np
 
 from ptt.fitting.outliers import linear_residual
+from ptt.run.problem import Problem
 from ptt.run.tails import chi2_isf, chi2_median, poisson_sf
 
 CHANCE = 1e-3  # chance that a table of sound readings loses one
@@ -10,7 +11,7 @@ TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be it
 ALIKE = 0.5  # share of a shift by which two rows of one stretch differ at most
 COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
 MOST = 0.12  # share of rows beyond which far rows are no exceptions
-CROWD = 0.01  # chance of as many neighbours along a joint's travel from which they are no accident
+CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
 
 
@@ -20,7 +21,7 @@ def gross_errors(
     rows: np.ndarray,
     simple: np.ndarray,
     saturated: np.ndarray,
-    travel: np.ndarray,
+    places: np.ndarray,
 ) -> np.ndarray:
     """Find gross errors.
 
@@ -34,7 +35,7 @@ def gross_errors(
         rows: rows that count, (n,) bool.
         simple: columns of the present model.
         saturated: columns of the saturated model.
-        travel: joint values, (n, k).
+        places: of the rows, as `places_of` has them, (n, c).
 
     Returns:
         (n,) bool.
@@ -42,7 +43,7 @@ def gross_errors(
     far, left = far_rows(columns, values, rows, simple)
     if far.any() and 3 * rows.sum() > PLENTY * len(saturated):
         far, left = far_rows(columns, values, rows, saturated)
-    return alone(far, left, rows, travel)
+    return alone(far, left, rows, places)
 
 
 def far_rows(
@@ -81,17 +82,17 @@ def stand_out(left: np.ndarray, rows: np.ndarray, least: float = 1.0) -> np.ndar
     return rows & (squared > TAIL * width * chi2_isf(CHANCE / max(int(rows.sum()), 1), 3))
 
 
-def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, travel: np.ndarray) -> np.ndarray:
+def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Far rows that stand alone: several in a row with one shift are a knock, a slip or another reflector.
 
     Broken beams may follow each other too, but each is off by something of its own. They also come wherever the machine
-    stands: far rows that crowd on a part of a joint's travel are that part's.
+    stands and however it came: far rows that crowd in one place are that place's.
 
     Args:
         far: (n,) bool.
         left: what a model leaves, (n, 3) in units of noise.
         used: rows whose readings count, (n,) bool.
-        travel: joint values, (n, k).
+        places: of the rows, as `places_of` has them, (n, c).
 
     Returns:
         (n,) bool; none where so many are far that the model is to blame.
@@ -103,18 +104,24 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, travel: np.ndarra
         alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
-    lone = far & (company < COMPANY) & ~_crowded(far, used, travel)
+    lone = far & (company < COMPANY) & ~_crowded(far, used, places)
     return lone if lone.sum() <= MOST * used.sum() else np.zeros_like(far)
 
 
-def _crowded(far: np.ndarray, used: np.ndarray, travel: np.ndarray) -> np.ndarray:
-    """Far rows next to each other along a joint's travel, where more of them are than chance would put there."""
+def places_of(problem: Problem) -> np.ndarray:
+    """Where the machine stood at each row, and how far it came: joint values, tool position, steps, (n, 3 k or so)."""
+    q, p = problem.view.q.numpy(), problem.view.p.numpy()
+    return np.column_stack([q, p, np.abs(np.diff(q, axis=0, prepend=q[:1]))])
+
+
+def _crowded(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Far rows next to each other along one measure of place, where more of them are than chance would put there."""
     crowded, rows = np.zeros_like(far), np.flatnonzero(used)
     expected = far.sum() ** 2 / max(len(rows), 1)
-    for column in travel.T:
+    for column in places.T:
         order = rows[np.argsort(column[rows], kind="stable")]
         pairs = far[order[1:]] & far[order[:-1]]
-        if poisson_sf(pairs.sum() - 1, expected) < CROWD:
+        if poisson_sf(pairs.sum() - 1, expected) < CROWD / places.shape[1]:
             crowded[order[1:][pairs]] = True
             crowded[order[:-1][pairs]] = True
     return crowded

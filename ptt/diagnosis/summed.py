@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, atoms_of
 from ptt.diagnosis.blocks import unknown_blocks
-from ptt.diagnosis.gross import gross_errors
+from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums, block_sums, hide, sum_rows
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, clock_of, straightened, whitened
@@ -314,7 +314,7 @@ def _gross(
     wider, everything = columns_of(chunk, run, at, trials)
     own = np.concatenate([wider.simple, np.arange(wider.columns.shape[2], everything.shape[2])])
     assert len(own) == len(simple)
-    return gross_errors(everything, wider.values, rows, own, few_shapes(wider.trials, own), chunk.view.q.numpy())
+    return gross_errors(everything, wider.values, rows, own, few_shapes(wider.trials, own), places_of(chunk))
 
 
 def _system(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.gross import MOST, alone, stand_out
+from ptt.diagnosis.gross import MOST, alone, places_of, stand_out
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.score import Scorer, State
@@ -31,8 +31,8 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarr
     white = system.innovation(state.columns, state.posterior.values, state.memory)
     white *= np.sqrt(system.count / max(system.count - state.decided, 1.0))
     here, problem = np.ones(len(white), dtype=bool), system.at.problem
-    travel, found = problem.view.q.numpy()[system.rows], gross.copy()
-    found[system.rows[alone(stand_out(white, here, least=0.0), white, here, travel)]] = True
+    places, found = places_of(problem)[system.rows], gross.copy()
+    found[system.rows[alone(stand_out(white, here, least=0.0), white, here, places)]] = True
     return found if found.sum() <= MOST * problem.used.sum() else gross
 
 
