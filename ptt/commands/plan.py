@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 def plan(
     machine: Annotated[Path, typer.Argument(metavar="M.toml", help="machine.toml or compensator folder.")],
     out: Annotated[Path, typer.Option("--out", metavar="TARGETS.csv", help="Targets to write.")],
-    rows: Annotated[int, typer.Option("--rows", help="About how many rows, base reflectors left aside.")] = 200,
+    rows: Annotated[
+        int, typer.Option("--rows", max=1_000_000, help="About how many rows, base reflectors left aside.")
+    ] = 200,
     payloads: Annotated[
         str, typer.Option("--payloads", metavar="KG,KG,...", help="Loads, one after the other: 0,2.5,5.")
     ] = "",
