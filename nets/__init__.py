@@ -10,7 +10,7 @@ from nets.files import load_rbf, read_notes, save_rbf
 from nets.network import GaussianRbf
 from nets.result import Candidate, RbfTraining, TriedSetting
 from nets.settings import RbfSettings
-from nets.training import fit_rbf, train_rbf
+from nets.training import fit_rbf, muted, train_rbf
 
 __all__ = [
     "Candidate",
@@ -26,6 +26,7 @@ __all__ = [
     "fit_rbf",
     "load_rbf",
     "measure_domain",
+    "muted",
     "read_notes",
     "save_rbf",
     "train_rbf",

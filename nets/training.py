@@ -1,6 +1,6 @@
 """Training: data in, the network that holds out best, or the null network, out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +75,30 @@ def train_rbf(
         tried=_table(candidates, held_out, settings),
         mse_curve=curve,
     )
+
+
+def muted(training: RbfTraining, kept: npt.NDArray[np.bool_]) -> RbfTraining:
+    """Take outputs back that turned out not to help where it counts.
+
+    Args:
+        training: a trained network.
+        kept: (o,) outputs that stay as they are; the others become zero.
+
+    Returns:
+        The same where nothing changes; the null network where no output is left.
+    """
+    learned = training.learned & kept
+    if (learned == training.learned).all():
+        return training
+    nodes = slice(None) if learned.any() else slice(0)
+    tensors = {name: value.numpy() for name, value in training.network.state_dict().items()}
+    tensors |= {name: tensors[name] * learned for name in ("weights", "threshold", "slope")}
+    tensors |= {name: tensors[name][nodes] for name in ("centres", "widths", "weights")}
+    chosen = training.chosen if learned.any() else Candidate(0, 0.0, False)
+    ridges = np.where(learned, training.ridges, 0.0)
+    network = GaussianRbf.from_tensors(tensors)
+    fitted = np.where(learned, training.fitted_rms, training.null_rms)  # zero misses every row by what it is
+    return replace(training, network=network, chosen=chosen, ridges=ridges, learned=learned, fitted_rms=fitted)
 
 
 def fit_rbf(

@@ -87,3 +87,22 @@ def test_settings_tried_in_plenty_do_not_flatter_noise(trusted: MachineFile) -> 
         figures = hold_out(Model(trusted), problem, protocol, {"tool": network}, wide).rms_um()
         gains.append(figures["rbf"]["total"] / figures["physics"]["total"])
     assert np.mean(gains) > 0.995
+
+
+def test_what_helps_no_row_that_was_held_out_is_not_delivered(trusted: MachineFile) -> None:
+    """A slow wander of the readings looks like something to learn wherever the path lingers, and helps nowhere else."""
+    random = np.random.default_rng(5)
+    steps = random.normal(0.0, 1.0, (len(PLACES), 3))
+    wander = np.zeros_like(steps)
+    for row in range(1, len(steps)):
+        wander[row] = 0.97 * wander[row - 1] + 0.004 * steps[row]
+    path = PLACES[np.lexsort((PLACES[:, 1], np.round(PLACES[:, 0] / 12.0)))]
+    problem = build_problem(trusted, make_table(path, measured=path + wander + random.normal(0.0, 0.003, path.shape)))
+    trained = train(Model(trusted), problem, settings=SMALL)
+    told = trained.heldout_um
+    for index, axis in enumerate("xyz"):
+        assert not trained.rbf.learned[index] or told["rbf"][axis] < told["physics"][axis], axis
+        if not trained.rbf.learned[index]:
+            assert told["rbf"][axis] == told["physics"][axis]
+            assert not trained.rbf.network.predict(path)[:, index].any()
+    assert not trained.rbf.learned.all()

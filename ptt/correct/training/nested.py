@@ -1,7 +1,7 @@
 """Held-out errors of physics and network: neither fit nor choice of settings has seen the rows that are judged."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +45,15 @@ class HeldOut:
             "physics": rms(self.physics, self.rows),
             "rbf": rms(self.whole, self.rows),
         }
+
+    def kept(self) -> np.ndarray:
+        """Axes that the network made better, (3,) bool."""
+        left, given = np.square(self.whole[self.rows]).sum(axis=0), np.square(self.physics[self.rows]).sum(axis=0)
+        return np.asarray(left < given)
+
+    def without(self, axes: np.ndarray) -> "HeldOut":
+        """The same of a network that leaves some axes alone, (3,) bool."""
+        return replace(self, whole=np.where(axes, self.physics, self.whole))
 
     def spaces_um(self) -> dict[str, float]:
         """Total of each network, um."""

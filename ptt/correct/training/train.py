@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nets import RbfSettings, RbfTraining
+from nets import RbfSettings, RbfTraining, muted
 from ptt.correct.training.nested import Figures, HeldOut, Progress, better_space, hold_out
 from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
 from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, random_protocol
@@ -99,11 +99,13 @@ def train(
 
     held = hold_out(model, problem, protocol, networks, settings, told)
     space = better_space(networks)
-    network = networks[space]
+    # What the whole procedure did not better on rows that it had not seen is not sent to a machine.
+    kept = held.kept()
+    network, held = muted(networks[space], kept), held.without(~kept)
+    figures = held.rms_um()
     given = keep_physics(model, problem).residual
     after = np.full_like(given, np.nan)
     after[rows] = fitted.residual[rows] + network.network.predict(inputs_of(problem, space)[rows])
-    figures = held.rms_um()
     physics, whole = figures["physics"]["total"], figures["rbf"]["total"]
     return Training(
         fitted,
