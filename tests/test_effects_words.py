@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
+from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict, sentence, sentences
 from ptt.effects import library
 from ptt.effects.phrases import figure
@@ -374,8 +375,9 @@ def candidate(**values):
     return SimpleNamespace(**{"effect": "a", "words": "A.", "sum_of": (), **values})
 
 
-def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",)):
-    found = SimpleNamespace(residual="slider 2", on="b2", share=0.4, period_mm=3.1, place=None, with_=None)
+def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3, **on):
+    found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
+    found = SimpleNamespace(**{**found, "with_": None, **on})
     return SimpleNamespace(
         verdict=verdict,
         suggested=[(f"effect-{number}", *ties) for number in range(steps)],
@@ -383,8 +385,9 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
         depends_on=[found] * depends,
         rest=SimpleNamespace(reasons=reasons),
         noise=NOISE,
-        rms_um={"before": {"total": 90.0}, "after": {"total": 0.3}},
+        rms_um={"before": {"total": 90.0}, "after": {"total": after}},
         rows=110,
+        wander=wander,
     )
 
 
@@ -418,6 +421,18 @@ def test_an_unknown_takes_five_lines_at_the_most(steps, depends):
     assert words[0].startswith("Something is missing that no known effect describes")
     assert any("follows b2" in line for line in words) == (depends > 0)
     assert (f"effect-{steps - 1}" in " ".join(words) or f"Words of {steps - 1}." in " ".join(words)) or steps == 0
+
+
+def test_a_jump_is_said_by_its_place_and_a_slow_rest_by_its_wander():
+    """A range 'between 16 and 16' tells nobody anything; that noise is understated is no news where it wanders."""
+    jump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="step", place=(15.98, 16.02)))
+    assert "What is left of slider 2 jumps where b2 passes 16.00 (40% of its variance)." in jump
+    bump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="local", place=(41.0, 62.0)))
+    assert "follows b2 near 52 (40%" in bump
+    floor = NOISE.total * 1e3
+    slow = explain_verdict(diagnosis("nothing-missing", after=3.0 * floor, wander=Wander(4.0, 317.0)))
+    assert f"the readings wander by {2.0 * floor:.1f} um, over about 317 s" in slow and "understate" not in slow
+    assert "understate" in explain_verdict(diagnosis("nothing-missing", after=3.0 * floor))
 
 
 def test_other_verdicts_say_what_they_have_and_how_well():

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
+from ptt.diagnosis.wander import Wander
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, doubt, listed, remedies
 from ptt.fitting.gauge import Told, sparsest
@@ -27,6 +28,7 @@ class Strongest(Protocol):
     on: str
     share: float
     period_mm: float | None
+    shape: str
     place: tuple[float, float] | None
     with_: str | None
 
@@ -176,6 +178,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
             strongest=result.depends_on[0] if result.depends_on else None,
             reasons=result.rest.reasons,
             cut_short=steps is not None and steps == count,
+            wander=result.wander,
         )
     )  # fmt: skip
 
@@ -212,6 +215,7 @@ def tell_verdict(
     strongest: Strongest | None = None,
     reasons: Sequence[str] = (),
     cut_short: bool = False,
+    wander: Wander | None = None,
 ) -> list[str]:
     """The verdict line by line, each line one thing, what cannot be told apart first.
 
@@ -226,13 +230,14 @@ def tell_verdict(
         strongest: what the leading unknown depends on.
         reasons: what says that something is left.
         cut_short: no more steps were allowed.
+        wander: of the tracker's readings, where there is any.
 
     Returns:
         At most five lines where something unknown is missing; else one for each step and one for the errors.
     """
     before, after = error_um
     floor = f"the noise {noise.total * 1e3:.1f} um ({noise.source})"
-    excess = _excess(after, noise)
+    excess = _excess(after, noise, wander)
     if verdict == "nothing-missing":
         sound = f"Nothing is missing that these {rows} readings could show"
         return [f"{sound}: the error is {after:.1f} um, {floor}.{excess}"]
@@ -255,17 +260,31 @@ def tell_verdict(
 def depends(strongest: Strongest) -> str:
     """What the leading unknown follows, in one line."""
     period = f" with a period of {strongest.period_mm:.3g} mm" if strongest.period_mm else ""
-    place = f" between {strongest.place[0]:.0f} and {strongest.place[1]:.0f}" if strongest.place else ""
+    share = f"({strongest.share:.0%} of its variance)"
+    if strongest.place and strongest.shape == "step" and not strongest.with_:
+        return (
+            f"What is left of {strongest.residual} jumps where {strongest.on} passes {_near(strongest.place)} {share}."
+        )
+    place = f" near {_near(strongest.place)}" if strongest.place else ""
     place = f", in a measure that varies with {strongest.with_}" if strongest.with_ else place
-    share = f"{strongest.share:.0%} of its variance"
-    return f"What is left of {strongest.residual} follows {strongest.on}{period}{place} ({share})."
+    return f"What is left of {strongest.residual} follows {strongest.on}{period}{place} {share}."
 
 
-def _excess(after_um: float, noise: Noise) -> str:
+def _near(place: tuple[float, float]) -> str:
+    """The middle of a place, with as many digits as its width is worth."""
+    low, high = place
+    digits = max(0, int(np.ceil(-np.log10(max(high - low, 1e-3)))))
+    return f"{0.5 * (low + high):.{digits}f}"
+
+
+def _excess(after_um: float, noise: Noise, wander: Wander | None) -> str:
     """A word where much more is left than the noise is said to be, though it follows nothing that was recorded."""
     times = after_um / max(noise.total * 1e3, 1e-12)
     if times < EXCESS:
         return ""
+    if wander is not None:
+        size = np.sqrt(wander.share) * noise.total * 1e3
+        return f" The rest is slow: the readings wander by {size:.1f} um, over about {wander.constant:.0f} s."
     return (
         f" That is {times:.1f} x the noise by the {noise.source}: they understate the scatter of a reading, or "
         "something is missing that follows nothing recorded here."
