@@ -14,6 +14,7 @@ from ptt.commands.main import app
 from ptt.diagnosis import noise
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations
+from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
 from ptt.errors import TableError
 from ptt.fitting.sums import accumulate, gain, project, solve
@@ -282,3 +283,13 @@ def test_rows_at_a_stop_are_no_gross_errors(tmp_path):
     assert found.outliers[beyond].sum() < 0.5 * beyond.sum()
     assert found.verdict == "unknown"
     assert found.depends_on[0].on == "x"
+
+
+def test_every_reading_is_accounted_for(tmp_path):
+    """Readings that count, gross ones and those that open a run are all there are; the text says why some are not."""
+    _, path = run(tmp_path, "none", 92, rows=120, outlier_share=0.05)
+    problem = build_problem(MACHINE, read_table(path))
+    found = diagnose(Model(MACHINE), problem)
+    assert found.opening == 1
+    assert found.rows + found.outliers.sum() + found.opening == problem.used.sum()
+    assert "the row that opens the run left aside" in format_diagnosis(found)

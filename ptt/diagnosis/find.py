@@ -142,23 +142,23 @@ def find(
     return found
 
 
-def without_first(problem: Problem) -> Problem:
-    """A problem without the rows that a run opens with: from where they came, on which side of any play, nobody knows.
+def opening_rows(problem: Problem) -> np.ndarray:
+    """The rows that a run opens with: from where they came, on which side of any play, nobody knows.
 
     Args:
         problem: n rows.
 
     Returns:
-        The same with those rows masked; as it is where they are more than a few.
+        (n,) bool; none where they are more than a few, or no direction is told.
     """
     view = problem.view
-    first = view.starts.numpy() & (view.direction.numpy() != 0.0).any(axis=1)
+    first = problem.used & view.starts.numpy() & (view.direction.numpy() != 0.0).any(axis=1)
     few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
-    return problem.masked(first) if few else problem
+    return first if few else np.zeros_like(first)
 
 
 def _dated(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
-    """Moments to the row for a first search that has found something sudden or slow; none where it has not.
+    """Moments to the row for a first search that has found something sudden; none where it has not.
 
     Between the moments that it tried lie rows enough for curves that make good for them, and those would stay.
     """

@@ -109,7 +109,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
 
 
 def places_of(problem: Problem) -> np.ndarray:
-    """Where the machine stood at each row, and how far it came: joint values, tool position, steps, (n, 3 k or so)."""
+    """Where the machine stood at each row, and how far it came: joint values, tool position, steps, (n, 2 k + 3)."""
     q, p = problem.view.q.numpy(), problem.view.p.numpy()
     return np.column_stack([q, p, np.abs(np.diff(q, axis=0, prepend=q[:1]))])
 

@@ -6,7 +6,7 @@ from functools import partial
 
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.everywhere import Task, find_everywhere
-from ptt.diagnosis.find import STEPS, Found, Progress, find, without_first
+from ptt.diagnosis.find import STEPS, Found, Progress, find, opening_rows
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.search import without
 from ptt.diagnosis.span import Span, span_of
@@ -71,7 +71,8 @@ def diagnose_long(
     enough(problem)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
-    problem = without_first(problem)
+    opening = opening_rows(problem)
+    problem = problem.masked(opening)
     span = span_of(problem)
     sample = take(problem, sample_stretches(problem, sample_rows, STRETCH))
     told = find(model, sample, known, tell, steps, span)
@@ -89,7 +90,7 @@ def diagnose_long(
         f"{sample.table.rows} rows in stretches of travel; parameters, the search beside them, held-out errors, gross "
         f"rows and what the rest follows are of all rows, summed up in chunks of {size}."
     )
-    return replace(result, words=f"{result.words} {how}")
+    return replace(result, words=f"{result.words} {how}", opening=int(opening.sum()))
 
 
 def _new(found: Found, told: Found) -> list[str]:

@@ -67,8 +67,10 @@ def wanders_beyond(system: System, state: State) -> bool:
         state: the set.
     """
     wander = state.memory.wander
-    if wander is None or system.clock.is_fault(wander):
-        return wander is not None
+    if wander is None:
+        return False
+    if system.clock.is_fault(wander):
+        return True
     left = system.left(state.columns, state.posterior.values)
     whole = np.var(system.in_mm(left), axis=0)
     white = np.var(system.in_mm(system.innovation(state.columns, state.posterior.values, state.memory)), axis=0)

@@ -9,19 +9,19 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, unknowns_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates
-from ptt.diagnosis.find import STEPS, Found, Progress, find, without_first
+from ptt.diagnosis.find import STEPS, Found, Progress, find, opening_rows
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, wanders_beyond
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.search import without
 from ptt.diagnosis.steps import name_steps
 from ptt.diagnosis.wander import Wander
-from ptt.diagnosis.words import by_base, explain_verdict
+from ptt.diagnosis.words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
 from ptt.fitting.result import FitResult
-from ptt.fitting.solve import rms
+from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model
 from ptt.plan.separation import Separation, plan_separation
 from ptt.run.noise import Noise
@@ -51,6 +51,7 @@ class Diagnosis:
         rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
+        opening: how many rows were not looked at because a run opens with them.
         model: the model as given with the steps at their values.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
@@ -72,6 +73,7 @@ class Diagnosis:
     model: Model
     fitted: FitResult
     words: str
+    opening: int = 0
 
     @property
     def measure_next(self) -> tuple[str, ...]:
@@ -129,13 +131,15 @@ def diagnose(
     enough(problem)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
-    problem = without_first(problem)
+    opening = opening_rows(problem)
+    problem = problem.masked(opening)
     found = find(model, problem, known, tell, steps)
     if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
         raise too_few(problem)
     tell("rest")
     rest = look_for_rest(found.system, found.state, problem, seed=seed)
-    return conclude(found, rest, model, problem, known, tell, seed, steps)
+    result = conclude(found, rest, model, problem, known, tell, seed, steps)
+    return replace(result, opening=int(opening.sum()))
 
 
 def enough(problem: Problem) -> None:
@@ -223,7 +227,16 @@ def conclude(
         fitted=found.fitted,
         words="",
     )
-    return replace(result, words=explain_verdict(result, steps) + by_base(model, problem))
+    return replace(result, words=explain_verdict(result, steps) + held_to_base(_error_by_base(model, problem)))
+
+
+def _error_by_base(model: Model, problem: Problem) -> float | None:
+    """Error of the model as given in the frame of the base reflectors, um; None where there are none."""
+    if problem.base is None:
+        return None
+    fitted = residual_of(model, problem)
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    return rms(fitted.residual, rows)["total"]
 
 
 def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict:

@@ -10,8 +10,7 @@ from ptt.diagnosis.wander import Wander
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, doubt, listed, remedies
 from ptt.fitting.gauge import Told, sparsest
-from ptt.fitting.solve import residual_of, rms
-from ptt.model.model import Model, Term
+from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.view import View
@@ -183,23 +182,17 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     )  # fmt: skip
 
 
-def by_base(model: Model, problem: Problem) -> str:
-    """A word on the tracker's frame where base reflectors hold it in other commands; '' where there are none.
+def held_to_base(error_um: float | None) -> str:
+    """A word on the tracker's frame where base reflectors hold it in other commands.
 
     Args:
-        model: as given.
-        problem: the readings.
-
-    Returns:
-        A sentence with the error that `ptt compare` and `ptt add` print, which is another one.
+        error_um: of the model as given, as `ptt compare` and `ptt add` print it; None where there are no reflectors.
     """
-    if problem.base is None:
+    if error_um is None:
         return ""
-    fitted = residual_of(model, problem)
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     return (
         " (Here the tracker's frame is free to move. Held to the base reflectors, as compare and add hold it, the "
-        f"error of the model as given is {rms(fitted.residual, rows)['total']:.1f} um.)"
+        f"error of the model as given is {error_um:.1f} um.)"
     )
 
 

@@ -201,6 +201,14 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
     where = f": {named_rows(table, result.outliers)}" if left and table is not None else ""
     lines.append(
         f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
-        f"{left} left out as gross errors{where}"
+        f"{left} left out as gross errors{where}{_opening(result.opening)}"
     )
     return "\n".join(lines)
+
+
+def _opening(rows: int) -> str:
+    """Why there are fewer readings than in the run."""
+    if not rows:
+        return ""
+    which = "the row that opens the run" if rows == 1 else f"{rows} rows that open runs"
+    return f"; {which} left aside, nobody knows from where the machine came"

@@ -41,7 +41,8 @@ class Training:
         physics: the fitted effects.
         rbf: the network that learns the rest and how it was chosen.
         rms_um: error with the model as given, with the physics, and with the network, all on training rows.
-        heldout_um: the same on held-out rows, which had no part in any choice.
+        heldout_um: the same on held-out rows, which had no part in any choice but one: an axis that the network did not
+            better on them is left to physics.
         rbf_share: share of the held-out variance after the physics that the network took away.
         protocol: which rows were held out.
         space: what the network's inputs are; of an arm's tool positions and joints, what its own held-out rows favour.
