@@ -206,6 +206,32 @@ def test_the_network_and_its_domain(bench: MachineFile, tmp_path: Path) -> None:
     np.testing.assert_allclose(other.forward(q, Context(1.3, 26.0, 0.0, 0.0)), targets[:100], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("centres", [1, 6, 60])
+def test_nodes_from_needles_to_plains_are_torchs(bench: MachineFile, centres: int, tmp_path: Path) -> None:
+    """The exponentials of the code are its own: from those that vanish to those that are nearly one."""
+    places = np.random.default_rng(centres).normal(scale=20.0, size=(80, 3))
+    plain = network_over(places, 5, centres)
+    network = GaussianRbf(
+        scaling=(plain.input_mean.numpy(), plain.input_scale.numpy()), centres=plain.centres.numpy(),
+        widths=np.geomspace(0.01, 300.0, centres), weights=np.random.default_rng(1).uniform(-1.0, 1.0, (centres, 3)),
+        threshold=np.zeros(3), slope=np.zeros((3, 3)), domain=plain.domain,
+    )  # fmt: skip
+    _, found, _ = check(Compensator(Model(bench), network, {}), places, tmp_path)
+    assert found.in_domain.all() and found.sent.mean() > 0.5
+
+
+def test_the_limit_of_a_correction_is_where_ptt_predict_has_it(bench: MachineFile, tmp_path: Path) -> None:
+    random = np.random.default_rng(4)
+    targets = random.uniform((-60.0, -60.0, -40.0), (60.0, 60.0, 40.0), (60, 3))
+    seen = []
+    for number, size in enumerate((0.9, 4.0, 6.0)):
+        offset = torch.tensor(random.uniform(-size, size, 3))
+        model = Model(bench) + Term(make_effect(library(), "homing-offset"), offset)
+        _, found, _ = check(Compensator(model, None, {}), targets, tmp_path / str(number))
+        seen += [*found.sent]
+    assert 0.1 < np.mean(seen) < 0.95
+
+
 def test_targets_in_a_frame_of_their_own(bench: MachineFile, tmp_path: Path) -> None:
     stated = replace(bench, targets=TargetsSpec(origin_mm=(3.0, -2.0, 5.0), turn_deg=(0.0, 0.0, 20.0)))
     compensator = Compensator(random_model(stated, 2, ("homing-offset",)), None, {})

@@ -29,6 +29,7 @@ from ptt.run.view import joint_limits
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
+NODES = 4  # of a network, worked out beside each other
 ARM_NOTE = """ An arm
  * takes the posture that is nearest the middle of its limits, as `ptt predict` does; ptt_correct keeps a posture."""
 ARM_FUNCTIONS = """
@@ -77,7 +78,7 @@ def source_of(compensator: "Compensator", head: list[str]) -> Source:
     header = kernel("ptt_model.h.in").replace("@JOINTS@", str(joints)).replace("@LIMIT@", repr(LIMIT_MM))
     header = header.replace("@ARM_NOTE@", ARM_NOTE if arm else "").replace("@ARM_FUNCTIONS@", ARM_FUNCTIONS * arm)
     body = [
-        '#include <math.h>\n#include "ptt_model.h"\n\n',
+        _includes(compensator),
         '#ifndef NAN\n#error "a C99 <math.h> with NAN is needed"\n#endif\n\n',
         _macros(compensator, parts),
         _network(compensator),
@@ -94,6 +95,11 @@ def source_of(compensator: "Compensator", head: list[str]) -> Source:
     ]
     comment = comment_of(head)
     return Source(comment + header, comment + "\n".join(part for part in body if part), parts)
+
+
+def _includes(compensator: "Compensator") -> str:
+    more = "#include <float.h>\n#include <stdint.h>\n#include <string.h>\n" if compensator.network is not None else ""
+    return f'#include <math.h>\n{more}#include "ptt_model.h"\n\n'
 
 
 def comment_of(head: list[str]) -> str:
@@ -145,7 +151,7 @@ def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
         table(name, values, note=note) for name, (values, note) in tables.items() if name in always + _used(parts)
     )
     text += define("PTT_SIDE", mechanism.side) + define("PTT_ABOVE", 1.0 if mechanism.above else -1.0)
-    text += define("PTT_SHORT_MOVE", 1)
+    text += define("PTT_SHORTEST", float(mechanism.link.min()))
     text += define("PTT_NEAR", NEAR_RATIO) + define("PTT_PLATFORM_KG", spec.platform_mass_kg)
     text += define("PTT_PLATFORM_MM", spec.platform_radius_mm) + define("PTT_BASE_MM", spec.base_radius_mm)
     return text + define("PTT_LINK_MM", spec.link_length_mm)
@@ -228,12 +234,13 @@ def _network(compensator: "Compensator") -> str:
 def _nodes(network: GaussianRbf) -> str:
     centres, widths = network.centres.numpy(), network.widths.numpy()
     weights = network.weights.detach().numpy()
-    if not len(centres):  # C has no empty arrays: a node of no weight
-        centres, widths, weights = np.zeros((1, network.inputs)), np.ones(1), np.zeros((1, 3))
-    sharp = -0.5 / widths**2
-    text = define("PTT_CENTRES", len(centres)) + table("ptt_sharp", sharp, note="-1/(2 width^2)")
+    idle = -len(centres) % NODES if len(centres) else NODES  # nodes of no weight; C has no empty arrays
+    centres = np.concatenate([centres, np.zeros((idle, network.inputs))])
+    weights = np.concatenate([weights, np.zeros((idle, 3))])
+    sharp = -0.5 / np.concatenate([widths, np.ones(idle)]) ** 2
+    text = define("PTT_NODES", len(centres)) + table("ptt_sharp", sharp, note="-1/(2 width^2)")
     text += table("ptt_level", sharp * (centres**2).sum(axis=1)) + table("ptt_toward", -2.0 * sharp * centres.T)
-    text += table("ptt_weight", weights)
+    text += table("ptt_weight", weights.T)
     slope, threshold = network.slope.detach().numpy(), network.threshold.detach().numpy()
     return text + table("ptt_slope", slope) + table("ptt_threshold", threshold) + "\n"
 
