@@ -14,7 +14,9 @@ from ptt.run.view import View
 
 ROUNDS = 12
 SETTLED = 1e-10  # mm: a tool this near its goal ends the iteration; exports agree with commands to ten times that
+NEARER = 0.9  # of what was missed before is progress; a round takes a hundredth, one of halved steps half
 MISSED = 1e-4  # mm: a tool this far from its goal after all rounds cannot get there
+IDLE = 3  # rounds that bring no row nearer: what is left goes to and fro over a gap, and no round after will help
 HALVINGS = 6  # of a step that would take the links apart
 
 
@@ -57,12 +59,15 @@ def invert(
     best, least = q, torch.full_like(goal, torch.inf)
     if not terms:
         return best, torch.where(rows[:, None], torch.zeros_like(goal), least)
+    idle = 0
     for _ in range(ROUNDS):
         view = see(q)
         step = goal - predict(terms, view).p
-        better = (_size(step) < _size(least))[:, None] & rows[:, None]
+        size, before = _size(step), _size(least)
+        better = (size < before)[:, None] & rows[:, None]
+        idle = 0 if bool((rows & (size < NEARER * before) & (before > SETTLED)).any()) else idle + 1
         best, least = torch.where(better, q, best), torch.where(better, step, least)
-        if float(least[rows].abs().max()) < SETTLED:
+        if float(least[rows].abs().max()) < SETTLED or idle == IDLE:
             break
         wanted = _ahead(terms, view, q + least_move(view.jacobian, step), hold)
         q = _assembled(mechanism, best, wanted, q)[hold]
