@@ -146,12 +146,13 @@ def _drift(hidden: Draw, problem: Problem, fitted: FitResult) -> np.ndarray:
 
 
 def _curve(hidden: Draw, problem: Problem, fitted: FitResult) -> np.ndarray:
-    """The rig's own curve, in the shapes of the effect."""
+    """The rig's own curve, in the shapes of the effect; its homing, lead and turns are other effects' truth."""
     from ptt.rig.drive import screw_error
 
     q = problem.view.q.numpy()
-    rig = hidden.rig
-    shift = screw_error(rig.drive, q, q, draw_machine(rig.spec).home, rig.drive.curve_span_mm, rig.spec.screw_lead_mm)
+    rig, none = hidden.rig, (0.0, 0.0, 0.0)
+    curve = rig.drive.model_copy(update=dict.fromkeys(("homing_mm", "scale_um_per_m", "turn_um", "turn2_um"), none))
+    shift = screw_error(curve, q, q, draw_machine(rig.spec).home, rig.drive.curve_span_mm, rig.spec.screw_lead_mm)
     return _in_shapes(fitted, problem, shift)
 
 
