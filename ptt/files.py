@@ -3,7 +3,6 @@
 import errno
 import hashlib
 import json
-import math
 import os
 import platform
 import stat
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ptt.errors import HostError, InputError, shown
+from ptt.record import plain
 
 LARGEST = 2 * 1024**3  # bytes; ten million rows of a tracker run are 1.5 GB
 LARGEST_TOML = 64 * 1024**2  # bytes; a model of every effect with a thousand steps of history is 2 MB
@@ -140,19 +140,11 @@ def format_json(value: Any) -> str:
     """JSON as `parse_json` reads it; what is not finite becomes null.
 
     Args:
-        value: of dictionaries, lists, texts, numbers.
+        value: of dictionaries, lists, texts, numbers, records.
 
     Returns:
         The text, indented.
     """
-
-    def plain(item: Any) -> Any:
-        if isinstance(item, Mapping):
-            return {str(key): plain(each) for key, each in item.items()}
-        if isinstance(item, list | tuple):
-            return [plain(each) for each in item]
-        return None if isinstance(item, float) and not math.isfinite(item) else item
-
     return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 

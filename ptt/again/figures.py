@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -9,12 +10,13 @@ from ptt.again.changes import Change
 from ptt.again.weigh import Weighed
 from ptt.fitting.evidence import WIDE, inverse
 from ptt.fitting.solve import rms
+from ptt.record import Record
 
 TOTAL = "total"
 
 
 @dataclass(frozen=True)
-class Moved:
+class Moved(Record):
     """One value, then and now.
 
     Attributes:
@@ -27,6 +29,8 @@ class Moved:
         now: as this run has it, if this and what else is said to have changed is all that did.
         std: standard error of the difference.
     """
+
+    keys: ClassVar[str] = "effect, parameter: name, unit, joint, before, now, std, z"
 
     effect: str
     parameter: str
@@ -41,13 +45,6 @@ class Moved:
     def z(self) -> float:
         """The difference in standard errors."""
         return (self.now - self.before) / self.std if self.std > 0.0 else 0.0
-
-    def to_dict(self) -> dict[str, str | float | int]:
-        """For JSON."""
-        return {
-            "effect": self.effect, "parameter": self.name, "unit": self.unit, "joint": self.joint,
-            "before": self.before, "now": self.now, "std": self.std, "z": self.z,
-        }  # fmt: skip
 
 
 def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:

@@ -2,18 +2,19 @@
 
 import html
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from ptt.again.figures import Moved
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.model.model import Model
+from ptt.record import Record
 
 Verdict = Literal["same", "changed", "new"]
 SHOWN = 12  # values of a table that anybody reads
 
 
 @dataclass(frozen=True)
-class Changed:
+class Changed(Record):
     """One value that is otherwise than it was.
 
     Attributes:
@@ -23,21 +24,16 @@ class Changed:
         words: for a machinist.
     """
 
+    keys: ClassVar[str] = "**: moved, repaired, indistinguishable_from, words"
+
     moved: Moved
     repaired: bool
     indistinguishable_from: tuple[str, ...]
     words: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        ties = list(self.indistinguishable_from)
-        return {
-            **self.moved.to_dict(), "repaired": self.repaired, "indistinguishable_from": ties, "words": self.words,
-        }  # fmt: skip
-
 
 @dataclass(frozen=True)
-class Recheck:
+class Recheck(Record):
     """A run against a solved model: has the machine changed since?
 
     Attributes:
@@ -57,6 +53,11 @@ class Recheck:
         model: the solved model with its values as this run has them.
     """
 
+    keys: ClassVar[str] = (
+        "verdict, changed, suggested, new, parameters, error_um, made_um, noise_um, since, rows, outlier_rows, "
+        "notes, words"
+    )
+
     verdict: Verdict
     changed: tuple[Changed, ...]
     new: Diagnosis | None
@@ -71,24 +72,10 @@ class Recheck:
     words: str
     model: Model
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON, keys as documented."""
-        found = None if self.new is None else self.new.to_dict()
-        return {
-            "verdict": self.verdict,
-            "changed": [item.to_dict() for item in self.changed],
-            "suggested": [] if found is None else found["suggested"],
-            "new": found,
-            "parameters": [value.to_dict() for value in self.parameters],
-            "error_um": self.error_um,
-            "made_um": self.made_um,
-            "noise_um": self.noise_um,
-            "since": self.since,
-            "rows": self.rows,
-            "outlier_rows": list(self.outlier_rows),
-            "notes": list(self.notes),
-            "words": self.words,
-        }
+    @property
+    def suggested(self) -> tuple[tuple[str, ...], ...]:
+        """Steps of the diagnosis of what is new."""
+        return () if self.new is None else self.new.suggested
 
     def __str__(self) -> str:
         """The recheck as a person reads it."""

@@ -1,7 +1,7 @@
 """What an error depends on: the share of its variance that a free function of one variable explains, and its test."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level,
 from ptt.dependence.curves import LOCAL, Finding, describe
 from ptt.dependence.scores import Score, Variable, build_scores
 from ptt.dependence.strata import FEWEST, Poses, find_poses
+from ptt.record import Record
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 
@@ -25,7 +26,7 @@ NEAR = 0.9  # shares closer than this ratio are a tie
 
 
 @dataclass(frozen=True)
-class Dependence:
+class Dependence(Record):
     """One residual depends on one variable.
 
     Attributes:
@@ -43,6 +44,11 @@ class Dependence:
         with_: the second variable that a direction's say varies with, else None.
         rivals: variables that explain about as much but are the less likely cause.
     """
+
+    keys: ClassVar[str] = (
+        "residual, on, share, p_value, period_mm, shape, place, with: with_, rivals, curve.at: curve.T.0, "
+        "curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
+    )
 
     residual: str
     on: str
@@ -68,22 +74,6 @@ class Dependence:
         if self.place is not None:
             return f"{self.shape} at {self.place[0]:.4g} to {self.place[1]:.4g}"
         return self.shape
-
-    def to_dict(self) -> dict[str, object]:
-        """Figures for JSON, curves in um."""
-        centre, mean, half = self.curve.T
-        return {
-            "residual": self.residual,
-            "on": self.on,
-            "share": self.share,
-            "p_value": self.p_value,
-            "period_mm": self.period_mm,
-            "shape": self.shape,
-            "place": None if self.place is None else list(self.place),
-            "with": self.with_,
-            "rivals": list(self.rivals),
-            "curve": {"at": centre.tolist(), "mean_um": (mean * 1e3).tolist(), "half_width_um": (half * 1e3).tolist()},
-        }
 
 
 def dependence_of(

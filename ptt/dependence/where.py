@@ -1,11 +1,12 @@
 """Where a model fails: the worst part of the workspace, the worst rows, and the error by joint, side, load and time."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
 from ptt.dependence.contexts import residual_views
+from ptt.record import Record
 
 if TYPE_CHECKING:
     from ptt.run.problem import Problem
@@ -21,7 +22,7 @@ Unit = Literal["mm", "rad"]
 
 
 @dataclass(frozen=True)
-class Region:
+class Region(Record):
     """A cell of the workspace.
 
     Attributes:
@@ -32,26 +33,20 @@ class Region:
         rows: readings in it.
     """
 
+    keys: ClassVar[str] = "low_mm: low, high_mm: high, mean_um: mean [um], standard_error_um: error [um], rows"
+
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     mean: float
     error: float
     rows: int
 
-    def to_dict(self) -> dict[str, object]:
-        """Figures for JSON."""
-        return {
-            "low_mm": list(self.low),
-            "high_mm": list(self.high),
-            "mean_um": self.mean * TO_UM,
-            "standard_error_um": self.error * TO_UM,
-            "rows": self.rows,
-        }
-
 
 @dataclass(frozen=True)
-class WorstRow:
+class WorstRow(Record):
     """One of the worst readings: its run, its line in that run's file, its name, its target and error, mm."""
+
+    keys: ClassVar[str] = "run, line, name, target_mm: target, residual_um: residual [um], size_um: size [um]"
 
     run: str
     line: int
@@ -59,17 +54,6 @@ class WorstRow:
     target: tuple[float, float, float]
     residual: tuple[float, float, float]
     size: float
-
-    def to_dict(self) -> dict[str, object]:
-        """Figures for JSON."""
-        return {
-            "run": self.run,
-            "line": self.line,
-            "name": self.name,
-            "target_mm": list(self.target),
-            "residual_um": [value * TO_UM for value in self.residual],
-            "size_um": self.size * TO_UM,
-        }
 
 
 @dataclass(frozen=True)
@@ -105,7 +89,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class WhereItFails:
+class WhereItFails(Record):
     """Where a model fails.
 
     Attributes:
@@ -117,23 +101,14 @@ class WhereItFails:
         by_time: size of the tool error by quarter of the run.
     """
 
+    keys: ClassVar[str] = "worst_region: region, worst_rows: rows, by_joint, by_direction, by_payload, by_time"
+
     region: Region | None
     rows: tuple[WorstRow, ...]
     by_joint: tuple[Part, ...]
     by_direction: tuple[Part, ...]
     by_payload: tuple[Part, ...]
     by_time: tuple[Part, ...]
-
-    def to_dict(self) -> dict[str, object]:
-        """Figures for JSON."""
-        return {
-            "worst_region": None if self.region is None else self.region.to_dict(),
-            "worst_rows": [row.to_dict() for row in self.rows],
-            "by_joint": [part.to_dict() for part in self.by_joint],
-            "by_direction": [part.to_dict() for part in self.by_direction],
-            "by_payload": [part.to_dict() for part in self.by_payload],
-            "by_time": [part.to_dict() for part in self.by_time],
-        }
 
 
 def where_it_fails(problem: "Problem", residual: np.ndarray) -> WhereItFails:

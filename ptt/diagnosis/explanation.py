@@ -1,7 +1,7 @@
 """Candidates: one line for each effect of an explanation, then for what else the readings would ask for."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -16,6 +16,7 @@ from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.linear import usual_sizes
 from ptt.model.model import Model, Term, parameter_names
+from ptt.record import Record
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -23,8 +24,17 @@ MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 MEASURED = 0.5  # share of its prior's variance below which a value is measured
 
 
+class Estimate(NamedTuple):
+    """One parameter: its value and its standard deviation, None where the data do not tell it."""
+
+    name: str
+    unit: str
+    value: float
+    std: float | None
+
+
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(Record):
     """One effect as an explanation of the run.
 
     Attributes:
@@ -35,12 +45,16 @@ class Candidate:
         explained_share: of the residual's variance after the frame that it takes by itself.
         heldout_before: error on hidden blocks without it, um.
         heldout_after: error on hidden blocks with it, um.
-        parameters: (name, unit, value, standard deviation or None where the data do not tell it); of what is no step,
-            only those that they tell.
+        parameters: its values; of what is no step, only those that the data tell.
         indistinguishable_from: effects that would do as well.
         sum_of: two or more effects that would do the same together.
         words: why, for a machinist.
     """
+
+    keys: ClassVar[str] = (
+        "effect, probability, p_value, explained_share, heldout_rms_um.before: heldout_before, "
+        "heldout_rms_um.after: heldout_after, parameters, indistinguishable_from, sum_of, words"
+    )
 
     effect: str
     probability: float
@@ -48,25 +62,10 @@ class Candidate:
     explained_share: float
     heldout_before: float
     heldout_after: float
-    parameters: tuple[tuple[str, str, float, float | None], ...]
+    parameters: tuple[Estimate, ...]
     indistinguishable_from: tuple[str, ...]
     sum_of: tuple[str, ...]
     words: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        names = ("name", "unit", "value", "std")
-        return {
-            "effect": self.effect,
-            "probability": self.probability,
-            "p_value": self.p_value,
-            "explained_share": self.explained_share,
-            "heldout_rms_um": {"before": self.heldout_before, "after": self.heldout_after},
-            "parameters": [dict(zip(names, parameter, strict=True)) for parameter in self.parameters],
-            "indistinguishable_from": list(self.indistinguishable_from),
-            "sum_of": list(self.sum_of),
-            "words": self.words,
-        }
 
 
 def fitted_terms(found: Found, model: Model, keys: tuple[str, ...]) -> tuple[Term, ...]:
@@ -173,9 +172,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
     return result
 
 
-def _told(
-    state: State, atom: Atom, scale: np.ndarray, problem: Problem
-) -> tuple[tuple[str, str, float, float | None], ...]:
+def _told(state: State, atom: Atom, scale: np.ndarray, problem: Problem) -> tuple[Estimate, ...]:
     """Values of an effect that the run tells better than the prior does, and better than the usual size.
 
     An effect that is not there can learn any size along what it hardly shows: a joint a foot off its place.
@@ -186,7 +183,7 @@ def _told(
     usual = usual_sizes(atom.effect, problem)
     told = std[: len(usual)] ** 2 < MEASURED * np.minimum(prior[: len(usual)], usual) ** 2
     rows = zip(_names(atom.effect, problem), values, std, told, strict=False)  # what is linear comes first
-    return tuple((*name, float(value), float(error)) for name, value, error, seen in rows if seen)
+    return tuple(Estimate(*name, float(value), float(error)) for name, value, error, seen in rows if seen)
 
 
 def _names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
@@ -196,10 +193,10 @@ def _names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
     return list(zip(names, units, strict=True))
 
 
-def _parameters(term: Term, problem: Problem) -> tuple[tuple[str, str, float, float | None], ...]:
+def _parameters(term: Term, problem: Problem) -> tuple[Estimate, ...]:
     rows = []
     for index, (name, unit) in enumerate(_names(term.effect, problem)):
         std = float("nan") if term.std is None else float(term.std[index])
         seen = term.measured is None or bool(term.measured[index])
-        rows.append((name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))
+        rows.append(Estimate(name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))
     return tuple(rows)

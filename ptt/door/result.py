@@ -1,10 +1,10 @@
 """What every verb hands back: plain figures, text, a page for a notebook, a picture."""
 
 import html
-import math
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from ptt.record import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,19 +41,6 @@ class Result:
     def _repr_html_(self) -> str:
         """The text, for a notebook."""
         return f"<pre>{html.escape(str(self))}</pre>"
-
-
-def plain(value: Any) -> Any:
-    """Turn numpy values, tuples and paths into what JSON knows; NaN and infinities into None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return str(value) if isinstance(value, Path) else value
 
 
 def unheard(text: str) -> None:

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.record import Record
+
 SEEN = 1.0  # information in usual sizes from which a direction counts as seen, as in a fit
 
 
 @dataclass(frozen=True)
-class Indices:
+class Indices(Record):
     """Five indices of the singular values s_1 >= ... >= s_L of an identification Jacobian, frames projected off.
 
     Source: Sun and Hollerbach, Observability index selection for robot calibration (2008). Columns are in usual sizes
@@ -33,10 +35,6 @@ class Indices:
     rank: int
     parameters: int
     poses: int
-
-    def to_dict(self) -> dict[str, float | int]:
-        """For JSON."""
-        return dict(vars(self))
 
     @property
     def text(self) -> str:

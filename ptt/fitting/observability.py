@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from ptt.fitting.layout import FRAME, FRAME_NAMES, MOUNT, MOUNT_NAMES, Layout
 from ptt.fitting.patterns import Pattern, patterns
 from ptt.fitting.result import FitResult
+from ptt.record import Record
 
 UNSEEN = 1.0  # information, in usual sizes, below which a combination counts as not told apart
 ALIKE = 0.95  # how far a pattern must lie in the confounded space to lend it its words
@@ -18,7 +20,7 @@ PULL = 1e-6  # prior on what imitates, in usual sizes, that keeps free direction
 
 
 @dataclass(frozen=True)
-class Combination:
+class Combination(Record):
     """One combination of parameters that the data cannot see.
 
     Attributes:
@@ -27,6 +29,8 @@ class Combination:
         partners: what it cannot be told from; empty where the data show nothing of it at all.
         weights: parameter name -> weight in usual sizes, the effect's own.
     """
+
+    keys: ClassVar[str] = "effect, what, partners, weights, text"
 
     effect: str
     what: str
@@ -39,11 +43,6 @@ class Combination:
         if not self.partners:
             return f"{self.effect}: {self.what} leaves no trace in this run"
         return f"{self.effect}: {self.what} cannot be told from {_listed(self.partners)}"
-
-    def to_dict(self) -> dict[str, object]:
-        """For JSON."""
-        own = {"effect": self.effect, "what": self.what, "partners": list(self.partners)}
-        return {**own, "weights": self.weights, "text": self.text}
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """What a fit found and what it could not find: one frozen report, as text in the manner of lmfit and as JSON."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.solve import residual_of, rms
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.model.model import Model, parameter_names
+from ptt.record import Record
 from ptt.run.problem import Problem
 
 IN_PART = 0.98  # share in unseen directions from which nothing of a parameter is measured
@@ -37,8 +38,22 @@ class Value:
     measured: str
 
 
+class Motion(NamedTuple):
+    """One motion of the tracker's frame and its standard error, mm or rad."""
+
+    value: float
+    std: float
+
+
+class Far(NamedTuple):
+    """A gross error: its line in the file, and how far off it lies."""
+
+    line: int
+    distance_mm: float
+
+
 @dataclass(frozen=True)
-class FitReport:
+class FitReport(Record):
     """A fit in figures and words.
 
     Attributes:
@@ -50,8 +65,8 @@ class FitReport:
         unknowns: numbers that were fitted, frames included.
         iterations: evaluations of the derivative.
         values: effect parameters.
-        frames: motions of the tracker frame, name -> (value, standard error) in mm and rad.
-        outliers: gross errors, one by one: line in the file and distance in mm.
+        frames: motions of the tracker frame, by name.
+        outliers: gross errors, one by one.
         stretches: rows in a row that are off together, left out as well.
         rms_um: of the drawing 'as read' (before frame alignment) and 'aligned' (after it, by the frame policy), and
             of the model, 'given' (as it was) and 'fitted'.
@@ -62,6 +77,12 @@ class FitReport:
         observability: indices O1 to O5 of the effects' parameters, frame and reflector mount projected off.
     """
 
+    keys: ClassVar[str] = (
+        "status, rows, chi2, reduced_chi2: reduced, degrees_of_freedom: freedom, rank, unknowns, iterations, "
+        "parameters: values, frame: frames, outliers, stretches, rms_um, noise_um, correlations, unobservable, "
+        "observability, orientation_rms_mrad: orientation_mrad"
+    )
+
     status: str
     rows: int
     chi2: float
@@ -70,8 +91,8 @@ class FitReport:
     unknowns: int
     iterations: int
     values: tuple[Value, ...]
-    frames: dict[str, tuple[float, float]]
-    outliers: tuple[tuple[int, float], ...]
+    frames: dict[str, Motion]
+    outliers: tuple[Far, ...]
     stretches: tuple[Stretch, ...]
     rms_um: dict[str, dict[str, float]]
     noise_um: dict[str, Any]
@@ -84,29 +105,6 @@ class FitReport:
     def reduced(self) -> float:
         """Chi-squared per degree of freedom: one where only noise is left."""
         return self.chi2 / self.freedom
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain figures for JSON."""
-        return {
-            "status": self.status,
-            "rows": self.rows,
-            "chi2": self.chi2,
-            "reduced_chi2": self.reduced,
-            "degrees_of_freedom": self.freedom,
-            "rank": self.rank,
-            "unknowns": self.unknowns,
-            "iterations": self.iterations,
-            "parameters": [dict(vars(value)) for value in self.values],
-            "frame": {name: {"value": value, "std": std} for name, (value, std) in self.frames.items()},
-            "outliers": [{"line": line, "distance_mm": distance} for line, distance in self.outliers],
-            "stretches": [stretch.to_dict() for stretch in self.stretches],
-            "rms_um": self.rms_um,
-            "noise_um": self.noise_um,
-            "correlations": [dict(vars(pair)) for pair in self.correlations],
-            "unobservable": [item.to_dict() for item in self.unobservable],
-            "observability": self.observability.to_dict(),
-            "orientation_rms_mrad": self.orientation_mrad,
-        }
 
 
 def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = None) -> FitReport:
@@ -132,7 +130,7 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
     lines, far = problem.table.line[alone].tolist(), np.linalg.norm(fitted.residual[alone], axis=1).tolist()
     return FitReport(
         fitted.status, int(rows.sum()), fitted.chi2, fitted.freedom, fitted.rank, len(fitted.unknowns),
-        fitted.iterations, _values(fitted), _frames(fitted), tuple(zip(lines, far, strict=True)), stretches, errors,
+        fitted.iterations, _values(fitted), _frames(fitted), tuple(map(Far, lines, far)), stretches, errors,
         fitted.noise.to_dict(), correlations(fitted), unobservable(fitted),
         observability_indices(
             project_off(fitted.information, np.flatnonzero(fitted.layout.owner >= 0)), int(rows.sum())
@@ -173,9 +171,9 @@ def _values(fitted: FitResult) -> tuple[Value, ...]:
     return tuple(found)
 
 
-def _frames(fitted: FitResult) -> dict[str, tuple[float, float]]:
+def _frames(fitted: FitResult) -> dict[str, Motion]:
     own = np.flatnonzero(fitted.layout.owner < 0)
-    return {fitted.layout.names[i]: (float(fitted.values[i]), float(fitted.std[i])) for i in own}
+    return {fitted.layout.names[i]: Motion(float(fitted.values[i]), float(fitted.std[i])) for i in own}
 
 
 def _statistics(report: FitReport) -> list[str]:

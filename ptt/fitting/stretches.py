@@ -1,10 +1,11 @@
 """Rows in a row that are far off: no gross errors, but another reflector, a knock, or a part of the machine."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from ptt.record import Record
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import SAME_FEED, SAME_LOAD, Noise
 from ptt.run.problem import Problem
@@ -18,7 +19,7 @@ ALL = 0.9  # of the rows that are alike in something: where these are off, the l
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Stretch(Record):
     """Rows in a row that are off by one shift and are left out of every figure.
 
     Attributes:
@@ -27,6 +28,10 @@ class Stretch:
         rows: how many readings.
         shift_mm: the shift they share, x, y, z.
     """
+
+    keys: ClassVar[str] = (
+        "lines, rows, shift_um.x: shift_mm.0 [um], shift_um.y: shift_mm.1 [um], shift_um.z: shift_mm.2 [um], words"
+    )
 
     place: str
     lines: tuple[int, int]
@@ -41,11 +46,6 @@ class Stretch:
             f"{self.place} ({self.rows} readings in a row) are off by x {x}, y {y}, z {z} um together: another "
             "reflector, or a knock? They are left out of every figure"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON, in um."""
-        shift = dict(zip("xyz", (1e3 * value for value in self.shift_mm), strict=True))
-        return {"lines": list(self.lines), "rows": self.rows, "shift_um": shift, "words": self.words}
 
 
 def name_stretches(

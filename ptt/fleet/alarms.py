@@ -1,15 +1,16 @@
 """Who is going bad: a drift on its way out, a jump, a machine unlike its sisters, a run that could not be used."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date, timedelta
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy import stats
 
 from ptt.effects.phrases import SHOWN, figure
 from ptt.fleet.trends import ALPHA, Movement, Moves
+from ptt.record import Record
 
 Trend = Literal["drift", "jump", "unlike", "new", "setup", "failed"]
 MONTH = 30.44  # days
@@ -19,7 +20,7 @@ TO_SIGMA = 1.4826  # median absolute deviation of a normal variable to its stand
 
 
 @dataclass(frozen=True)
-class Alarm:
+class Alarm(Record):
     """One thing that somebody should look at.
 
     Attributes:
@@ -41,10 +42,6 @@ class Alarm:
     std: float | None = None
     unit: str = ""
     when: str | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ptt.errors import InputError
 from ptt.fleet.alarms import MONTH, Alarm, Names, of_movement, unlike, unlike_alarm
 from ptt.fleet.store import Store, shown
 from ptt.fleet.trends import Moves, Series, movements
+from ptt.record import Record
 
 RUNS = """
 SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count, outcomes.* EXCLUDE (run, machine),
@@ -20,7 +21,7 @@ ORDER BY runs.machine, runs.date, runs.place"""
 
 
 @dataclass(frozen=True)
-class Past:
+class Past(Record):
     """One run of a machine.
 
     Attributes:
@@ -44,10 +45,6 @@ class Past:
     expected_um: float | None
     noise_um: float | None
     words: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**vars(self), "date": self.date.isoformat()}
 
 
 @dataclass(frozen=True)
@@ -120,18 +117,16 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Overview:
+class Overview(Record):
     """How a fleet stands.
 
     Attributes:
         machines: by name.
     """
 
-    machines: tuple[Standing, ...]
+    keys: ClassVar[str] = "machines"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Keys as `ptt fleet show --json` writes them."""
-        return {"machines": [machine.to_dict() for machine in self.machines]}
+    machines: tuple[Standing, ...]
 
     def __str__(self) -> str:
         """A table, and the alarms under it."""

@@ -3,18 +3,20 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import ClassVar
 
 from ptt.fleet.owner import owner
 from ptt.fleet.queue import claim, keep, next_task, release, waiting
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
+from ptt.record import Record
 
 Progress = Callable[[str, int, int], None]
 Work = Callable[[Task, Callable[[str], None]], Outcome]
 
 
 @dataclass
-class Done:
+class Done(Record):
     """What one `ptt fleet run` did.
 
     Attributes:
@@ -22,6 +24,8 @@ class Done:
         elsewhere: runs that wait because another process works on their machines.
         lost: runs that no worker lived through; they wait for the next time.
     """
+
+    keys: ClassVar[str] = "runs, verdicts, elsewhere, lost"
 
     verdicts: dict[str, int] = field(default_factory=dict)
     elsewhere: int = 0
@@ -35,10 +39,6 @@ class Done:
     def count(self, verdict: str) -> None:
         """Count one run."""
         self.verdicts[verdict] = self.verdicts.get(verdict, 0) + 1
-
-    def to_dict(self) -> dict[str, object]:
-        """For JSON."""
-        return {"runs": self.runs, "verdicts": self.verdicts, "elsewhere": self.elsewhere, "lost": self.lost}
 
     def __str__(self) -> str:
         """One or two lines."""

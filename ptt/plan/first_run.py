@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from ptt.plan.foresight import Foresight, foresee, see_plan
 from ptt.plan.pool import with_base
 from ptt.plan.space import Space, build_space, draw_poses
 from ptt.plan.visits import Visit, both_ways, single, table_of
+from ptt.record import Record
 from ptt.run.noise import DEFAULT_SIGMA, ENOUGH, repeat_groups
 from ptt.run.table import Table
 
@@ -26,7 +27,7 @@ SHUFFLES = 40  # orders that are tried for the best balance of directions
 
 
 @dataclass(frozen=True)
-class FirstRun:
+class FirstRun(Record):
     """A plan and what it can tell.
 
     Attributes:
@@ -39,6 +40,11 @@ class FirstRun:
         words: the plan in a few sentences.
     """
 
+    keys: ClassVar[str] = (
+        "rows: targets.rows, repeat_freedom: freedom, rising_share: rising, datum_visits, sigma_um: sigma [um], "
+        "effects, words"
+    )
+
     targets: Table
     freedom: int
     rising: np.ndarray
@@ -46,18 +52,6 @@ class FirstRun:
     effects: tuple[Foresight, ...]
     sigma: float
     words: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "rows": self.targets.rows,
-            "repeat_freedom": self.freedom,
-            "rising_share": self.rising,
-            "datum_visits": self.datum_visits,
-            "sigma_um": self.sigma * 1e3,
-            "effects": [effect.to_dict() for effect in self.effects],
-            "words": self.words,
-        }
 
 
 def plan_first_run(

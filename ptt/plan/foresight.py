@@ -1,7 +1,7 @@
 """What rows will be able to tell before they are measured: which effects, how many of their parameters, how well."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from ptt.machine import MachineFile
 from ptt.model.chain import linearise, trace
 from ptt.model.chain import signature as signature_of
 from ptt.model.model import Model, parameter_names
+from ptt.record import Record
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL
 from ptt.run.table import Table
 from ptt.run.view import View, build_view
@@ -23,8 +24,17 @@ DWELL, FEED = 10.0, 20.0  # s for a reading, mm/s between poses
 FREE = 1e-6  # prior on what is fitted beside an effect, in usual sizes squared
 
 
+class Expected(NamedTuple):
+    """One parameter: its standard error to be expected, None where the rows do not tell it, and its usual size."""
+
+    name: str
+    unit: str
+    std: float | None
+    usual: float
+
+
 @dataclass(frozen=True)
-class Foresight:
+class Foresight(Record):
     """What a plan can tell of one effect, everything else that is fitted taken off.
 
     Attributes:
@@ -33,28 +43,22 @@ class Foresight:
         size: how many parameters it has.
         needs: what the rows lack for it to be tested, '' where they can.
         in_model: whether the model has it already.
-        parameters: (name, unit, expected standard error or None where the rows do not tell it, usual size).
+        parameters: what the rows will tell of each.
     """
+
+    keys: ClassVar[str] = "effect, in_model, testable, needs, seen, of: size, parameters"
 
     effect: str
     seen: int
     size: int
     needs: str
-    parameters: tuple[tuple[str, str, float | None, float], ...]
+    parameters: tuple[Expected, ...]
     in_model: bool = False
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        names = ("name", "unit", "std", "usual")
-        return {
-            "effect": self.effect,
-            "in_model": self.in_model,
-            "testable": not self.needs,
-            "needs": self.needs,
-            "seen": self.seen,
-            "of": self.size,
-            "parameters": [dict(zip(names, values, strict=True)) for values in self.parameters],
-        }
+    @property
+    def testable(self) -> bool:
+        """Whether the rows lack nothing."""
+        return not self.needs
 
 
 def foresee(model: Model, view: View, rows: np.ndarray, known: Library, sigma: float) -> tuple[Foresight, ...]:
@@ -91,7 +95,7 @@ def _foresee(
     sizes = tuple(p.on(kind) for p in effect.parameters if p.role == "linear" for _ in range(p.size(view.joints)))
     names = parameter_names(effect, kind, view.joints)[: len(sizes)]
     if lack:
-        blank = tuple((text, p.unit, None, p.usual) for text, p in zip(names, sizes, strict=True))
+        blank = tuple(Expected(text, p.unit, None, p.usual) for text, p in zip(names, sizes, strict=True))
         return Foresight(effect.key, 0, len(sizes), lack, blank)
     usual = np.array([p.usual for p in sizes])
     columns = columns_of(model, effect, view, sigma)[rows].reshape(-1, len(usual)) * usual
@@ -105,7 +109,7 @@ def _foresee(
     variance = np.diag(np.linalg.inv(information + unseen @ unseen.T))
     told = np.square(unseen).sum(axis=1) <= PRIOR_SHARE
     std = [float(u * np.sqrt(v)) if own else None for u, v, own in zip(usual, variance, told, strict=True)]
-    values = tuple((n, p.unit, s, p.usual) for n, p, s in zip(names, sizes, std, strict=True))
+    values = tuple(Expected(n, p.unit, s, p.usual) for n, p, s in zip(names, sizes, std, strict=True))
     kept = tuple(value for value, own in zip(values, held, strict=True) if not own)
     return Foresight(effect.key, seen, len(kept), "", kept)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from ptt.plan.rivals import Duel, find_duels, instrument
 from ptt.plan.space import Space, build_space
 from ptt.plan.visits import Visit, in_driving_order, table_of
 from ptt.plan.words import say_ambiguity, say_separation
+from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 
@@ -29,7 +30,7 @@ BASE = 'reflectors fixed to the base, and frame = "measured" in the machine file
 
 
 @dataclass(frozen=True)
-class Pair:
+class Pair(Record):
     """Two effects that the run could not tell apart.
 
     Attributes:
@@ -42,6 +43,11 @@ class Pair:
         instrument: what could, by the effects' cards.
     """
 
+    keys: ClassVar[str] = (
+        "effect: pick, rival, separation_sigma.before: before, separation_sigma.after: after, "
+        "separation_sigma.ceiling: ceiling, exact, instrument, words"
+    )
+
     pick: str
     rival: str
     before: float
@@ -50,21 +56,14 @@ class Pair:
     exact: bool
     instrument: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        sigma = {"before": self.before, "after": self.after, "ceiling": self.ceiling}
-        return {
-            "effect": self.pick,
-            "rival": self.rival,
-            "separation_sigma": sigma,
-            "exact": self.exact,
-            "instrument": self.instrument,
-            "words": say_ambiguity(self.pick, self.rival, self.instrument) if self.exact else "",
-        }
+    @property
+    def words(self) -> str:
+        """What no pose can tell, '' where some can."""
+        return say_ambiguity(self.pick, self.rival, self.instrument) if self.exact else ""
 
 
 @dataclass(frozen=True)
-class Separation:
+class Separation(Record):
     """What to measure next.
 
     Attributes:
@@ -76,6 +75,8 @@ class Separation:
         words: for a machinist.
     """
 
+    keys: ClassVar[str] = "rows, separation_sigma.before: before, separation_sigma.after: after, reached, pairs, words"
+
     targets: Table | None
     pairs: tuple[Pair, ...]
     before: float
@@ -84,19 +85,14 @@ class Separation:
     words: str
 
     @property
+    def rows(self) -> int:
+        """Rows to drive."""
+        return 0 if self.targets is None else self.targets.rows
+
+    @property
     def lines(self) -> tuple[str, ...]:
         """The words, one sentence about each thing."""
         return tuple(self.words.split("\n"))
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "rows": 0 if self.targets is None else self.targets.rows,
-            "separation_sigma": {"before": self.before, "after": self.after},
-            "reached": self.reached,
-            "pairs": [pair.to_dict() for pair in self.pairs],
-            "words": self.words,
-        }
 
 
 def plan_separation(

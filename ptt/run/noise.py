@@ -1,10 +1,11 @@
 """The noise floor: what repeats scatter by, and where the figure comes from."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from ptt.record import Record
 from ptt.run.holdout import pose_groups
 from ptt.run.same_pose import number_alike, number_rows
 from ptt.run.tails import chi2_isf
@@ -25,7 +26,7 @@ DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: used only 
 
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(Record):
     """Scatter of one reading.
 
     Attributes:
@@ -34,6 +35,8 @@ class Noise:
         freedom: degrees of freedom behind it, of coordinates for a saturated model, of readings (three coordinates)
             for repeats; infinite where it was given.
     """
+
+    keys: ClassVar[str] = "x: sigma.0 [um], y: sigma.1 [um], z: sigma.2 [um], total: total [um], source"
 
     covariance: np.ndarray
     source: str
@@ -54,11 +57,6 @@ class Noise:
         """W with W^T W the inverse covariance, (3, 3) 1/mm."""
         least = max(ROUNDING * float(np.trace(self.covariance)), NOTHING)
         return np.linalg.cholesky(np.linalg.inv(at_least(self.covariance, least))).T
-
-    def to_dict(self) -> dict[str, object]:
-        """Figures in micrometres for JSON."""
-        x, y, z = (float(value) * 1e3 for value in self.sigma)
-        return {"x": x, "y": y, "z": z, "total": self.total * 1e3, "source": self.source}
 
 
 def repeat_groups(table: "Table", direction: np.ndarray) -> np.ndarray:

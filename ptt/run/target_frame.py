@@ -7,7 +7,7 @@ them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ import torch
 from ptt.errors import TableError
 from ptt.machine import MachineFile, TargetsSpec
 from ptt.mechanisms import build_mechanism
+from ptt.record import Record
 from ptt.run.frames import align, rotation_vector
 from ptt.run.table import Table
 
@@ -31,7 +32,7 @@ Source = Literal["base", "stated", "commands", "unknown", "contrary"]
 
 
 @dataclass(frozen=True, eq=False)
-class RunFrame:
+class RunFrame(Record):
     """How the targets of one run lie in the base frame: base = rotation @ target + origin.
 
     Attributes:
@@ -44,6 +45,8 @@ class RunFrame:
         doubt: median way of a rigid motion that is all there is between targets and commands, yet small enough for a
             correction, mm; zero where there is none.
     """
+
+    keys: ClassVar[str] = "source, origin_mm: origin, turn_deg, left_mm: left, rows"
 
     source: Source = "base"
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -64,16 +67,6 @@ class RunFrame:
     def as_stated(self, place: np.ndarray) -> np.ndarray:
         """Places (n, 3) mm in the base frame -> as the run states targets."""
         return np.asarray((place - self.origin) @ self.rotation) if self.source in MOVED else place
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "source": self.source,
-            "origin_mm": self.origin.tolist(),
-            "turn_deg": self.turn_deg.tolist(),
-            "left_mm": self.left,
-            "rows": self.rows,
-        }
 
     @property
     def words(self) -> str:

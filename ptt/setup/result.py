@@ -2,8 +2,9 @@
 
 import html
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
+from ptt.record import Record
 from ptt.setup.names import Mistake
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Record):
     """One mistake in how a machine or a run was set up.
 
     Attributes:
@@ -27,6 +28,8 @@ class Finding:
         source: the run it was found in; '' for the machine file.
     """
 
+    keys: ClassVar[str] = "mistake, words, fix, rms_um.before: before_um, rms_um.after: after_um, sure"
+
     mistake: Mistake
     words: str
     fix: str
@@ -34,11 +37,6 @@ class Finding:
     after_um: float | None = None
     sure: bool = True
     source: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Keys as `ptt check --json` writes them."""
-        rms = {"before": self.before_um, "after": self.after_um}
-        return {"mistake": self.mistake, "words": self.words, "fix": self.fix, "rms_um": rms, "sure": self.sure}
 
     def __str__(self) -> str:
         """Two lines: what it is, what to do."""

@@ -4,7 +4,9 @@ import datetime
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ptt.record import Record
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -42,7 +44,7 @@ class ErrorLeft:
 
 
 @dataclass(frozen=True)
-class Exported:
+class Exported(Record):
     """What came of an export.
 
     Attributes:
@@ -58,17 +60,6 @@ class Exported:
     cannot_hold: tuple[CannotHold, ...]
     error_um: ErrorLeft
     notes: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """The verb's JSON."""
-        left = self.error_um
-        return {
-            "written": [str(path) for path in self.written],
-            "holds": list(self.holds),
-            "cannot_hold": [{"effect": item.effect, "why": item.why} for item in self.cannot_hold],
-            "error_um": {"drawing": left.drawing, "format": left.format, "model": left.model},
-            "notes": list(self.notes),
-        }
 
 
 @dataclass(frozen=True)

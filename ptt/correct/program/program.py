@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import torch
@@ -18,6 +18,7 @@ from ptt.correct.training.rest import correction_of
 from ptt.errors import InputError, PosesError
 from ptt.machine import TargetsSpec, ThreePttSpec
 from ptt.mechanisms import build_mechanism
+from ptt.record import Record
 from ptt.run.table import make_table
 from ptt.run.target_frame import stated_frame
 
@@ -34,7 +35,7 @@ OUTSIDE = "outside the network's training domain"
 
 
 @dataclass(frozen=True, eq=False)
-class Corrected:
+class Corrected(Record):
     """A corrected program.
 
     Attributes:
@@ -50,6 +51,10 @@ class Corrected:
         notes: what a user should know.
     """
 
+    keys: ClassVar[str] = (
+        "lines, moves, pieces, looked_at, chord_um, deviation_um, reversal, largest_shift_um: shift_um, notes"
+    )
+
     text: str
     lines: int
     moves: int
@@ -60,14 +65,6 @@ class Corrected:
     shift_um: float
     reversal: str
     notes: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The verb's JSON, but for the files."""
-        names = ("lines", "moves", "pieces", "looked_at", "chord_um", "deviation_um", "reversal")
-        return {name: getattr(self, name) for name in names} | {
-            "largest_shift_um": self.shift_um,
-            "notes": list(self.notes),
-        }
 
 
 def correct_program(

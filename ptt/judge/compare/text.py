@@ -77,7 +77,7 @@ def _errors(result: Comparison) -> Table:
         ("                       largest", after["max_um"] | {"total": length["max_um"]}),
     ]
     if result.noise is not None:
-        rows.append((f"noise floor, 1 sigma ({result.noise.source})", result.noise.to_dict()))  # type: ignore[arg-type]
+        rows.append((f"noise floor, 1 sigma ({result.noise.source})", result.noise.to_dict()))
     for name, values in rows:
         table.add_row(name, *(f"{values[axis]:.1f}" for axis in ("x", "y", "z", "total")))
     return table

@@ -5,12 +5,13 @@ axes. Lengths are mm here and um in `to_dict`.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ptt.errors import TableError
+from ptt.record import Record
 
 Array = NDArray[np.float64]
 
@@ -18,16 +19,14 @@ AXIS_RUNS = 5  # the standard asks for at least so many runs each way
 
 
 @dataclass(frozen=True)
-class BothWays:
+class BothWays(Record):
     """One figure from the approaches upward, from those downward, and from both, mm; NaN where not measured."""
+
+    keys: ClassVar[str] = "up: up [um], down: down [um], both: both [um]"
 
     up: float
     down: float
     both: float
-
-    def to_dict(self) -> dict[str, float | None]:
-        """Micrometres, None where not measured."""
-        return {"up": _um(self.up), "down": _um(self.down), "both": _um(self.both)}
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ptt.errors import TableError, shown
 from ptt.judge.iso.axis import AxisFigures, axis_figures
 from ptt.judge.iso.pose import PoseReport, pose_report
+from ptt.record import Record
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.readers.plain import numbers_of, read_plain
 from ptt.run.readers.text import LONGEST
@@ -25,15 +26,13 @@ AXIS_COLUMNS = {"target", "direction", "measured"}
 
 
 @dataclass(frozen=True)
-class IsoAxes:
+class IsoAxes(Record):
     """ISO 230-2 figures of every axis in a file."""
+
+    keys: ClassVar[str] = "source, axes"
 
     axes: tuple[AxisFigures, ...]
     source: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {"source": self.source, "axes": [axis.to_dict() for axis in self.axes]}
 
 
 def is_axis_file(path: Path | str) -> bool:
@@ -93,24 +92,17 @@ def _plain(name: object) -> str:
 
 
 @dataclass(frozen=True)
-class IsoPoses:
+class IsoPoses(Record):
     """ISO 9283 figures of a tracker run, in the tracker's frame and after the rigid motion onto the targets.
 
     Only AP and its drift differ between the two.
     """
 
+    keys: ClassVar[str] = "source, standard: aligned.standard, as_measured, aligned"
+
     as_measured: PoseReport
     aligned: PoseReport
     source: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "source": self.source,
-            "standard": self.aligned.standard,
-            "as_measured": self.as_measured.to_dict(),
-            "aligned": self.aligned.to_dict(),
-        }
 
 
 def align_to_targets(measured: Array, target: Array) -> Array:

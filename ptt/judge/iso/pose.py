@@ -7,12 +7,13 @@ are mm here and um in `to_dict`.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ptt.errors import TableError
+from ptt.record import Record
 from ptt.run.noise import SAME_LOAD
 from ptt.run.same_pose import SAME_POSE, number_alike, same_places
 
@@ -58,7 +59,7 @@ class PoseFigures:
 
 
 @dataclass(frozen=True)
-class DirectionVariation:
+class DirectionVariation(Record):
     """How far the means of one pose lie apart when it is approached from different sides.
 
     Attributes:
@@ -67,17 +68,15 @@ class DirectionVariation:
         variation: vAP, the largest distance between two of the means, mm.
     """
 
+    keys: ClassVar[str] = "target_mm: target, directions, vAP_um: variation [um]"
+
     target: Array
     directions: int
     variation: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {"target_mm": self.target.tolist(), "directions": self.directions, "vAP_um": 1e3 * self.variation}
-
 
 @dataclass(frozen=True)
-class DistanceFigures:
+class DistanceFigures(Record):
     """Distance between two poses, cycle by cycle.
 
     Attributes:
@@ -87,23 +86,16 @@ class DistanceFigures:
         repeatability: RD = 3 s of the distance, mm.
     """
 
+    keys: ClassVar[str] = "commanded_mm: commanded, cycles, AD_um: accuracy [um], RD_um: repeatability [um]"
+
     commanded: float
     cycles: int
     accuracy: float
     repeatability: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "commanded_mm": self.commanded,
-            "cycles": self.cycles,
-            "AD_um": 1e3 * self.accuracy,
-            "RD_um": 1e3 * self.repeatability,
-        }
-
 
 @dataclass(frozen=True)
-class Drift:
+class Drift(Record):
     """Change of one pose's figures over time, by groups of cycles against the first group.
 
     Attributes:
@@ -113,19 +105,12 @@ class Drift:
         repeatability: dRP likewise, mm.
     """
 
+    keys: ClassVar[str] = "target_mm: target, group_cycles: group, dAP_um: accuracy [um], dRP_um: repeatability [um]"
+
     target: Array
     group: int
     accuracy: float
     repeatability: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "target_mm": self.target.tolist(),
-            "group_cycles": self.group,
-            "dAP_um": 1e3 * self.accuracy,
-            "dRP_um": 1e3 * self.repeatability,
-        }
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ptt.fitting.report import FitReport, report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, hold, residual_of, rms
 from ptt.model.model import Model, Term
+from ptt.record import Record
 from ptt.run.holdout import folds, pose_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -60,7 +61,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Ladder:
+class Ladder(Record):
     """The steps from the model as given on.
 
     Attributes:
@@ -71,6 +72,11 @@ class Ladder:
         notes: what was done besides, in words.
         ranges: column -> lowest and highest load, temperature and speed of the run.
     """
+
+    keys: ClassVar[str] = (
+        "steps, noise_um, rows: report.rows, parameters: report.values, unobservable: report.unobservable, "
+        "protocol, stretches: report.stretches, notes, fit: report"
+    )
 
     steps: tuple[Step, ...]
     report: FitReport
@@ -83,21 +89,6 @@ class Ladder:
     def model(self) -> Model:
         """The model after the last step."""
         return self.steps[-1].fitted.model
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain figures for JSON."""
-        fitted = self.report.to_dict()
-        return {
-            "steps": [step.to_dict() for step in self.steps],
-            "noise_um": self.noise_um,
-            "rows": fitted["rows"],
-            "parameters": fitted["parameters"],
-            "unobservable": fitted["unobservable"],
-            "protocol": self.protocol,
-            "stretches": fitted["stretches"],
-            "notes": list(self.notes),
-            "fit": fitted,
-        }
 
 
 def climb(

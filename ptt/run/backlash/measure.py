@@ -4,12 +4,13 @@ Equations 19 and 20: Chen et al., Trans. CSAM 54(2), 2023. The log's columns are
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ptt.errors import TableError
+from ptt.record import Record
 from ptt.run.backlash.dead_travel import Reversal, measure_reversal, turning_row
 from ptt.run.backlash.reversal import as_reversal_amount, reversal_compensation, travel_direction
 from ptt.run.backlash.scale import ScaleLog
@@ -122,7 +123,7 @@ class SliderBacklash:
 
 
 @dataclass(frozen=True)
-class BacklashResult:
+class BacklashResult(Record):
     """Backlash of every slider and payload in a log.
 
     Attributes:
@@ -132,19 +133,12 @@ class BacklashResult:
         source: the log's name.
     """
 
+    keys: ClassVar[str] = "source, resolution_um: resolution [um], resolution_source, sliders"
+
     sliders: tuple[SliderBacklash, ...]
     resolution: float
     resolution_source: str
     source: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "source": self.source,
-            "resolution_um": 1e3 * self.resolution,
-            "resolution_source": self.resolution_source,
-            "sliders": [slider.to_dict() for slider in self.sliders],
-        }
 
 
 def measure_backlash(log: ScaleLog) -> BacklashResult:

@@ -1,8 +1,7 @@
 """The result card: from error to noise, at most three findings, ties as ties, and what comes next."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import torch
 
@@ -13,6 +12,7 @@ from ptt.effects.base import family
 from ptt.effects.cards import card_of
 from ptt.effects.phrases import Said, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
+from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.show.card.words import length, pretty
 
@@ -75,7 +75,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Card:
+class Card(Record):
     """A diagnosis in short.
 
     Attributes:
@@ -102,10 +102,6 @@ class Card:
     findings: tuple[Finding, ...]
     measure_next: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
-
 
 def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
     """Put a diagnosis in short.
@@ -127,7 +123,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
         words=pretty(_words(found)),
         error_um=float(found.rms_um["before"]["total"]),
         left_um=float(found.rms_um["after"]["total"]),
-        noise_um=float(noise["total"]),  # type: ignore[arg-type]
+        noise_um=float(noise["total"]),
         noise_from=str(noise["source"]),
         findings=findings,
         measure_next=tuple(map(pretty, found.measure_next)),

@@ -81,7 +81,7 @@ def _noise(contents: Contents) -> list[Block]:
     if noise is None:
         return [Words(f"The noise floor is unknown: {contents.given.why_not}.", "lack")]
     figures = noise.to_dict()
-    row = (f"from {figures['source']}", *axes(figures))  # type: ignore[arg-type]
+    row = (f"from {figures['source']}", *axes(figures))
     blocks: list[Block] = [grid("Noise floor: one standard deviation of a reading, um", ("", *AXES), [row])]
     if found is not None and found.wander is not None:
         words = f"{found.wander.share:.0%} of the noise wanders slowly, over about {found.wander.constant:.0f} s"

@@ -1,10 +1,10 @@
 """What was understood of a run: rows, runs, columns and units, what varied, and what repeats there are."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.record import Record
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import repeat_groups
 from ptt.run.problem import Problem
@@ -45,7 +45,7 @@ class Covariate:
 
 
 @dataclass(frozen=True)
-class RunFacts:
+class RunFacts(Record):
     """A run as it was understood.
 
     Attributes:
@@ -75,10 +75,6 @@ class RunFacts:
     ignored: tuple[str, ...]
     covariates: tuple[Covariate, ...]
     lines: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
 
 
 def facts_of(problem: Problem) -> RunFacts:

@@ -1,13 +1,13 @@
 """What a compensator's network does, as its folder and this run tell."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.rest import inputs_of
 from ptt.errors import ModelError
+from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.show.report.source import Source
 
@@ -15,7 +15,7 @@ AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
-class NetworkFacts:
+class NetworkFacts(Record):
     """The Gaussian RBF network of a compensator.
 
     Attributes:
@@ -41,10 +41,6 @@ class NetworkFacts:
     inside: int
     readings: int
     largest_um: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
 
 
 def network_facts(compensator: Compensator, problem: Problem, source: Source) -> NetworkFacts:

@@ -75,7 +75,7 @@ def data_uri(png: bytes) -> str:
 
 def _draw_curves(contents: Contents, path: Path) -> None:
     result = contents.evaluation["blocks"]
-    noise = None if result.noise is None else {axis: float(result.noise.to_dict()[axis]) for axis in "xyz"}  # type: ignore[arg-type]
+    noise = None if result.noise is None else {axis: float(result.noise.to_dict()[axis]) for axis in "xyz"}
     plot_error_curves(result.before, result.after, path, noise_um=noise)
 
 

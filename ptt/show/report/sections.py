@@ -45,7 +45,7 @@ def summary_section(contents: Contents) -> Section:
     noise = contents.given.comparison.noise
     if noise is not None:
         figures = noise.to_dict()
-        rows.append((f"noise floor, from {figures['source']}", *axes(figures)))  # type: ignore[arg-type]
+        rows.append((f"noise floor, from {figures['source']}", *axes(figures)))
     blocks: list[Block] = [Words(_verdict(contents), "verdict"), grid("Error, RMS in um", ("", *AXES), rows)]
     return Section("summary", "In short", tuple(blocks))
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
 from ptt.files import sha256
+from ptt.record import Record
 from ptt.run.table import Table
 
 ROLES = ("model", "compensator", "run", "also", "targets", "map", "effects")
 
 
 @dataclass(frozen=True)
-class InputFile:
+class InputFile(Record):
     """One file that went in.
 
     Attributes:
@@ -23,10 +24,6 @@ class InputFile:
     role: str
     name: str
     sha256: str
-
-    def to_dict(self) -> dict[str, str]:
-        """For JSON."""
-        return dict(vars(self))
 
 
 @dataclass(frozen=True)

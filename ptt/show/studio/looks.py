@@ -145,7 +145,7 @@ def look_at(
         understood=tuple(table.understood.lines),
         covariates=tuple(words for name, words in COVARIATES.items() if getattr(table, name) is not None),
         runs=tuple(label for label in table.run_label if label),
-        noise=None if noise is None else dict(noise.to_dict()),  # type: ignore[arg-type]
+        noise=None if noise is None else dict(noise.to_dict()),
         columns=tuple(columns_of(problem)),
         setup=tuple(setup),
     )
