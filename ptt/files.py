@@ -1,7 +1,6 @@
 """Files read with a clear word when they cannot be, and written whole or not at all."""
 
 import errno
-import hashlib
 import json
 import os
 import platform
@@ -13,6 +12,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from ptt.digests import beside, is_kept, line_of, note_written, require_place
+from ptt.digests import sha256 as sha256
 from ptt.errors import HostError, InputError, shown
 from ptt.record import plain
 
@@ -178,7 +179,8 @@ def walk(value: Any, where: str, error: type[InputError] = InputError) -> Iterat
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Write a file whole or not at all: a temporary neighbour, flushed to disk, then a rename.
 
-    A link is followed. What processes that died left beside the file is removed.
+    A link is followed. What processes that died left beside the file is removed. A digest that is kept beside it is
+    kept true.
 
     Args:
         path: where to; missing folders are made.
@@ -210,6 +212,22 @@ def write_bytes(path: str | Path, data: bytes) -> None:
         if isinstance(failed, OSError):
             raise cannot_write(path, failed) from None
         raise
+    note_written(path)
+    if is_kept(path):
+        put_digest(path)
+
+
+def put_digest(path: str | Path) -> None:
+    """Write the SHA-256 of a file beside it, NAME.sha256.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: something else is there, or it cannot be written.
+    """
+    require_place(path)
+    write_bytes(beside(path), line_of(path))
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -293,16 +311,3 @@ def _dead(words: list[str]) -> bool:
     except (OSError, OverflowError):
         return False
     return False
-
-
-def sha256(path: str | Path) -> str:
-    """Hash a file.
-
-    Args:
-        path: the file.
-
-    Returns:
-        SHA-256 as hexadecimal.
-    """
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

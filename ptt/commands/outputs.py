@@ -1,15 +1,20 @@
 """Where a verb may write: never onto its inputs, never onto a file of another kind. One place for all verbs."""
 
 import functools
+import inspect
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
+
+from ptt.digests import beside, listed, require_place
 from ptt.errors import InputError
-from ptt.files import require_plain
+from ptt.files import put_digest, require_plain
 
+Digests = Annotated[bool, typer.Option("--sha256", help="Write NAME.sha256 beside every file, as sha256sum reads it.")]
 OUTPUTS = ("out", "out_run", "out_model", "truth", "plot", "plots", "drawing", "measure_next", "rig_out")
 WORDS = {
     "": "empty",
@@ -43,25 +48,45 @@ HEAD = 8192  # bytes of a file that tell its kind
 
 
 def checked(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb that looks where it is to write before it does anything.
+    """A verb that looks where it is to write before it does anything, and writes digests where they are asked for.
 
     Args:
         verb: a function whose paths are named by typer's annotations; those named in `OUTPUTS` are written.
 
     Returns:
-        The same, with that check before it.
+        The same, with that check before it, and with an option `--sha256` where it writes.
     """
     if getattr(verb, "outputs_checked", False):
         return verb
-    metavars = dict(_metavars(verb))
+    metavars, signature = dict(_metavars(verb)), inspect.signature(verb)
 
     @functools.wraps(verb)
-    def first(*args: Any, **values: Any) -> Any:
+    def first(*args: Any, sha256: bool = False, **values: Any) -> Any:
         require_outputs(values, metavars)
-        return verb(*args, **values)
+        if not sha256:
+            return verb(*args, **values)
+        return _with_digests(lambda: verb(*args, **values), values)
 
+    if set(signature.parameters) & set(OUTPUTS):
+        option = inspect.Parameter("sha256", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Digests)
+        parameters = [*signature.parameters.values(), option]
+        first.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        first.__annotations__ = verb.__annotations__ | {"sha256": Digests}
     first.outputs_checked = True  # type: ignore[attr-defined]
     return first
+
+
+def _with_digests(verb: Callable[[], Any], values: Mapping[str, Any]) -> Any:
+    for name in OUTPUTS:
+        if isinstance(values.get(name), Path):
+            require_place(values[name])
+    with listed() as written:
+        done = verb()
+    digests = {beside(path) for path in written}
+    for path in dict.fromkeys(written):
+        if path.is_file() and path not in digests:  # what went into a folder as one has its digest in that folder
+            put_digest(path)
+    return done
 
 
 def require_outputs(values: Mapping[str, Any], metavars: Mapping[str, str]) -> None:

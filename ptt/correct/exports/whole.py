@@ -5,7 +5,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from ptt.files import cannot_write, require_plain, sweep, temporary
+from ptt.digests import is_kept, note_written
+from ptt.files import cannot_write, put_digest, require_plain, sweep, temporary
 
 
 def write_all(texts: Mapping[Path, str | bytes]) -> tuple[Path, ...]:
@@ -32,6 +33,10 @@ def write_all(texts: Mapping[Path, str | bytes]) -> tuple[Path, ...]:
         for path, name in list(ready.items()):
             os.replace(name, path)
             del ready[path]
+        for path in texts:
+            note_written(path)
+            if is_kept(path):
+                put_digest(path)
     except OSError as error:
         raise cannot_write(str(error.filename or next(iter(texts))), error) from None
     finally:
