@@ -91,11 +91,14 @@ def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
         prefilled("own-cause", found("b2", "step", place=["high", "low"]))
 
 
-def test_on_an_arm_it_acts_on_the_joint_in_rad() -> None:
+def test_on_an_arm_it_acts_on_the_joint_in_rad(tmp_path: Path) -> None:
     text = prefilled("own-cause", found("direction2", "levels", residual="joint 2"))
     assert 'mechanisms = ("serial",)' in text
-    assert '"rad"' in text
+    path = tmp_path / "own.py"
+    path.write_text(text)
+    (parameter,) = library(path)["own-cause"].parameters
+    assert parameter.unit == "rad"
 
 
 def test_temperatures_are_taken_from_the_reference() -> None:
-    assert "view.warmth > 2.2" in prefilled("own-cause", found("temperature", "step", place=[22.0, 22.4]))
+    assert "between = (2, 2.4)" in prefilled("own-cause", found("temperature", "step", place=[22.0, 22.4]))

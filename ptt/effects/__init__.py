@@ -7,6 +7,7 @@ when the first is asked for.
 from typing import TYPE_CHECKING, Any
 
 from ptt.effects.base import STAGES, Effect
+from ptt.effects.curve import Curve
 from ptt.effects.own import load_effects
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from ptt.effects.towers import TowerTilt as TowerTilt
     from ptt.effects.twist import PlatformTwist as PlatformTwist
 
-__all__ = ["STAGES", "Effect", "Library", "Parameter", "Phrase", "library", "load_effects"]
+__all__ = ["STAGES", "Curve", "Effect", "Library", "Parameter", "Phrase", "library", "load_effects"]
 
 
 def __getattr__(name: str) -> Any:
