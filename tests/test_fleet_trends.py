@@ -1,12 +1,13 @@
 """What moves over runs: drifts and jumps are named on the value that moves, and on a sound machine nothing is."""
 
-from datetime import date
+from datetime import date, datetime
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from ptt.fleet.alarms import Names, of_movement, unlike
+from ptt.fleet.alarms import Names, amount, of_movement, unlike
+from ptt.fleet.past import Past, of_runs
 from ptt.fleet.trends import Series, movements
 
 COUNT, ROWS, DAYS = 5, 120, 30.4
@@ -111,3 +112,28 @@ def test_a_machine_unlike_its_sisters_is_named_and_no_other():
     assert not unlike(values)
     assert list(unlike(values | {"m7": (55.0, 0.5)})) == ["m7"]
     assert not unlike({name: values[name] for name in list(values)[:4]} | {"m7": (55.0, 0.5)})  # too few to tell
+
+
+def test_a_value_is_given_to_the_last_figure_of_its_error():
+    assert amount(0.0040312, "mm", 0.000041) == "4.031 +- 0.041 um"
+    assert amount(-0.27246, "mm", 0.0127, sign=True) == "-272 +- 13 um"
+    assert amount(0.0781, "mm") == "78 um"
+
+
+def past(month: int, verdict: str | None, added: tuple[str, ...] = (), error: float = 5.0) -> Past:
+    words = f"{verdict} of {month}"
+    return Past(f"r{month}", f"{month}.csv", datetime(2026, month, 5), 80, verdict, error, 5.5, 6.0, words, added)
+
+
+def test_physics_that_came_stays_an_alarm_after_the_model_has_it():
+    runs = [past(1, "missing"), past(2, "new", ("once-per-rev",), 32.2), past(3, "same"), past(4, None)]
+    (alarm,) = of_runs(runs)
+    assert (alarm.effect, alarm.trend, alarm.when) == ("once-per-rev", "new", "2026-02-05")
+    assert "32.2 um, where 5.5 um" in alarm.words
+    assert of_runs([runs[0], runs[2]]) == []
+
+
+def test_a_last_run_that_could_not_be_used_or_named_is_an_alarm_until_a_better_one_comes():
+    assert [alarm.trend for alarm in of_runs([past(1, "missing"), past(2, "new"), past(3, None)])] == ["new"]
+    assert [alarm.trend for alarm in of_runs([past(1, "missing"), past(2, "setup")])] == ["setup"]
+    assert of_runs([past(1, "missing"), past(2, "setup"), past(3, "same")]) == []

@@ -14,6 +14,7 @@ from ptt.record import Record
 
 Trend = Literal["drift", "jump", "unlike", "new", "setup", "failed"]
 MONTH = 30.44  # days
+GONE = 0.2  # share of what a value was below which it is as after a repair
 FAR = 10.0  # times the time watched beyond which a straight line says nothing of a machine any more
 SISTERS = 6  # machines of one drawing from which one may be called unlike the others
 TO_SIGMA = 1.4826  # median absolute deviation of a normal variable to its standard deviation
@@ -95,9 +96,10 @@ def _jump(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> A
     runs = np.flatnonzero(days >= movement.day)
     after = float(moves.course[runs[0], place]) * usual
     when = _day(movement.day)
+    back = ", as after a repair" if abs(after) < GONE * abs(after - size) else ""
     words = (
         f"{names.labels[place]} jumped by {amount(size, unit, std, sign=True)} between {_day(movement.before)} and "
-        f"{when}, from {amount(after - size, unit)} to {amount(after, unit)}"
+        f"{when}, from {amount(after - size, unit)} to {amount(after, unit)}{back}"
     )
     return _alarm(names, place, "jump", words, size, std, when)
 
@@ -142,7 +144,10 @@ def _alarm(names: Names, place: int, trend: Trend, words: str, size: float, std:
 def amount(value: float, unit: str, std: float | None = None, *, sign: bool = False) -> str:
     """A value in the units of a workshop, with its standard error where one is given."""
     factor, name = SHOWN.get(unit, (1.0, unit))
-    text = figure(abs(value) * factor) if std is None else f"{figure(abs(value) * factor)} +- {figure(std * factor)}"
+    text = figure(abs(value) * factor)
+    if std is not None:  # two figures of the error, and the value to its last one: GUM, JCGM 100:2008, 7.2.6
+        error = figure(std * factor)
+        text = f"{abs(value) * factor:.{len(error.partition('.')[2])}f} +- {error}"
     return f"{'-' if value < 0 else '+' if sign else ''}{text} {name}".strip()
 
 

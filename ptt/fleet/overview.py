@@ -3,48 +3,16 @@
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ptt.errors import InputError
 from ptt.fleet.alarms import MONTH, Alarm, Names, of_movement, unlike, unlike_alarm
+from ptt.fleet.past import RUNS, Past, of_runs, past_of
 from ptt.fleet.store import Store, shown
 from ptt.fleet.trends import Moves, Series, movements
 from ptt.record import Record
-
-RUNS = """
-SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count, outcomes.* EXCLUDE (run, machine),
-    fits.* EXCLUDE (run) FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run)
-ORDER BY runs.machine, runs.date, runs.place"""
-
-
-@dataclass(frozen=True)
-class Past(Record):
-    """One run of a machine.
-
-    Attributes:
-        run: SHA-256 of its file.
-        file: its name.
-        date: when it was measured.
-        rows: of the file.
-        verdict: None while it waits.
-        error_um: what was left with the model.
-        expected_um: what had been left when the model was made.
-        noise_um: the noise floor.
-        words: what was said of it.
-    """
-
-    run: str
-    file: str
-    date: datetime
-    rows: int
-    verdict: str | None
-    error_um: float | None
-    expected_um: float | None
-    noise_um: float | None
-    words: str
 
 
 @dataclass(frozen=True)
@@ -177,13 +145,7 @@ def overview(store: Store, machine: str | None = None) -> Overview:
 
 
 def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Standing:
-    past = tuple(
-        Past(
-            row["run"], row["file"], row["date"], row["row_count"], row["verdict"], row["error_um"],
-            row["expected_um"], row["noise_um"], row["words"] or "",
-        )
-        for row in rows
-    )  # fmt: skip
+    past = tuple(past_of(row) for row in rows)
     standing = Standing(name, drawing, past)
     told = [row for row in rows if row["names"]]
     if told:
@@ -192,7 +154,7 @@ def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Sta
         alarms = [of_movement(movement, moves, names, series.days) for movement in moves.movements]
         sound = tuple(alarm for alarm in alarms if alarm is not None)
         standing = Standing(name, drawing, past, sound, names, series.days, moves)
-    return Standing(**{**vars(standing), "alarms": (*_of_last(standing.last), *standing.alarms)})
+    return Standing(**{**vars(standing), "alarms": (*of_runs(past), *standing.alarms)})
 
 
 def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
@@ -210,17 +172,6 @@ def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
     labels, units, usual = zip(*known.values(), strict=True)
     days = np.array([row["date"].timestamp() / 86400.0 for row in told])
     return Names(tuple(known), labels, units, np.array(usual)), Series(tuple(known), days, information, score)
-
-
-def _of_last(last: Past | None) -> tuple[Alarm, ...]:
-    """What the last run itself says that somebody should look at."""
-    if last is None or last.verdict not in ("new", "setup", "failed"):
-        return ()
-    what = {"new": "new physics", "setup": "set-up", "failed": "run"}[last.verdict]
-    day = last.date.date().isoformat()
-    head = {"new": "something that the model does not know", "setup": "the set-up is mistaken", "failed": "not usable"}
-    words = f"run of {day}: {head[last.verdict]}: {last.words.splitlines()[0] if last.words else ''}"
-    return (Alarm(what, "", last.verdict, words, when=day),)  # type: ignore[arg-type]
 
 
 def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:

@@ -1,5 +1,7 @@
 """One machine of a fleet as text: run by run, what moves, what somebody should look at."""
 
+import numpy as np
+
 from ptt.fleet.alarms import amount
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
@@ -26,10 +28,11 @@ def format_machine(machine: Standing) -> str:
         for place in plain:
             label = machine.names.labels[place]
             usual, unit = float(machine.names.usual[place]), machine.names.units[place]
+            values, errors = machine.moves.values[:, place], machine.moves.std[:, place]
             ends = [
-                amount(
-                    float(machine.moves.values[row, place]) * usual, unit, float(machine.moves.std[row, place]) * usual
-                )
+                amount(float(values[row]) * usual, unit, float(errors[row]) * usual)
+                if np.isfinite(errors[row])
+                else "-"
                 for row in (0, -1)
             ]
             lines.append(f"{label:<44}  {ends[0]:>16}  {ends[1]:>16}")
@@ -41,3 +44,7 @@ def format_machine(machine: Standing) -> str:
     if last is not None and last.words:
         lines += ["", f"the run of {last.date.date().isoformat()}:", last.words]
     return "\n".join(lines)
+
+
+def _figure(value: float, error: float, unit: str) -> str:
+    return amount(value, unit, error) if np.isfinite(error) else "-"  # that run's model had no such value

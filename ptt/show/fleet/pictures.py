@@ -9,12 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from ptt.effects.phrases import SHOWN
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
 from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
+NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
 MOST = 6  # values drawn of one machine, the ones that move first
 NAME = 28  # signs of a name that fit beside a picture
 ROWS = 60  # machines in one picture of the whole fleet
@@ -66,7 +68,9 @@ def _strips(machines: Sequence[Standing]) -> bytes:
     panel.set_ylim(len(machines) - 0.5, -0.5)
     panel.grid(axis="x", alpha=0.3)
     _date_axis(panel)
-    figure.colorbar(drawn, label="error left with the model, um")
+    bar = figure.colorbar(drawn, label="error left with the model, um")
+    bar.ax.yaxis.set_major_formatter(NUMBERS)
+    bar.ax.yaxis.set_minor_formatter(NUMBERS)
     return _png(figure)
 
 
@@ -93,7 +97,7 @@ def _draw_value(panel: Axes, machine: Standing, place: int) -> None:
         machine.days[told], moves.values[told, place] * factor,
         moves.std[told, place] * factor, fmt="o", color=ORANGE if moving else BLUE, ecolor=PALE, markersize=4,
     )  # fmt: skip
-    panel.plot(machine.days, moves.course[:, place] * factor, color=DARK, linewidth=1.0)
+    panel.plot(machine.days[told], moves.course[told, place] * factor, color=DARK, linewidth=1.0)
     panel.set_title(names.labels[place], fontsize=9)
     panel.set_ylabel(unit)
     _date_axis(panel)
