@@ -38,7 +38,7 @@ TRUTH = {
 }
 
 
-def make_run(path: Path, rows: int) -> None:
+def make_run(path: Path, rows: int, seed: int = 5) -> None:
     """Write a run of about that many rows."""
     file = load_machine(MACHINE)
     cycle = min(rows, CYCLE)
@@ -48,7 +48,7 @@ def make_run(path: Path, rows: int) -> None:
         "room": {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 2.0 * rows},
     }
     drawing = file.machine.model_dump(mode="json", exclude_none=True)
-    rig = replace(parse_rig({"machine": drawing, "seed": 5, "conditions": conditions, **FAULTS}), machine=file)
+    rig = replace(parse_rig({"machine": drawing, "seed": seed, "conditions": conditions, **FAULTS}), machine=file)
     frame = simulate(rig, make_volume(draw_machine(rig.spec), cycle, 3)).frame
     write_run(frame.drop(columns=["name"]).round(7), path)
 
