@@ -4,6 +4,7 @@ import asyncio
 import io
 import json
 import re
+import runpy
 import shutil
 import zipfile
 from dataclasses import replace
@@ -37,6 +38,7 @@ from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.page_finish import commands_of
 from ptt.show.studio.page_model import ladder_of, words_of
 from ptt.show.studio.results import Changed, Source
+from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.server import Opening, keep_opening
 from ptt.show.studio.session import Session, key_of, parameter_rows
 from ptt.show.studio.uploads import RESERVED, keep, safe_name
@@ -356,6 +358,18 @@ def test_a_bad_file_gets_the_words_of_the_command_line(here: Path):
     theirs = CliRunner().invoke(app, ["compare", "bad.csv", "--model", "machine.toml"])
     assert theirs.exit_code == 2 and theirs.stderr.strip() == f"error: {mine.value}"
     assert "row 9" in str(mine.value) and "x_meas" in str(mine.value)
+
+
+def test_the_sample_of_an_arm_is_what_its_script_writes_and_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    runpy.run_path(str(DATA.parent / "make_arm.py"))["main"](tmp_path)
+    found = {file.name: file for file in sample_files(ARM) or ()}
+    assert set(found) == {"run.csv", "machine.toml", "targets.csv"}
+    for name, file in found.items():
+        assert (tmp_path / "arm" / name).read_bytes() == file.read_bytes()
+    monkeypatch.chdir(tmp_path / "arm")
+    look = jobs.look(RUN, found["machine.toml"].read_text(encoding="utf-8"), silent)
+    assert look.serial and look.rows == 220 and look.drawing.chains.shape[0] == 220
+    assert set(sample_files("sealed_one") or ()) >= {DATA / "sealed.json"} and sample_files("nothing") is None
 
 
 def test_a_fresh_challenge_can_be_read_and_its_seal_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -2,6 +2,7 @@
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from importlib.resources import files
 
 from nicegui import events, ui
@@ -17,7 +18,7 @@ from ptt.show.studio.page_recent import build_recent
 from ptt.show.studio.page_setup import build_setup
 from ptt.show.studio.page_understood import build_understood
 from ptt.show.studio.results import SEAL, Source
-from ptt.show.studio.samples import LEVELS, SAMPLES, sample_files
+from ptt.show.studio.samples import ARM, FIRST, LEVELS, SAMPLES, sample_files
 from ptt.show.studio.uploads import keep
 
 Go = Callable[[str], None]
@@ -49,10 +50,15 @@ def _build_hero(studio: Studio, go: Go) -> None:
         ui.html(PURPOSE, sanitize=False, tag="h2").classes("st-hero")
         ui.html(LOOP, sanitize=False).classes("w-full").style("margin: 8px 0")
         with ui.element("div").classes("st-tools"):
-            if _samples():
-                ui.button(
-                    "Try a sample", icon="play_arrow", on_click=lambda: _take_sample(studio, go, _samples()[-1])
-                ).props("no-caps size=lg unelevated")  # fmt: skip
+            for name, words, look in ((FIRST, "Try a sample", "unelevated"), (ARM, "A sample of an arm", "outline")):
+                if name in _samples():
+                    sample = ui.button(words, icon="play_arrow", on_click=partial(_take_sample, studio, go, name))
+                    sample.props(f"no-caps size=lg {look}")
+            if not _samples():  # installed without its sources: one is drawn
+                drawn = ui.button(
+                    "Try a sample", icon="play_arrow", on_click=partial(_take_challenge, studio, go, "single")
+                )
+                drawn.props("no-caps size=lg unelevated")
             own = ui.button("Open your own files", icon="folder_open").props("no-caps size=lg outline")
             own.on(
                 "click",

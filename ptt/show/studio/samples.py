@@ -2,8 +2,15 @@
 
 from pathlib import Path
 
-DATA = Path(__file__).resolve().parents[3] / "data"
-SAMPLES = {"sealed_one": "One hidden fault (296 readings)", "sealed_three": "Three hidden faults (300 readings)"}
+from ptt.show.studio.results import SEAL
+
+DATA = (Path(__file__).resolve().parents[3] / "data", Path("data").resolve())  # installed: where it was started
+SAMPLES = {
+    "sealed_one": "One hidden fault (296 readings)",
+    "sealed_three": "Three hidden faults (300 readings)",
+    "arm": "A serial arm with a fault (220 readings)",
+}
+FIRST, ARM = "sealed_three", "arm"  # those with a button of their own
 LEVELS = {
     "single": "One effect is hidden", "multi": "Several effects", "unknown": "One that is in no library",
     "none": "Nothing", "any": "Any of these",
@@ -17,7 +24,10 @@ def sample_files(name: str) -> tuple[Path, ...] | None:
         name: one of `SAMPLES`.
 
     Returns:
-        Run, machine, targets and seal; None where the sources are not there.
+        Run, machine, targets, and the seal where there is one; None where the sources are not there.
     """
-    files = tuple(DATA / name / file for file in ("run.csv", "machine.toml", "targets.csv", "sealed.json"))
-    return files if all(file.exists() for file in files) else None
+    for folder in DATA:
+        files = tuple(folder / name / file for file in ("run.csv", "machine.toml", "targets.csv", SEAL))
+        if all(file.exists() for file in files[:3]):
+            return tuple(file for file in files if file.exists())
+    return None
