@@ -5,9 +5,12 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pandas as pd
+import plotly.graph_objects as go
 import pytest
 
 from ptt.challenge.challenge import open_challenge
@@ -18,14 +21,18 @@ from ptt.run.readers import load_mapping
 from ptt.show.card.bar import bar_html, parts_of_bar
 from ptt.show.card.ghost import ghosts_of
 from ptt.show.card.scene import Lines, legs_at_fault, moved, parts_of, usual_times
-from ptt.show.card.words import how_sure, length, prefixed, pretty
+from ptt.show.card.words import how_sure, length, parameter_in_words, prefixed, pretty
 from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
+from ptt.show.studio.controller import Studio
+from ptt.show.studio.figures_again import error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import COOKIE, Guard, same_origin
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.outcomes import JobFailedError, SetupFoundError
-from ptt.show.studio.page import doing
+from ptt.show.studio.page import doing, told_of
+from ptt.show.studio.page_again import date_in
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
+from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Learned, Source, Trained
 from ptt.show.studio.session import Session
@@ -270,7 +277,54 @@ def test_the_card_says_side_size_cure_and_how_sure(learned: Learned):
     assert finding["probability"] > 0.9 and " um" not in json.dumps(card)
     parts = parts_of_bar(card)
     assert sum(size for _, size, _ in parts) == pytest.approx(card["error_um"], rel=0.02)
-    assert parts[0][0] == "noise" and "backlash" in bar_html(card)
+    assert parts[0][0] == "left (noise)" and parts[0][1] == card["left_um"] < card["noise_um"]
+    assert "backlash" in bar_html(card)
+    unknown = parts_of_bar({"error_um": 50.0, "left_um": 20.0, "noise_um": 4.0, "findings": card["findings"]})
+    assert [part[:2] for part in unknown[:2]] == [("noise", 4.0), ("without a name", 16.0)]
+
+
+def test_one_thing_has_one_number_on_the_page(here: Path, learned: Learned):
+    """Head line, ladder and card of a diagnosed model say the same; the comparison has another frame and more rows."""
+    compared = jobs.compare(RUN, MACHINE, silent)
+    session = Session().opened(RUN, MACHINE).remembering(compared=compared)
+    studio = cast(Studio, SimpleNamespace(session=session))
+    assert f"error {length(compared.data['rms_um']['total'])} rms" in told_of(studio)
+    studio.session = session.remembering(learned=learned)
+    assert told_of(studio).endswith(f"error {length(learned.card['error_um'])} rms")
+    assert ladder_of(studio)[0][-1].rms_um["total"] == learned.card["error_um"] != compared.data["rms_um"]["total"]
+
+
+def test_a_later_run_is_held_beside_the_first_and_by_date(here: Path):
+    """A tenth of every error is left: nine tenths fewer on each axis, and a tenth of each gap."""
+    frame = pd.read_csv("run.csv").iloc[:100]
+    frame.to_csv("first.csv", index=False)
+    for axis in "xyz":
+        frame[f"{axis}_meas"] = frame[f"{axis}_cmd"] + 0.1 * (frame[f"{axis}_meas"] - frame[f"{axis}_cmd"])
+    frame.to_csv("later.csv", index=False)
+    gaps = ", ".join(f"{1e-3 * gap:.5f}" for gap in sealed_gaps_um())
+    values = f"gap_mm = {{ value = [{gaps}], std = [1e-4, 2e-4, 1e-4] }}"
+    model = f'{MACHINE}\n[[effect]]\nname = "backlash"\n[effect.parameters]\n{values}\n'
+    found = jobs.again(Source("first.csv"), model, "2026-01-10", [("later.csv", "2026-02-10")], silent)
+    fall = found["pair"]["reduction_percent"]
+    assert [fall[axis] for axis in ("x", "y", "z", "total")] == pytest.approx([90.0] * 4, abs=0.05)
+    assert found["recheck"]["verdict"] == "changed" and found["recheck"]["changed"]
+    shown = [value for value in found["months"]["values"] if "gap" in value["label"]]
+    assert len(shown) == 3 and all(value["days"] == ["2026-01-10", "2026-02-10"] for value in shown)
+    for value in shown:
+        assert value["value"][1] == pytest.approx(0.1 * value["value"][0], abs=0.5)
+    for when in ("before", "after"):
+        drawn = pair_figure(found["pair"], when)
+        figure = go.Figure(drawn["data"], drawn["layout"])
+        assert figure.data[1].marker.cmin == 0.0
+    drawn = json.dumps([error_figure(found["months"]["history"]), *map(value_figure, shown)])
+    assert "\\u00b5m" in drawn and "um]" not in drawn
+
+    session = replace(Session().opened(RUN, MACHINE), first="2026-01-10", later=(("later.csv", "2026-02-10"),))
+    place = Store(here / "kept").fresh(OWNER)
+    place.save(session)
+    assert (place.load().first, place.load().later) == (session.first, session.later)
+    assert date_in("mill 2026-03-15 b.csv") == "2026-03-15" and date_in("20260315.csv") == "2026-03-15"
+    assert date_in("run 2026-13-45.csv") == date_in("run.csv")
 
 
 def test_the_fit_goes_through_this_runs_data(learned: Learned):
@@ -347,6 +401,11 @@ def test_words_have_prefixes_that_a_person_uses():
         "\N{RIGHTWARDS ARROW} x"
     )
     assert how_sure(0.999).endswith("(> 99 %)") and how_sure(0.5) == "about even (50 %)"
+    micro, off = "\N{MICRO SIGN}", "\N{PLUS-MINUS SIGN}"
+    assert parameter_in_words("gap_mm 1", 0.040223, 8.1e-5) == ("gap 1", f"40.22 {micro}m", f"{off} 0.08")
+    assert parameter_in_words("link_per_k", 1.1e-5, 2e-7) == ("link", f"11.00 {micro}m/m/K", f"{off} 0.20")
+    assert parameter_in_words("period_mm", 5.02, None) == ("period", "5.02 mm", "")
+    assert parameter_in_words("scale 2", 6.2e-5, 1e-6)[1] == f"62.0 {micro}m/m"
     assert doing("x", 3, 12, 6.0) == "x: 3 of 12, 2 s each, 18 s left" and doing("x", 0, 0, 0.5) == "x"
 
 

@@ -25,8 +25,9 @@ def parts_of_bar(card: Mapping[str, Any]) -> list[tuple[str, float, str]]:
     falls = [max(one["before_um"] - one["after_um"], 0.0) for one in card["findings"]]
     whole, error = sum(falls), max(error, left)
     share = (error - left) / whole if whole > 0.0 else 0.0
-    parts = [("noise", min(noise, left if card["findings"] else error), NOISE)]
-    parts.append(("without a name", max((left if card["findings"] else error) - noise, 0.0), UNNAMED))
+    rest = left if card["findings"] else error
+    parts = [("noise", noise, NOISE) if rest >= noise else ("left (noise)", rest, NOISE)]
+    parts.append(("without a name", max(rest - noise, 0.0), UNNAMED))
     named = [
         (one["effect"], share * fall, COLOURS[i % len(COLOURS)])
         for i, (one, fall) in enumerate(zip(card["findings"], falls, strict=True))

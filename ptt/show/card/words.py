@@ -92,10 +92,55 @@ def how_sure(probability: float) -> str:
     return f"{words} ({'> 99' if probability > 0.995 else f'{100.0 * probability:.0f}'} %)"
 
 
+SUFFIXES = (  # of a parameter's name -> factor and unit that a page shows
+    ("_mm_per_n", 1e3, "um/N"), ("_mm_per_kg", 1e3, "um/kg"), ("_mm_per_k", 1e3, "um/K"), ("_per_kg", 1e6, "um/m/kg"),
+    ("_per_k", 1e6, "um/m/K"), ("_rad_per_nmm", 1e9, "urad/N m"), ("_mm", 1.0, "mm"), ("_rad", 1.0, "rad"),
+    ("_s", 1.0, "s"),
+)  # fmt: skip
+
+
+def parameter_in_words(name: str, value: float, error: float | None) -> tuple[str, str, str]:
+    """A parameter of a machine file as a page shows it.
+
+    Args:
+        name: as in the file, with its unit: 'gap_mm', 'gap_mm 2', 'scale 1'.
+        value: in that unit.
+        error: its standard error; None where it has none.
+
+    Returns:
+        Name without the unit, value with the unit that fits, error with its sign or ''.
+    """
+    stem, _, number = name.partition(" ")
+    suffix, factor, unit = next(
+        (each for each in SUFFIXES if stem.endswith(each[0])), ("", 1e6, "um/m") if stem == "scale" else ("", 1.0, "")
+    )
+    told = f"{stem.removesuffix(suffix).replace('_', ' ')} {number}".strip()
+    size = max(abs(value), error or 0.0)
+    times, shown = (factor, unit.replace("u", MICRO, 1)) if factor != 1.0 else prefixed([size], unit)
+    if unit == "s":
+        times, shown = (1e3, "ms") if size < 1.0 else (1.0, "s")
+    text = f"{times * value:.4g}"
+    if error:
+        error = times * error
+        digits = _digits(error)
+        text, said = f"{times * value:.{digits}f}", f"{error:.{digits}f}"
+    return (
+        told,
+        f"{text} {shown}".strip().replace("-", "\N{MINUS SIGN}"),
+        f"\N{PLUS-MINUS SIGN} {said}" if error else "",
+    )
+
+
 def value_in_words(value: Mapping[str, Any]) -> str:
     """A value of a finding with its error, for example '201 +- 4 um' with the real signs."""
     error = value["error"]
     if error is None or not error > 0.0:
         return f"{_short(value['size'], 2)} {value['unit']}"
-    digits = max(0, 1 - math.floor(math.log10(error)))
+    digits = _digits(error)
     return f"{value['size']:.{digits}f} \N{PLUS-MINUS SIGN} {error:.{digits}f} {value['unit']}"
+
+
+def _digits(error: float) -> int:
+    """Places behind the point that leave a standard error one digit, two where it begins with 1 or 2."""
+    power = math.floor(math.log10(error))
+    return max(0, (error < 3.0 * 10.0**power) - power)

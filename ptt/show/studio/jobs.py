@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ptt.show.studio.jobs_again import again
 from ptt.show.studio.jobs_export import export, formats
 from ptt.show.studio.jobs_files import columns, describe, mend, peek
 from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effect
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ptt.run.problem import Problem
 
 __all__ = [
+    "again",
     "card",
     "challenge",
     "change",

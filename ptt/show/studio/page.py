@@ -1,4 +1,4 @@
-"""The page: header with undo and theme, five views with addresses of their own, progress, and what went wrong."""
+"""The page: header with undo and theme, six views with addresses of their own, progress, and what went wrong."""
 
 import time
 
@@ -6,6 +6,7 @@ from nicegui import events, ui
 
 from ptt.show.card.words import length
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.page_again import build_again
 from ptt.show.studio.page_finish import build_finish
 from ptt.show.studio.page_load import build_load
 from ptt.show.studio.page_look import build_look
@@ -14,9 +15,13 @@ from ptt.show.studio.page_result import build_result
 from ptt.show.studio.session import key_of
 from ptt.show.studio.style import CSS
 
-VIEWS = {"Load": build_load, "Result": build_result, "Look": build_look, "Model": build_model, "Finish": build_finish}
+VIEWS = {
+    "Load": build_load, "Result": build_result, "Look": build_look, "Model": build_model, "Finish": build_finish,
+    "Again": build_again,
+}  # fmt: skip
 ICONS = {
-    "Load": "upload_file", "Result": "troubleshoot", "Look": "visibility", "Model": "tune", "Finish": "task_alt"
+    "Load": "upload_file", "Result": "troubleshoot", "Look": "visibility", "Model": "tune", "Finish": "task_alt",
+    "Again": "compare",
 }  # fmt: skip
 ADDRESS = """(() => { const to = '/s/KEY/VIEW';
   if (location.pathname === to) return; const own = location.pathname.startsWith('/s/KEY/');
@@ -171,6 +176,6 @@ def told_of(studio: Studio) -> str:
     off = session.now.off
     keys = [entry.name + (" (off)" if key_of(entry) in off else "") for entry in session.effects]
     effects = ", ".join(keys) if keys else "no effects"
-    figure = session.comparison
-    error = f" \N{MIDDLE DOT} error {length(figure.data['rms_um']['total'])} rms" if figure else ""
+    figure = session.error_um
+    error = f" \N{MIDDLE DOT} error {length(figure['total'])} rms" if figure else ""
     return f"{session.source.run} \N{MIDDLE DOT} {session.now.file.machine.name}, {effects}{error}"

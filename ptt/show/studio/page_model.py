@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from nicegui import ui
 
 from ptt.machine import EffectEntry
-from ptt.show.card.words import pretty
+from ptt.show.card.words import parameter_in_words, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import against_figure, ladder_figure, short_label
 from ptt.show.studio.page_look import LookView
@@ -114,10 +114,7 @@ class ModelView:
                 remove = ui.button("Remove", icon="delete", on_click=lambda: self.studio.change("remove", key))
                 remove.props("flat dense no-caps size=sm").props["aria-label"] = f"remove {key}"
                 remove.set_enabled(on)
-            rows = [
-                (name, f"{value:.5g}", "" if std is None else f"\N{PLUS-MINUS SIGN} {std:.2g}", word)
-                for name, value, std, word in parameter_rows(entry)
-            ]
+            rows = [(*parameter_in_words(name, value, std), word) for name, value, std, word in parameter_rows(entry)]
             with ui.element("div").classes("st-grid"):
                 ui.html(table_html((), rows), sanitize=False).classes("w-full")
 
@@ -175,8 +172,9 @@ def ladder_of(studio: Studio) -> tuple[tuple[Rung, ...], dict[str, float]]:
     noise = dict(now.noise_um) if now is not None and rungs else dict(found.data["noise_um"]) if found else {}
     if now is None or noise.get("total") is None:
         return (), {}
-    if now.fitted != now.active and found is not None:
-        rungs = (*rungs, Rung(_switched(now) or "as given", found.data["rms_um"], None))
+    error = studio.session.error_um
+    if now.fitted != now.active and error is not None:
+        rungs = (*rungs, Rung(_switched(now) or "as given", error, None))
     return rungs, noise
 
 

@@ -81,6 +81,8 @@ class Session:
         comparisons: model text -> comparison.
         lessons: model text -> diagnosis.
         trainings: model text -> compensator.
+        first: when the run was measured, '2026-03-15'; '' where nobody said.
+        later: file and date of runs that were measured later on the same machine.
     """
 
     source: Source | None = None
@@ -91,6 +93,8 @@ class Session:
     comparisons: Mapping[str, Compared] = field(default_factory=dict)
     lessons: Mapping[str, Learned] = field(default_factory=dict)
     trainings: Mapping[str, Trained] = field(default_factory=dict)
+    first: str = ""
+    later: tuple[tuple[str, str], ...] = ()
 
     @property
     def ready(self) -> bool:
@@ -116,6 +120,19 @@ class Session:
     def lesson(self) -> Learned | None:
         """Its diagnosis."""
         return self.lessons.get(self.text)
+
+    @property
+    def error_um(self) -> Figures | None:
+        """The active model's error, x, y, z, total, um: as its diagnosis says, until then as its comparison says.
+
+        The diagnosis leaves out the rows that a run opens with and weighs the frame by the noise it has found: with
+        both in sight the page would have two numbers for one thing.
+        """
+        if self.lesson is not None:
+            return dict(self.lesson.data["rms_um"]["before"])
+        if self.comparison is None:
+            return None
+        return dict(self.comparison.data["rms_um"])
 
     @property
     def training(self) -> Trained | None:

@@ -76,6 +76,8 @@ class Place:
             "now": _plain(session.now),
             "past": [_plain(each) for each in session.past],
             "future": [_plain(each) for each in session.future],
+            "first": session.first,
+            "later": session.later,
         }
         for text, look in session.looks.items():
             self._once(session.source, text, "look.npz", partial(pack_look, look))
@@ -98,13 +100,14 @@ class Place:
             source = _source(state["source"])
             now = _snapshot(state["now"])
             past, future = (tuple(_snapshot(each) for each in state[key]) for key in ("past", "future"))
+            later = tuple((str(run), str(date)) for run, date in state.get("later", ()))
         except (OSError, ValueError, KeyError, TypeError):
             return Session()
         found: dict[str, dict[str, Any]] = {"looks": {}, "comparisons": {}, "lessons": {}, "trainings": {}}
         for snapshot in (*past, now, *future):
             with suppress(PttError):
                 self._find(source, snapshot.active, found)
-        return Session(source, now, past, future, **found)
+        return Session(source, now, past, future, **found, first=str(state.get("first", "")), later=later)
 
     def remove(self) -> None:
         """Take it off the disk."""

@@ -20,6 +20,8 @@ RESERVED = (
     "compensator",
     "challenge",
     "export",
+    "months",
+    "again.json",
     EFFECTS,
     SEAL,
 )

@@ -1,0 +1,114 @@
+"""Two runs side by side from above, and a machine's error and values by date, as plotly dictionaries."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ptt.show.card.words import length, prefixed
+from ptt.show.studio.figures import BLUE, GREY, ORANGE, Figure, axis_of, whole_figure, whole_layout
+
+WHEN = ("before", "after")
+MICRO = "\N{MICRO SIGN}m"
+FEW = 0.99  # of the readings: a gross error beside the others would make them all one colour
+
+
+def pair_figure(pair: Mapping[str, Any], when: str) -> Figure:
+    """The tool's error of one of two runs from above; both have one scale of lengths and colours, which starts at zero.
+
+    Args:
+        pair: as the job `again` hands it over.
+        when: 'before' or 'after'.
+
+    Returns:
+        The figure.
+    """
+    times = float(pair["arrows"]["times"])
+    every = {each: _both(pair, each) for each in WHEN}
+    top = max(float(np.quantile(_size(error), FEW)) for _, error in every.values())
+    reach = np.concatenate([where for place, error in every.values() for where in (place, place + times * error)])
+    (place, error), (low, high) = every[when], np.quantile(reach[:, :2], (1.0 - FEW, FEW), axis=0)
+    room = 0.08 * max(float((high - low).max()), 1e-3)
+    tip = place + times * error
+    lines = {axis: _parted(place[:, i], tip[:, i]) for i, axis in enumerate("xy")}
+    marker = {
+        "size": 7, "color": _size(error).tolist(), "cmin": 0.0, "cmax": top, "colorscale": "Cividis", "showscale": True,
+        "colorbar": {"title": {"text": f"error [{MICRO}]", "side": "right"}, "thickness": 10, "outlinewidth": 0},
+    }  # fmt: skip
+    thin = {"color": GREY, "width": 1}
+    data = [
+        {"type": "scatter", "mode": "lines", **lines, "line": thin, "hoverinfo": "skip"},
+        {"type": "scatter", "mode": "markers", "x": tip[:, 0].tolist(), "y": tip[:, 1].tolist(), "marker": marker,
+         "text": [length(size) for size in _size(error)], "hoverinfo": "text"},
+    ]  # fmt: skip
+    layout = whole_layout(
+        showlegend=False,
+        xaxis={**axis_of("x [mm]"), "range": [low[0] - room, high[0] + room]},
+        yaxis={**axis_of("y [mm]"), "range": [low[1] - room, high[1] + room], "scaleanchor": "x"},
+        margin={"l": 54, "r": 10, "t": 8, "b": 44},
+    )
+    return whole_figure(data, layout)
+
+
+def error_figure(history: Sequence[Mapping[str, Any]]) -> Figure:
+    """The error that each run left with the model, by date, beside the noise.
+
+    Args:
+        history: runs as `ptt fleet show --json` lists them.
+    """
+    told = [run for run in history if run["error_um"] is not None]
+    days = [str(run["date"])[:10] for run in told]
+    errors = [float(run["error_um"]) for run in told]
+    noisy = [(str(run["date"])[:10], float(run["noise_um"])) for run in history if run["noise_um"] is not None]
+    factor, unit = prefixed([*errors, *(noise for _, noise in noisy)], "um")
+    data = [
+        {"type": "scatter", "mode": "lines+markers", "name": "error with the model", "x": days,
+         "y": [factor * error for error in errors], "line": {"color": BLUE}, "marker": {"size": 8}},
+        {"type": "scatter", "mode": "lines", "name": "noise", "x": [day for day, _ in noisy],
+         "y": [factor * noise for _, noise in noisy], "line": {"color": GREY, "dash": "dash"}},
+    ]  # fmt: skip
+    return whole_figure(data, _dated(f"error [{unit}]", legend=True, zero=True))
+
+
+def value_figure(value: Mapping[str, Any]) -> Figure:
+    """One value by date as each run alone has it, with its standard errors.
+
+    Args:
+        value: as the job `again` hands it over; orange where it moves.
+    """
+    factor, unit = prefixed(value["value"], value["unit"])
+    colour = ORANGE if value["moves"] else BLUE
+    data = [
+        {"type": "scatter", "mode": "lines+markers", "x": value["days"],
+         "y": [factor * each for each in value["value"]],
+         "error_y": {"type": "data", "array": [factor * each for each in value["std"]], "color": colour},
+         "marker": {"size": 8, "color": colour}, "line": {"color": GREY, "width": 1}},
+    ]  # fmt: skip
+    return whole_figure(data, _dated(f"[{unit}]"))
+
+
+def _both(pair: Mapping[str, Any], when: str) -> tuple[np.ndarray, np.ndarray]:
+    """Places and errors, (n, 3) mm each."""
+    own = pair["arrows"][when]
+    return np.asarray(own["place"], dtype=float), np.asarray(own["error"], dtype=float)
+
+
+def _size(error: np.ndarray) -> np.ndarray:
+    """Lengths of errors, um."""
+    return np.asarray(1e3 * np.linalg.norm(error, axis=1))
+
+
+def _parted(start: np.ndarray, end: np.ndarray) -> list[float | None]:
+    """Ends of lines that are not joined to each other."""
+    return [value for pair in zip(start.tolist(), end.tolist(), strict=True) for value in (*pair, None)]
+
+
+def _dated(title: str, legend: bool = False, zero: bool = False) -> Figure:
+    value = axis_of(title) | ({"rangemode": "tozero"} if zero else {})
+    return whole_layout(
+        xaxis={**axis_of(""), "type": "date", "hoverformat": "%Y-%m-%d", "nticks": 6},
+        yaxis=value,
+        showlegend=legend,
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        margin={"l": 60, "r": 10, "t": 28 if legend else 10, "b": 32},
+    )

@@ -1,0 +1,144 @@
+"""Runs of the same machine measured again: before and after, what has changed since, values by date."""
+
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ptt.errors import PttError
+from ptt.show.studio.opening import open_both, place_of
+from ptt.show.studio.outcomes import Progress
+from ptt.show.studio.results import Source
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ptt.judge.before_after import BeforeAfter
+
+MONTHS = "months"  # folder of the store that the fleet's verbs work on
+MACHINE = "machine"
+ARROWS = 250  # of one picture
+PLACES = 6  # values drawn
+
+
+def again(
+    source: Source, model: str, first: str, later: Sequence[tuple[str, str]], tell: Progress
+) -> Mapping[str, Any]:
+    """Hold later runs against the one that is open and against the model.
+
+    Args:
+        source: the run that is open.
+        model: its model.
+        first: date of that run.
+        later: file and date of each, the last one last.
+        tell: told what is done.
+
+    Returns:
+        'pair', 'recheck' and 'months'; one that cannot be worked out has 'why' instead.
+    """
+    last = replace(source, run=later[-1][0], also=())
+    tell("before and after", 0, 3)
+    pair = _tried(lambda: _pair(source, last, model))
+    tell("what has changed", 1, 3)
+    changed = _tried(lambda: _recheck(last, model))
+    tell("values by date", 2, 3)
+    months = _tried(lambda: _months(source, model, [(source.run, first), *later], tell))
+    return {"pair": pair, "recheck": changed, "months": months}
+
+
+def _tried(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    try:
+        return work()
+    except PttError as error:
+        return {"why": " ".join(str(error).split())}
+
+
+def _pair(source: Source, last: Source, model: str) -> dict[str, Any]:
+    """As `ptt compare --after`, with mean arrows of both."""
+    from ptt.judge.before_after import compare_pair
+
+    opened, after = (open_both(each, model) for each in (source, last))
+    pair = compare_pair(opened.table, after.table, opened.model.file)
+    return pair.to_dict() | {"arrows": _arrows(pair)}
+
+
+def _arrows(pair: "BeforeAfter") -> dict[str, Any]:
+    import numpy as np
+
+    from ptt.show.plots.field import enlargement
+
+    sides = (pair.before, pair.after)
+    span = max(float(np.ptp(np.concatenate([side.place for side in sides]), axis=0).max()), 1e-3)
+    size = float(np.quantile(np.linalg.norm(pair.before.error, axis=1), 0.95))
+    drawn: dict[str, Any] = {"times": enlargement(span, size)}
+    for words, side in (("before", pair.before), ("after", pair.after)):
+        rows = np.unique(np.linspace(0, len(side.place) - 1, min(ARROWS, len(side.place))).astype(int))
+        drawn[words] = {"place": _listed(side.place[rows]), "error": _listed(side.error[rows])}
+    return drawn
+
+
+def _listed(values: "np.ndarray") -> Any:
+    import numpy as np
+
+    return np.round(values, 6).tolist()
+
+
+def _recheck(last: Source, model: str) -> dict[str, Any]:
+    """As `ptt recheck`."""
+    from ptt.show.studio.verbs import ask
+
+    return ask(["recheck", last.run, "--model", str(place_of(model)), *last.options])
+
+
+def _months(source: Source, model: str, runs: Sequence[tuple[str, str]], tell: Progress) -> dict[str, Any]:
+    """As `ptt fleet` with one machine: a store of these runs, worked on, and what moves in it."""
+    from ptt.show.studio.verbs import say
+
+    shutil.rmtree(MONTHS, ignore_errors=True)
+    options = replace(source, also=(), effects=(), anyway=False).options
+    say(["fleet", "init", MONTHS])
+    for number, (run, date) in enumerate(runs):
+        place = ["--model", str(place_of(model))] if number == 0 else []
+        say(["fleet", "add", MONTHS, MACHINE, run, "--date", date, *place, *options])
+    tell("values by date", 2, 3)
+    say(["fleet", "run", MONTHS])
+    return _standing(Path(MONTHS))
+
+
+VALUES = """
+SELECT effect, parameter, parameters.label, unit, value, std, usual, strftime(runs.date, '%Y-%m-%d') AS day
+FROM parameters JOIN runs USING (run) WHERE std > 0 ORDER BY runs.date, runs.place"""
+
+
+def _standing(store: Path) -> dict[str, Any]:
+    """Errors by date, and each value as each run alone has it; those that move first, then the largest."""
+    from ptt.fleet.overview import overview
+    from ptt.fleet.store import open_store
+
+    opened = open_store(store)
+    machine = overview(opened, MACHINE).machines[0]
+    said: dict[str, Any] = json.loads(json.dumps(machine.to_dict(), default=str))
+    moving = {(trend["effect"], trend["parameter"]) for trend in machine.trends()}
+    values: dict[tuple[str, str], dict[str, Any]] = {}
+    for row in opened.ask(VALUES):
+        key = row["effect"], row["parameter"]
+        own = values.setdefault(
+            key, {"label": row["label"], "unit": row["unit"], "moves": key in moving, "size": 0.0, "days": [],
+                  "value": [], "std": []},
+        )  # fmt: skip
+        own["size"] = max(own["size"], abs(row["value"]) / row["usual"])
+        for column, name in (("days", "day"), ("value", "value"), ("std", "std")):
+            own[column].append(row[name])
+    first = sorted(values.values(), key=lambda each: (not each["moves"], -each["size"]))
+    return {"alarms": said["alarms"], "history": said["history"], "values": [_shown(each) for each in first[:PLACES]]}
+
+
+def _shown(value: dict[str, Any]) -> dict[str, Any]:
+    """In the unit that sentences use, um for mm."""
+    from ptt.effects.phrases import SHOWN
+
+    factor, unit = SHOWN.get(value["unit"], (1.0, value["unit"]))
+    scaled = {key: [factor * each for each in value[key]] for key in ("value", "std")}
+    return value | scaled | {"unit": unit}
