@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -98,51 +100,67 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
     Returns:
         The layout.
     """
-    kind, joints = model.file.machine.kind, problem.view.joints
     fitted = {term.effect.name for term in terms if not all(p.stem in term.fixed for p in term.effect.parameters)}
-    free, scale, lower, upper, held, owner, group, names = [], [], [], [], [], [], [], []
+    unknowns: list[_Unknown] = []
     kinds: list[str] = []
+    free = []
     for index, term in enumerate(terms):
-        flags = []
-        for parameter in (p.on(kind) for p in term.effect.parameters):
-            size = parameter.size(joints)
-            open_ = parameter.role != "given" and parameter.stem not in term.fixed
-            flags += [open_] * size
-            if open_:
-                scale += [parameter.usual] * size
-                lower += [parameter.lower / parameter.usual] * size
-                upper += [parameter.upper / parameter.usual] * size
-                owner += [index] * size
-                part = _kinds(parameter, size, fitted)
-                held += [own == "held" for own, _ in part]
-                group += [len(kinds) + list(dict.fromkeys(part)).index(own) for own in part]
-                kinds += [own for own, _ in dict.fromkeys(part)]
-        free.append(np.array(flags, dtype=bool))
-        local = parameter_names(term.effect, kind, joints)
-        names += [f"{term.effect.key} {name}" for name, flag in zip(local, flags, strict=True) if flag]
+        own, flags = _of_term(term, index, model.file.machine.kind, problem.view.joints, fitted, kinds)
+        unknowns += own
+        free.append(flags)
+    runs = problem.table.run_label
     for mount in range(problem.mounts):
-        scale += [MOUNT_USUAL] * 3
-        lower += [-np.inf] * 3
-        upper += [np.inf] * 3
-        held += [False] * 3
-        owner += [MOUNT] * 3
-        group += [-1] * 3
-        run = f" of run {problem.table.run_label[mount]}" if problem.mounts > 1 else ""
-        names += [name + run for name in MOUNT_NAMES]
+        run = f" of run {runs[mount]}" if problem.mounts > 1 else ""
+        unknowns += [_Unknown(name + run, MOUNT_USUAL, MOUNT) for name in MOUNT_NAMES]
     for frame in range(problem.frames):
-        scale += [SHIFT_USUAL] * 3 + [TURN_USUAL] * 3
-        lower += [-np.inf] * 6
-        upper += [np.inf] * 6
-        held += [False] * 6
-        owner += [FRAME] * 6
-        group += [-1] * 6
-        run = f" of run {problem.table.run_label[frame]}" if problem.frames > 1 else ""
-        names += [name + run for name in FRAME_NAMES]
+        run = f" of run {runs[frame]}" if problem.frames > 1 else ""
+        unknowns += [
+            _Unknown(name + run, usual, FRAME)
+            for name, usual in zip(FRAME_NAMES, (SHIFT_USUAL,) * 3 + (TURN_USUAL,) * 3, strict=True)
+        ]
+    names, scale, owner, group, lower, upper, held = zip(*unknowns, strict=True) if unknowns else ((),) * 7
     return Layout(
         tuple(terms), tuple(free), np.array(scale), np.array(lower), np.array(upper), np.array(held, dtype=bool),
-        np.array(owner, dtype=int), np.array(group, dtype=int), tuple(kinds), tuple(names), problem.frames,
-        problem.mounts,
+        np.array(owner, dtype=int), np.array(group, dtype=int), tuple(kinds), names, problem.frames, problem.mounts,
     )  # fmt: skip
+
+
+class _Unknown(NamedTuple):
+    """One number that a fit may change; a mount's or a frame's has no bounds and no group."""
+
+    name: str
+    scale: float
+    owner: int
+    group: int = -1
+    lower: float = -np.inf
+    upper: float = np.inf
+    held: bool = False
+
+
+def _of_term(
+    term: Term, index: int, kind: str, joints: int, fitted: set[str], kinds: list[str]
+) -> tuple[list[_Unknown], np.ndarray]:
+    """Unknowns of one term, and which of its values they are, (P,) bool; `kinds` grows by its groups."""
+    unknowns, flags = [], []
+    local = iter(parameter_names(term.effect, kind, joints))
+    for parameter in (p.on(kind) for p in term.effect.parameters):
+        size, usual = parameter.size(joints), parameter.usual
+        names = list(islice(local, size))
+        open_ = parameter.role != "given" and parameter.stem not in term.fixed
+        flags += [open_] * size
+        if not open_:
+            continue
+        parts = _kinds(parameter, size, fitted)
+        groups = list(dict.fromkeys(parts))
+        unknowns += [
+            _Unknown(
+                f"{term.effect.key} {name}", usual, index, len(kinds) + groups.index(part),
+                parameter.lower / usual, parameter.upper / usual, part[0] == "held",
+            )
+            for name, part in zip(names, parts, strict=True)
+        ]  # fmt: skip
+        kinds += [own for own, _ in groups]
+    return unknowns, np.array(flags, dtype=bool)
 
 
 def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
