@@ -32,7 +32,6 @@ from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import build_problem
 
-
 TOOL_SOUND = 0.1  # um: the fault is one of the readings, and nothing is to be taken from the tool
 
 
