@@ -237,6 +237,25 @@ def test_predict_writes_the_documented_columns_without_loss(tmp_path):
     np.testing.assert_array_equal(read.command, commands.q)
 
 
+def test_targets_with_commands_keep_them_and_readings_at_what_was_sent_are_paired_with_it(tmp_path):
+    run = pd.read_csv(DATA / "experiment1.csv").query("role != 'base'").iloc[:60]
+    run.to_csv(tmp_path / "run.csv", index=False)
+    save_machine(PLAY.file, tmp_path / "m.toml")
+    out = tmp_path / "s.csv"
+    args = ["predict", str(tmp_path / "run.csv"), "--model", str(tmp_path / "m.toml"), "--out", str(out)]
+    assert CliRunner().invoke(app, args).exit_code == 0
+    frame = pd.read_csv(out)
+    assert set(run) <= set(frame)
+    np.testing.assert_array_equal(frame["b1_cmd"], run["b1_cmd"])
+    run[["name", "x_meas", "y_meas", "z_meas"]].to_csv(tmp_path / "readings.csv", index=False)
+    sent = frame.drop(columns=["x_meas", "y_meas", "z_meas"])
+    sent.to_csv(tmp_path / "sent.csv", index=False)
+    paired = read_table(tmp_path / "readings.csv", targets=tmp_path / "sent.csv")
+    np.testing.assert_array_equal(paired.command, sent[["b1", "b2", "b3"]])
+    again = read_table(tmp_path / "sent.csv", purpose="targets")
+    np.testing.assert_array_equal(again.command, sent[["b1_cmd", "b2_cmd", "b3_cmd"]])
+
+
 def test_predict_writes_the_file_and_ends_with_3_where_a_row_is_not_sent(tmp_path):
     targets, bad = mixed()
     write_table(targets, tmp_path / "t.csv")

@@ -181,9 +181,9 @@ def _posture(table: Table) -> np.ndarray:
 
 
 def _frame(table: Table, commands: Commands) -> "pd.DataFrame":
-    """Columns of the input, then what to send; nominal joint commands of the input would be mistaken for it."""
+    """Columns of the input, then what to send."""
     prefix = table.joint_prefix
-    frame = table_to_frame(table.replace(command=None))
+    frame = table_to_frame(table)
     if "role" not in frame and "role" in table.understood.mapping.columns.values():
         frame["role"] = table.role
     first = [title for title in ("name", "role") if title in frame]

@@ -200,7 +200,7 @@ def _read_one(
 ) -> Table:
     export = read_any(path, request)
     if targets is not None:
-        wanted = Request("targets", request.mapping.targets or Mapping(), request.ask)
+        wanted = Request("beside", request.mapping.targets or Mapping(), request.ask)
         poses = read_any(targets, wanted)
         table_fields(poses, joints, prefix, "targets")  # so that errors name the right file
         export = pair_targets(export, poses, request)

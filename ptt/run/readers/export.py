@@ -23,7 +23,8 @@ class Request:
     """How a file is to be read.
 
     Attributes:
-        purpose: 'run' (readings), 'targets' (poses wanted) or 'sliders' (commands to send).
+        purpose: 'run' (readings), 'targets' (poses wanted), 'sliders' (commands to send) or 'beside' (what the
+            readings of another file were taken at).
         mapping: answers known beforehand.
         ask: who answers what is ambiguous; None makes that an error.
     """

@@ -40,7 +40,7 @@ def understand(
     Args:
         titles: one per column.
         meanings: what each title says by itself.
-        purpose: 'run', 'targets' or 'sliders'; decides what a bare x, y, z or b1 is.
+        purpose: 'run', 'targets', 'sliders' or 'beside'; decides what a bare x, y, z or b1 is.
         where: file, for messages.
         mapping: answers that override the titles.
         ask: who answers the rest.
@@ -52,6 +52,8 @@ def understand(
         TableError: two columns for one quantity, an unknown unit, or an open question and nobody to ask.
     """
     meanings = [_mapped(title, meaning, mapping, where) for title, meaning in zip(titles, meanings, strict=True)]
+    if purpose == "beside":  # readings were taken at what a file of `ptt predict` sent, not at the drawing's commands
+        purpose = "sliders" if "reversal1" in titles else "targets"
     meanings = _settle_bare(meanings, purpose, where, mapping, ask)
     meanings = _settle_double(titles, meanings, where, ask)
     return [
