@@ -36,7 +36,7 @@ class _Network(_Kept):
 
 
 class _Notes(_Kept):
-    format: Literal[1]
+    format: Annotated[int, Field(ge=1, le=1)]  # a Literal would take true for one
     sha256: dict[str, str]
     trained_on: list[_Source]
     heldout_rms_um: dict[str, _Figures]
