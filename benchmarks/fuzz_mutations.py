@@ -13,6 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from fuzz_odd import odd_file
+
 BAD_NUMBERS = (
     "abc", "nan", "NaN", "inf", "-inf", "1e400", "1e150", "1e308", "-1e200", "--", "0x10", "1_000", "1e5e5", "True",
     "+-3", "1.2.3", "null", "#N/A", "=1+1", "9" * 400, "1 2", "1e", "e5", ".", "-", "1/2", "x" * 5000, "NULL", "N/A",
@@ -28,6 +30,9 @@ JSON_VALUES = (
     None, True, False, 0, -1, 1e308, 10**400, "", "text", [], {}, [1], [None] * 3, {"a": 1}, float("nan"), "x" * 1000,
     [[1, 2], [3]], {"x": "y"}, {"total": None}, 1e150, [float("inf")] * 3, {"total": -5.0}, {"total": "7"},
 )  # fmt: skip
+
+
+ODD_SHARE = 0.3  # of all damage to files
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,9 @@ def mutate_file(path: Path, rng: random.Random) -> Mutation:
     """
     if path.is_dir():
         return _folder(path, rng) if (path / "compensator.json").exists() else _store(path, rng)
+    if rng.random() < ODD_SHARE:
+        words, verdict = odd_file(path, rng)
+        return Mutation(f"{path.name} odd: {words}", verdict)
     kinds: dict[str, tuple[Callable[[Path, random.Random], Mutation], ...]] = {
         ".csv": (_cells,) * 8 + (_rows,) * 5 + (_titles,) * 4 + (_harmless,) * 3 + (_bytes,) * 3,
         ".toml": (_toml_value,) * 8 + (_toml_lines,) * 4 + (_bytes,) * 2,
@@ -421,6 +429,27 @@ def _rehash(place: Path) -> None:
     (place / "compensator.json").write_text(json.dumps(notes))
 
 
+MORE: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("def basis(", (
+        "_seen = []\n    def basis(", "__slots__ = ()\n    def basis(", "def __init__(self, x): pass\n    def basis(",
+        "def __eq__(self, other): 1 / 0\n    def basis(", "def __repr__(self): 1 / 0\n    def basis(",
+        "def __getattr__(self, name): 1 / 0\n    def basis(", "@staticmethod\n    def basis(",
+        "@classmethod\n    def basis(", "@property\n    def basis(", "label = 3\n    def basis(",
+        "def __hash__(self): return None\n    def basis(", "key = 'backlash'\n    def basis(",
+        "def shift(self, theta, view): return theta\n    def basis(", "words = 3\n    def basis(",
+        "def describe(self, *_): raise ValueError\n    def basis(", "reverses = True\n    def basis(",
+    )),
+    ("return height", (
+        "view.q.add_(1.0); return height", "return torch.rand(3, 2, 1)", "yield height", "return height.tolist()",
+        "return torch.empty(10**13)", "import sys; print('x', file=sys.stderr); return height",
+        "return torch.full((len(height), 3, 2), 1e300, dtype=torch.float64); height",
+        "return (x for x in height); height", "raise KeyboardInterrupt if False else OSError(28, 'full'); height",
+        "raise MemoryError; height", "import logging; logging.warning('look'); return height",
+        "view.q = None; return height", "return torch.nn.Parameter(height)[..., None] * 0; height",
+        "torch.manual_seed(0); return torch.rand(1) * height", "return height.half()",
+        "raise ValueError('x' * 9000 + chr(10) + chr(0x202e)); height", "raise Exception; height",
+    )),
+)  # fmt: skip
 OWN_CHANGES: tuple[tuple[str, tuple[str, ...]], ...] = (
     ('name = "pull"', ('name = ""', "name = 3", 'name = "Pull Me"', "name = None", 'name = "backlash"',
     'name = "x" * 99999',
@@ -453,6 +482,7 @@ OWN_CHANGES: tuple[tuple[str, tuple[str, ...]], ...] = (
     "def basis(self, view, shape, more)",
                                       "basis = 3\n    def other(self, view, shape)",
                                       "async def basis(self, view, shape)")),
+    *MORE,
     ("class Pull(Effect):", ("class Pull:", "class Pull(Effect, int):", "@property\nclass Pull(Effect):",
                              "def pull(): pass\nclass Q(Effect): pass\nclass Pull(Effect):")),
 )  # fmt: skip

@@ -64,7 +64,9 @@ class _Nobody:
 def _content(path: Path) -> bytes:
     from ptt.show.studio.opening import zipped
 
-    return zipped(path) if path.is_dir() else path.read_bytes()
+    if (path / "compensator.json").exists():
+        return zipped(path)
+    return path.read_bytes() if path.is_file() else b""  # a browser hands over nothing but what is in files
 
 
 def _arguments(job: str, given: list[str], contents: list[bytes]) -> list[Any]:

@@ -50,12 +50,62 @@ VERBS: dict[str, tuple[list[str], list[str], str]] = {
         ["report", "run.csv", "--model", "model.toml", "--out", "out.html"],
         "out.html",
     ),
+    "export-c": (
+        ["export", "--model", "machine.toml", "--to", "c", "--out", "folder"],
+        ["export", "--model", "model.toml", "--to", "c", "--out", "folder"],
+        "folder",
+    ),
+    "export-linuxcnc": (
+        ["export", "--model", "machine.toml", "--to", "linuxcnc", "--step", "30", "--out", "folder"],
+        ["export", "--model", "model.toml", "--to", "linuxcnc", "--step", "30", "--out", "folder"],
+        "folder",
+    ),
+    "export-klipper": (
+        ["export", "--model", "machine.toml", "--to", "klipper", "--out", "printer.cfg"],
+        ["export", "--model", "model.toml", "--to", "klipper", "--out", "printer.cfg"],
+        "printer.cfg",
+    ),
+    "export-table": (
+        ["export", "--model", "machine.toml", "--to", "table", "--step", "30", "--out", "out.csv"],
+        ["export", "--model", "model.toml", "--to", "table", "--step", "30", "--out", "out.csv"],
+        "out.csv",
+    ),
+    "program": (
+        ["program", "part.ngc", "--model", "machine.toml", "--out", "out.ngc"],
+        ["program", "part.ngc", "--model", "model.toml", "--out", "out.ngc"],
+        "out.ngc",
+    ),
+    "check": (
+        ["check", "also.csv", "--model", "machine.toml", "--out-run", "out.csv"],
+        ["check", "run.csv", "--model", "machine.toml", "--out-run", "out.csv"],
+        "out.csv",
+    ),
+    "simulate": (
+        ["simulate", "rig.toml", "targets.csv", "--seed", "5", "--out", "out.csv"],
+        ["simulate", "rig.toml", "targets.csv", "--seed", "6", "--out", "out.csv"],
+        "out.csv",
+    ),
     "fleet": (
         ["fleet", "init", "store"],
         ["fleet", "add", "store", "bench", "run.csv", "--model", "model.toml"],
         "store",
     ),
 }
+
+
+# What has to be there before the first; and the verbs whose new output is the same bit for bit each time.
+BEFORE: dict[str, tuple[list[str], ...]] = {
+    "fleet-run": (
+        ["fleet", "init", "store"],
+        ["fleet", "add", "store", "bench", "run.csv", "--model", "model.toml", "--date", "2026-01-02"],
+    )
+}
+VERBS["fleet-run"] = (
+    ["fleet", "add", "store", "bench", "also.csv", "--date", "2026-02-02"],
+    ["fleet", "run", "store"],
+    "store",
+)
+SAME = ("predict", "export-c", "export-linuxcnc", "export-klipper", "export-table", "program", "check", "simulate")
 
 
 @dataclass(frozen=True)
@@ -77,6 +127,7 @@ class Prepared:
     out: str
     steps: int
     seconds: float
+    new: dict[str, str]
 
 
 class Killer:
@@ -97,14 +148,15 @@ class Killer:
         first, words, out = VERBS[verb]
         place = self.root / verb
         shutil.copytree(self.root / "base", place)
-        require_done(first, place, self.logs)
+        for each in (*BEFORE.get(verb, ()), first):
+            require_done(each, place, self.logs)
         trial = self.root / "trial"
         shutil.copytree(place, trial)
         count, started = self.root / "count", time.monotonic()
         _finish(_fork_killed(words, trial, None, count))
-        seconds = time.monotonic() - started
+        seconds, new = time.monotonic() - started, _state(trial / out)
         shutil.rmtree(trial)
-        return Prepared(place, words, out, max(1, int(count.read_text())), seconds)
+        return Prepared(place, words, out, max(1, int(count.read_text())), seconds, new)
 
     def kill(self, verb: str, rng: random.Random) -> Kill:
         """Kill a verb once and look at what it left.
@@ -130,7 +182,7 @@ class Killer:
             moment = f"{wait:.2f} of {ready.seconds:.2f} s"
             os.kill(child, signal.SIGKILL)
         _finish(child)
-        whole = _whole(place, ready.out, verb, old, self.logs)
+        whole = _whole(place, ready, verb, old, self.logs)
         if whole:
             return Kill(verb, moment, "mixed", whole)
         after = fork_words(ready.words, place, self.logs)
@@ -181,25 +233,24 @@ def _state(path: Path) -> dict[str, str]:
     return {str(each.relative_to(path.parent)): hashlib.sha256(each.read_bytes()).hexdigest() for each in files}
 
 
-def _whole(place: Path, out: str, verb: str, old: dict[str, str], logs: Path) -> str:
+def _whole(place: Path, ready: Prepared, verb: str, old: dict[str, str], logs: Path) -> str:
     """'' where an output is the old one bit for bit, or a new one that is whole; else what is wrong with it."""
-    path = place / out
+    path = place / ready.out
     if not path.exists():
         return "the old one is gone"
-    if _state(path) == old:
+    state = _state(path)
+    if state == old or state == ready.new:
         return ""
+    if verb in SAME:
+        apart = sorted(name for name in state if state[name] not in (old.get(name), ready.new.get(name)))
+        return f"neither the old one nor the new: {', '.join(apart) or 'of both'}"
     if verb == "report":
         text = path.read_text()
         return "" if text.rstrip().endswith("</html>") and len(text) > 50_000 else "a part of a page"
-    if verb == "predict":
-        lines = path.read_text().splitlines()
-        rows = len((place / "targets.csv").read_text().splitlines())
-        cut = any(line.count(",") != lines[0].count(",") for line in lines)
-        return "" if len(lines) == rows and not cut else "a part of a table"
     words = (
-        ["fleet", "show", out, "--json"]
-        if verb == "fleet"
-        else ["predict", "targets.csv", "--model", out, "--out", "x.csv"]
+        ["fleet", "show", ready.out, "--json"]
+        if verb.startswith("fleet")
+        else ["predict", "targets.csv", "--model", ready.out, "--out", "x.csv"]
     )
     ended = fork_words(words, place, logs)
     (place / "x.csv").unlink(missing_ok=True)

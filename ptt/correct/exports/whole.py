@@ -5,14 +5,17 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from ptt.digests import is_kept, note_written
+from ptt.digests import beside, is_kept, note_written
 from ptt.files import cannot_write, put_digest, require_plain, sweep, temporary
+from ptt.folders import recover_folder, write_folder
 
 
 def write_all(texts: Mapping[Path, str | bytes]) -> tuple[Path, ...]:
-    """Write files beside their names, and give them their names once all of them are on disk.
+    """Write files that belong together.
 
-    Other files in the folders stay as they are; a link is followed; what processes that died left beside is removed.
+    A folder that is new, or holds nothing but them, is exchanged as one: whoever is killed on the way leaves the old
+    files or the new ones. Among other files, which stay as they are, they are put beside their names and renamed once
+    all of them are on disk. A link is followed; what processes that died left beside is removed.
 
     Args:
         texts: where to -> content, text as UTF-8; missing folders are made.
@@ -24,25 +27,56 @@ def write_all(texts: Mapping[Path, str | bytes]) -> tuple[Path, ...]:
         InputError: a folder cannot be made or written.
         HostError: the disk is full.
     """
+    data = {path: text.encode() if isinstance(text, str) else text for path, text in texts.items()}
+    kept = [path for path in data if is_kept(path)]
+    if _alone(data):
+        _exchange(data)
+    else:
+        _rename(data)
+    for path in data:
+        note_written(path)
+    for path in kept:
+        put_digest(path)
+    return tuple(texts)
+
+
+def _alone(data: Mapping[Path, bytes]) -> bool:
+    """Whether several files are all that their folder holds or will; a folder that we work in is left in place."""
+    folders = {path.parent for path in data}
+    if len(data) < 2 or len(folders) > 1:
+        return False
+    (folder,) = folders
+    recover_folder(folder)
+    if not os.path.lexists(folder):
+        return True
+    if not folder.is_dir() or folder.is_symlink() or Path.cwd().is_relative_to(folder.resolve()):
+        return False
+    own = {path.name for path in data} | {beside(path).name for path in data}
+    return all(each.name in own and each.is_file() and not each.is_symlink() for each in folder.iterdir())
+
+
+def _exchange(data: Mapping[Path, bytes]) -> None:
+    folder = next(iter(data)).parent
+    with write_folder(folder, frozenset(each.name for path in data for each in (path, beside(path)))) as new:
+        for path, content in data.items():
+            (new / path.name).write_bytes(content)
+
+
+def _rename(data: Mapping[Path, bytes]) -> None:
     ready: dict[Path, str] = {}
     try:
-        for path, text in texts.items():
+        for path, content in data.items():
             target = Path(os.path.realpath(path))
             require_plain(target, path)
-            ready[target] = _put_beside(target, text.encode() if isinstance(text, str) else text)
+            ready[target] = _put_beside(target, content)
         for path, name in list(ready.items()):
             os.replace(name, path)
             del ready[path]
-        for path in texts:
-            note_written(path)
-            if is_kept(path):
-                put_digest(path)
     except OSError as error:
-        raise cannot_write(str(error.filename or next(iter(texts))), error) from None
+        raise cannot_write(str(error.filename or next(iter(data))), error) from None
     finally:
         for name in ready.values():
             Path(name).unlink(missing_ok=True)
-    return tuple(texts)
 
 
 def _put_beside(path: Path, data: bytes) -> str:
