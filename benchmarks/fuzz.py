@@ -362,7 +362,7 @@ def _judge_done(
     if (
         out
         and out in words
-        and words.count("--out") < 2
+        and max(words.count(option) for option in ("--out", "--out-run")) < 2
         and not any(name == out or name.startswith(f"{out}/") for name in new)
     ):
         return "broken", f"exit 0 without {out}"
@@ -414,6 +414,8 @@ def sweep(root: Path, cases: list[int], seed: int, tell: bool = True) -> list[Ou
     for number in cases:
         outcome = fuzzer.case(number, seed)
         outcomes.append(outcome)
+        if tell and not len(outcomes) % 500:
+            print(f"{len(outcomes)} cases: {dict(Counter(each.kind for each in outcomes))}", flush=True)
         if tell and outcome.kind in BAD:
             print(
                 f"{number} {outcome.kind}: {outcome.words[:110]} | {outcome.mutation[:90]} | {outcome.why[:220]}",
