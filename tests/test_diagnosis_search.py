@@ -11,6 +11,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import steps
+from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.gross import stand_out
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import place_own_moments
@@ -98,6 +99,50 @@ def test_what_does_not_foretell_hidden_readings_is_no_name(monkeypatch):
     doubted = diagnose(Model(MACHINE), problem)
     assert doubted.verdict == "unknown" and not doubted.suggested
     assert doubted.depends_on  # what it follows is said all the same
+
+
+class Sums:
+    """A scorer of sets whose totals are written down; 'u' and 'v' are unknowns, 'e' and 'f' effects."""
+
+    given: tuple[str, ...] = ()
+
+    def __init__(self, totals: dict[str, float]) -> None:
+        self.totals = totals
+        atoms = {key: SimpleNamespace(block="b" if key in "uv" else None, effect=None) for key in "uvef"}
+        for key in "ef":
+            atoms[key].effect = SimpleNamespace(parameters=(), name=key)
+        self.system = SimpleNamespace(atoms=atoms)
+
+    def score(self, keys, memory, scales=None):
+        named = tuple(sorted(keys))
+        return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, scales={})
+
+    def screen(self, state, allowed):
+        gain = SimpleNamespace(key="v", scales=None)
+        return [gain] if allowed(self.system.atoms["v"]) and "v" not in state.keys else []
+
+
+@pytest.mark.parametrize(("instead", "sure"), [(97.0, None), (80.0, 0.853), (40.0, 0.995)])
+def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(monkeypatch, instead, sure):
+    scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
+    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
+    for name, answer in (("share_of", 0.5), ("_ties", ()), ("_in_order", ["e"] if sure else [])):
+        monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
+    named, unproven = steps.name_steps(scorer, scorer.score("eu", WHITE))
+    assert [step.key for step in named] == ([] if sure is None else ["e"]) and bool(unproven) is not bool(named)
+    assert sure is None or named[0].sure == pytest.approx(sure, abs=1e-3)
+
+
+def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_well(monkeypatch):
+    errors = {"": 61.0, "e": 62.0, "f": 20.0, "ef": 25.0}  # beside unknowns both may look needed
+    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
+    assert steps._delivered(Sums({}), ["e", "f"]) == ["f"]
+
+
+def test_a_second_knock_without_a_first_is_the_first():
+    assert first_of("setup-jump[second]", {"setup-jump[second]", "backlash"}) == "setup-jump"
+    assert first_of("setup-jump[second]", {"setup-jump[second]", "setup-jump"}) == "setup-jump[second]"
+    assert first_of("once-per-rev[harmonic 2]", {"once-per-rev[harmonic 2]"}) == "once-per-rev[harmonic 2]"
 
 
 @pytest.mark.parametrize(

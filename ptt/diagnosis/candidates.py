@@ -1,6 +1,6 @@
 """Candidates: effects that could be added to a model, and those that the data cannot test."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame
@@ -39,6 +39,20 @@ def present_candidates(fitted: FitResult, problem: Problem, known: Library) -> t
         else:
             candidates.append(effect)
     return candidates, untestable
+
+
+def first_of(name: str, names: Collection[str]) -> str:
+    """What an effect goes by among others: a second knock without a first is the first.
+
+    Args:
+        name: key of the effect.
+        names: of all that are there, its own included.
+
+    Returns:
+        The key.
+    """
+    base = name.partition("[")[0]
+    return base if base == "setup-jump" and base not in names and name == f"{base}[{SECOND[base]}]" else name
 
 
 def _next_label(cls: type[Effect], keys: Sequence[str]) -> Effect | None:

@@ -127,7 +127,7 @@ def candidates_of_steps(
         result.append(
             Candidate(
                 name,
-                chances.effects.get(name, 0.0),
+                min(chances.effects.get(name, 0.0), step.sure),
                 float(np.exp(-max(step.nats, 0.0))),
                 step.share,
                 *errors,

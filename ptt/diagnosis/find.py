@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.candidates import SECOND, present_candidates
+from ptt.diagnosis.candidates import first_of, present_candidates
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import place_own_moments
@@ -251,7 +251,7 @@ def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) 
         atom = found.system.atoms[key]
         if atom.effect is None or atom.name in current.keys:
             continue
-        base = _base_label(atom, found)
+        base = first_of(atom.name, {found.system.atoms[key].name for key in found.state.keys})
         if base in current.keys:
             continue
         if atom.shape is None:
@@ -263,14 +263,6 @@ def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) 
             term = replace(term, effect=replace(term.effect, label=""))
         current = current + term
     return current
-
-
-def _base_label(atom: Atom, found: Found) -> str:
-    """The key an effect goes by: a second of its kind that took the place of the first is the first."""
-    assert atom.effect is not None
-    names = {found.system.atoms[key].name for key in found.state.keys}
-    second = atom.effect.label in SECOND.values() and atom.effect.name == "setup-jump"
-    return atom.effect.name if second and atom.effect.name not in names else atom.name
 
 
 def _opened(found: Found, atom: Atom, shape: Mapping[str, Tensor], problem: Problem) -> Tensor:

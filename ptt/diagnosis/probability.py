@@ -1,10 +1,14 @@
 """Probability of every statement, from all sets of atoms that the search looked at."""
 
 from collections import defaultdict
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.diagnosis.candidates import first_of
+from ptt.diagnosis.memory import Memory
+from ptt.diagnosis.noise import wanders_beyond
 from ptt.diagnosis.score import Scorer, State
 
 TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
@@ -33,20 +37,20 @@ def weigh_sets(scorer: Scorer) -> Probability:
     Returns:
         The probabilities; shapes of one effect count as one.
     """
-    best: dict[frozenset[str], tuple[float, State]] = {}
-    for state in scorer.scored.values():
-        names = frozenset({scorer.system.atoms[key].name for key in state.keys} | {str(state.memory)})
-        if np.isfinite(state.total) and (names not in best or state.total > best[names][0]):
-            best[names] = state.total, state
-    top = max(total for total, _ in best.values())
+    best: dict[tuple[frozenset[str], bool, bool], State] = {}
+    for state in sorted(scorer.scored.values(), key=lambda state: -state.total):
+        names, memory = _names(state, scorer), state.memory
+        if np.isfinite(state.total):
+            best.setdefault((names, memory.wander is None, memory.pose > 0.0), state)
+    states = list(best.values())
+    beyond = _faulty_memories(scorer, states)
     effects: defaultdict[str, float] = defaultdict(float)
     verdict = dict.fromkeys(VERDICTS, 0.0)
-    for total, state in best.values():
-        weight = float(np.exp((total - top) / TEMPER))
-        verdict[kind_of(state, scorer)] += weight
-        for key in state.keys:
-            if scorer.system.atoms[key].effect is not None and key not in scorer.given:
-                effects[scorer.system.atoms[key].name] += weight
+    for (names, *_), state in best.items():
+        weight = float(np.exp((state.total - states[0].total) / TEMPER))
+        verdict[kind_of(state, scorer, beyond)] += weight
+        for name in names:
+            effects[name] += weight
     whole = sum(verdict.values())
     return Probability(
         {name: value / whole for name, value in effects.items()},
@@ -54,10 +58,24 @@ def weigh_sets(scorer: Scorer) -> Probability:
     )
 
 
-def kind_of(state: State, scorer: Scorer) -> str:
-    """Which verdict a set of atoms is."""
+def _names(state: State, scorer: Scorer) -> frozenset[str]:
+    """What a set adds to the model as given; a second of its kind without a first is the first."""
+    names = {scorer.system.atoms[key].name for key in state.keys}
+    return frozenset(first_of(name, names) for name in names - set(scorer.given))
+
+
+def _faulty_memories(scorer: Scorer, states: Sequence[State]) -> frozenset[Memory]:
+    """Memories of the noise that have taken what no tracker does, by the best set (they come best first) of each."""
+    first: dict[Memory, State] = {}
+    for state in states:
+        first.setdefault(state.memory, state)
+    return frozenset(memory for memory, state in first.items() if wanders_beyond(scorer.system, state))
+
+
+def kind_of(state: State, scorer: Scorer, beyond: Collection[Memory]) -> str:
+    """Which verdict a set of atoms is; `beyond` are memories of the noise that are more than a tracker's."""
     atoms = [scorer.system.atoms[key] for key in state.keys if key not in scorer.given]
     odd = any(atom.block is not None for atom in atoms) or state.memory.pose > 0.0
-    if odd or scorer.system.clock.is_fault(state.memory.wander):
+    if odd or state.memory in beyond:
         return "unknown"
     return "missing" if atoms else "nothing-missing"

@@ -142,7 +142,8 @@ def _is_block(atom: Atom) -> bool:
     return atom.effect is None
 
 
-def _added(scorer: Scorer, state: State, gain: Gain) -> State:
+def added(scorer: Scorer, state: State, gain: Gain) -> State:
+    """A state with what the screen proposes, its variances learned on from there."""
     return scorer.score((*state.keys, gain.key), state.memory, {**state.scales, gain.key: gain.scales})
 
 
@@ -151,7 +152,7 @@ def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     found = [gain for gain in scorer.screen(state, allowed) if gain.nats > 1.0]
     lead = found[:TRIED]
     lead += [gain for gain in found if _is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
-    moves = [_added(scorer, state, gain) for gain in lead]
+    moves = [added(scorer, state, gain) for gain in lead]
     weak = [key for key in loose(scorer, state) if state.worth(key) < SAFE]
     return moves + [scorer.score(without(state, key), state.memory, state.scales) for key in weak]
 
@@ -188,5 +189,5 @@ def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
         # The screen holds the others' variances, so what it says of the one that went is what to compare with.
         usual = max((gain.nats for gain, name in found if name in gone), default=state.total - fewer.total)
         near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, 1.0)]
-        moves += [_added(scorer, fewer, gain) for gain in near[:SWAPS]]
+        moves += [added(scorer, fewer, gain) for gain in near[:SWAPS]]
     return moves

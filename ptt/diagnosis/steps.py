@@ -1,5 +1,6 @@
 """Steps: the named effects in the order of what each explains, what each is worth, and what would do as well."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,13 +9,15 @@ from scipy import linalg
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import loose, without
+from ptt.diagnosis.search import added, loose, without
 from ptt.diagnosis.system import System
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
+ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
 TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
 LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
 MOST_TIES, MOST_LOOKED_AT = 4, 6
+MOST_UNKNOWN = 2  # unknowns that are tried in an effect's place: those that the screen puts first
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class Step:
         share: of the residual's variance after the frame that it takes by itself.
         before: root mean square error on hidden blocks with the steps before it, mm.
         after: with it.
+        sure: probability beside an unknown that it is the effect rather than a part of the unknown; else 1.
     """
 
     key: str
@@ -36,6 +40,7 @@ class Step:
     share: float
     before: float
     after: float
+    sure: float = 1.0
 
 
 def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[str, ...]]:
@@ -50,26 +55,56 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
         do not foretell hidden ones, so that they cannot be what is there.
     """
     atoms = scorer.system.atoms
-    odd = any(atoms[key].block is not None for key in state.keys)
+    odd = any(_is_block(atoms[key]) for key in state.keys)
     worth = {key: state.total - _less(scorer, state, key).total for key in loose(scorer, state) if atoms[key].effect}
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
-    named = [key for key in clear if _foretells(scorer, state, key)]
+    ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
+    likely = [key for key in clear if not odd or ahead[key] > TIE]
+    named = _delivered(scorer, [key for key in likely if _foretells(scorer, loose(scorer, state), key)])
     order = _in_order(scorer, named)
     steps, before = [], held_out(scorer, ())
     for index, key in enumerate(order):
         after = held_out(scorer, tuple(order[: index + 1]))
-        steps.append(Step(key, worth[key], _ties(scorer, state, key), share_of(scorer, key), before, after))
+        sure = float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE))) if odd else 1.0
+        steps.append(Step(key, worth[key], _ties(scorer, state, key), share_of(scorer, key), before, after, sure))
         before = after
     return tuple(steps), tuple(key for key in clear if key not in named and worth[key] > BESIDE)
 
 
-def _foretells(scorer: Scorer, state: State, key: str) -> bool:
-    """Whether the whole explanation does better on hidden blocks of travel with an effect than without it.
+def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
+    """Score of an explanation with the best unknown in an effect's place.
+
+    Whatever is missing, some effect takes a part of it: a name says more only where the unknown would not do as well.
+    """
+    less = _less(scorer, state, key)
+    unknown = scorer.screen(less, _is_block)[:MOST_UNKNOWN]
+    return max((added(scorer, less, gain).total for gain in unknown), default=-np.inf)
+
+
+def _is_block(atom: Atom) -> bool:
+    return atom.block is not None
+
+
+def _foretells(scorer: Scorer, keys: Sequence[str], key: str) -> bool:
+    """Whether atoms do better on hidden blocks of travel with one of them than without it.
 
     A curve whose straight part is the effect does its work as well, so it stands aside.
     """
-    whole = tuple(other for other in loose(scorer, state) if key == other or not _lends(scorer, other, key))
+    whole = tuple(other for other in keys if key == other or not _lends(scorer, other, key))
     return held_out(scorer, whole) < held_out(scorer, tuple(other for other in whole if other != key))
+
+
+def _delivered(scorer: Scorer, named: list[str]) -> list[str]:
+    """Of effects that do well beside blocks those that do well without them, for only effects are sent to a machine.
+
+    Blocks may be needed to make good for what an effect does that is not there.
+    """
+    while named:
+        vain = [key for key in named if not _foretells(scorer, named, key)]
+        if not vain:
+            break
+        named = [key for key in named if key != max(vain, key=lambda key: held_out(scorer, (key,)))]
+    return named
 
 
 def _lends(scorer: Scorer, curve: str, key: str) -> bool:
@@ -144,7 +179,7 @@ def _ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
         odds = atoms[gain.key].odds
         if gain.nats + odds < usual - TIE - LOOSELY:
             break
-        total = scorer.score((*less.keys, gain.key), less.memory, {**less.scales, gain.key: gain.scales}).total
+        total = added(scorer, less, gain).total
         if total + odds > here - TIE:
             found[atoms[gain.key].name] = total
     return tuple(sorted(found, key=lambda name: -found[name])[:MOST_TIES])
