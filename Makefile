@@ -44,6 +44,7 @@ docs: $(VENV)/.run-ready
 	$(BIN)/python docs/make/effects.py
 	$(BIN)/python docs/make/api.py
 	$(BIN)/python docs/make/library.py
+	$(BIN)/python docs/make/tutorial.py
 
 clean:
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
