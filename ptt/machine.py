@@ -1,10 +1,11 @@
 """machine.toml <-> typed objects: one schema for a bare machine and for a fitted model."""
 
 import difflib
+import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import pydantic
 import tomlkit
@@ -43,6 +44,16 @@ class ThreePttSpec(_Frozen):
     reference_temp_c: float = 20.0
     reflector_mm: Triple = (0.0, 0.0, 0.0)
     platform_mass_kg: NonNegativeFloat = 0.0
+
+    joints: ClassVar[int] = 3
+    noun: ClassVar[str] = "slider"
+    letter: ClassVar[str] = "b"
+    unit: ClassVar[Literal["mm"]] = "mm"
+
+    @property
+    def turn(self) -> float | None:
+        """How far a joint goes in one turn of its screw, mm."""
+        return self.screw_lead_mm
 
     @property
     def travel_ends(self) -> tuple[Pair, Pair, Pair]:
@@ -112,6 +123,25 @@ class SerialSpec(_Frozen):
     reference_temp_c: float = 20.0
     gear_period_rad: PositiveFloat | None = None
     gravity: Triple = (0.0, 0.0, -1.0)
+
+    noun: ClassVar[str] = "joint"
+    letter: ClassVar[str] = "q"
+    unit: ClassVar[Literal["rad"]] = "rad"
+
+    @property
+    def joints(self) -> int:
+        """How many."""
+        return len(self.joint)
+
+    @property
+    def turn(self) -> float:
+        """How far a joint goes in one turn of its gear, rad."""
+        return self.gear_period_rad or 2.0 * math.pi
+
+    @property
+    def reflector_mm(self) -> Triple:
+        """Where the reflector is on the last link."""
+        return self.tool_mm
 
     @pydantic.model_validator(mode="after")
     def _check_gravity(self) -> "SerialSpec":

@@ -69,8 +69,7 @@ def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple
 
     file = load_machine(model / "model.toml" if model.is_dir() else model)
     mechanism = build_mechanism(file.machine)
-    prefix = "q" if file.machine.kind == "serial" else "b"
-    table = read_table(run, joints=mechanism.joints, joint_prefix=prefix, **reading)
+    table = read_table(run, joints=mechanism.joints, joint_prefix=file.machine.letter, **reading)
     return _with_targets(table, mechanism), file.tracker.frame == "fitted-per-run"
 
 

@@ -33,7 +33,7 @@ def residual_views(problem: "Problem", residual: np.ndarray) -> dict[str, np.nda
     inner = np.full((view.rows, view.joints), np.nan)
     inner[seen] = (lone_joints if serial else joint_residual)(view.jacobian.numpy()[seen], residual[seen])
     tool = np.where(seen[:, None], residual, np.nan)
-    word = "joint" if serial else "slider"
+    word = problem.file.machine.noun
     views = dict(zip(COORDINATES, tool.T, strict=True))
     return views | {f"{word} {i + 1}": inner[:, i] for i in range(view.joints)}
 
@@ -145,7 +145,7 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
         wanted, 'run'.
     """
     view, table, used = problem.view, problem.table, problem.used
-    letter = "q" if problem.file.machine.kind == "serial" else "b"
+    letter = problem.file.machine.letter
     views: dict[str, np.ndarray] = {}
     for i in range(view.joints):
         views[f"{letter}{i + 1}"] = view.q.numpy()[:, i]

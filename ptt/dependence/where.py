@@ -125,7 +125,7 @@ def where_it_fails(problem: "Problem", residual: np.ndarray) -> WhereItFails:
     size = np.where(seen, np.linalg.norm(residual, axis=1), np.nan)
     views = {name: values for name, values in residual_views(problem, residual).items() if name[:1] in "sj"}
     direction, moves = problem.view.direction.numpy(), problem.table
-    unit: Unit = "rad" if problem.file.machine.kind == "serial" else "mm"
+    unit: Unit = problem.file.machine.unit
     sides = []
     for index, (name, values) in enumerate(views.items()):
         words = ("up", "down") if name.startswith("slider") else ("forward", "back")

@@ -152,14 +152,14 @@ def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) 
 
 
 def _letter(problem: Problem) -> str:
-    return "q" if problem.file.machine.kind == "serial" else "b"
+    return problem.file.machine.letter
 
 
 def _places(problem: Problem, chain: Chain, levers: dict[str, float]) -> list[Place]:
     """The tool first, then joints that move it, then rails sideways."""
     n, k = problem.view.rows, problem.view.joints
     places = [Place("tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
-    word = "joint" if problem.file.machine.kind == "serial" else "slider"
+    word = problem.file.machine.noun
     by_joint = chain.by_joint.numpy()
     found = [(f"{word} {joint + 1}", by_joint[:, :, joint : joint + 1], joint) for joint in range(k)]
     if problem.file.machine.kind == "three-ptt":

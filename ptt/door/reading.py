@@ -45,11 +45,10 @@ def read_rows(
     Raises:
         TableError: it cannot be read, or looks as if it were in another unit.
     """
-    three = file is None or file.machine.kind == "three-ptt"
     table = read_table(
         path,
-        3 if file is None or file.machine.kind == "three-ptt" else len(file.machine.joint),
-        joint_prefix="b" if three else "q",
+        3 if file is None else file.machine.joints,
+        joint_prefix="b" if file is None else file.machine.letter,
         also=tuple(reading.also or ()),
         targets=reading.targets,
         set_values=reading.values,

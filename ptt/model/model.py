@@ -91,7 +91,7 @@ class Model:
     @property
     def joints(self) -> int:
         """Number of joints k."""
-        return 3 if self.file.machine.kind == "three-ptt" else len(self.file.machine.joint)
+        return self.file.machine.joints
 
 
 def read_model(file: MachineFile, known: Library | None = None) -> Model:

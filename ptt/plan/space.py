@@ -60,8 +60,7 @@ def build_space(file: MachineFile, half_size: tuple[float, float, float] | None 
         WorkspaceError: nothing inside the box can be reached.
     """
     mechanism = build_mechanism(file.machine)
-    joints = 3 if file.machine.kind == "three-ptt" else len(file.machine.joint)
-    limits = joint_limits(file, joints)
+    limits = joint_limits(file, file.machine.joints)
     margin = MARGIN * (limits[:, 1] - limits[:, 0])
     lower, upper = limits[:, 0] + margin, limits[:, 1] - margin
     by_tool = isinstance(mechanism, ThreePtt)

@@ -201,8 +201,8 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     return View(
         mechanism=mechanism,
         home=torch.as_tensor(mechanism.home(), dtype=torch.float64),
-        lead=spec.screw_lead_mm if spec.kind == "three-ptt" else spec.gear_period_rad or 2.0 * np.pi,
-        reflector=_tensor(spec.reflector_mm if spec.kind == "three-ptt" else spec.tool_mm),
+        lead=spec.turn,
+        reflector=_tensor(spec.reflector_mm),
         q=commands,
         p=position,
         jacobian=jacobian,

@@ -20,7 +20,7 @@ def telling_of(name: str, joint: int, problem: Problem, contexts: dict[str, np.n
         (n,) values and the label of an axis; the reading number where the run does not have the variable.
     """
     view, serial = problem.view, problem.file.machine.kind == "serial"
-    who = f"{'joint' if serial else 'slider'} {joint + 1}"
+    who = f"{problem.file.machine.noun} {joint + 1}"
     if name in ("x", "y", "z"):
         return view.p[:, "xyz".index(name)].numpy(), f"{name} [mm]"
     if name == "radius":

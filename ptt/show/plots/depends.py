@@ -100,7 +100,7 @@ def variable_label(name: str, problem: Problem) -> str:
         The label.
     """
     serial = problem.file.machine.kind == "serial"
-    joint = "joint" if serial else "slider"
+    joint = problem.file.machine.noun
     plain = {
         "payload": "payload [kg]",
         "temperature": "temperature [deg C]",

@@ -29,7 +29,7 @@ def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
     Returns:
         The figure, a panel for each joint; None where joints visit too few places.
     """
-    joint, unit = ("joint", "rad") if problem.file.machine.kind == "serial" else ("slider", "mm")
+    joint, unit = problem.file.machine.noun, problem.file.machine.unit
     lines = {name: joint_periods(result, problem, name) for name in result.joint}
     lines = {name: line for name, line in lines.items() if len(line.period)}
     if not lines:

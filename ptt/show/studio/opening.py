@@ -47,12 +47,11 @@ def _read_asking(source: Source, place: Path) -> None:
         return answers[question]
 
     spec = load_machine(place).machine
-    serial = spec.kind == "serial"
     understood = [
         read_table(
             run,
-            len(spec.joint) if spec.kind == "serial" else 3,
-            joint_prefix="q" if serial else "b",
+            spec.joints,
+            joint_prefix=spec.letter,
             targets=source.targets or None,
             set_values=parse_settings(source.set_),
             mapping=source.map_ or None,

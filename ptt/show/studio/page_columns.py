@@ -151,7 +151,7 @@ class ColumnsView:
 
         text = self.studio.staged.machine or self.studio.session.text
         spec = parse_machine(text, "machine.toml").machine if text else None
-        return (len(spec.joint), "q") if spec is not None and spec.kind == "serial" else (3, "b")
+        return (spec.joints, spec.letter) if spec is not None else (3, "b")
 
     async def _save(self) -> None:
         source = self.studio.staged.source or self.studio.session.source

@@ -120,7 +120,7 @@ def parts_of(model: Model) -> Parts:
 
 
 def _steady(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile, index: int) -> Parts:
-    kind, joints = file.machine.kind, 3 if file.machine.kind == "three-ptt" else len(file.machine.joint)
+    kind, joints = file.machine.kind, file.machine.joints
     assert parts.calls is not None and parts.cannot is not None
     if effect.name == "dh-offsets":
         errors = theta.reshape(5, joints).T * _slots(file)
