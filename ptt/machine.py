@@ -1,165 +1,39 @@
 """machine.toml <-> typed objects: one schema for a bare machine and for a fitted model."""
 
 import difflib
-import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, Literal
 
 import pydantic
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, NonNegativeFloat, PositiveFloat
+from pydantic import BaseModel, Field
 
+from ptt.drawing import Frozen, JointSpec, MachineSpec, SerialSpec, Sigma, ThreePttSpec, Triple
 from ptt.errors import MachineError, shown
 from ptt.files import parse_toml, read_text, write_text
 from ptt.history_file import HistoryStep
 
-LEAST_APART = 1.0  # deg between sliders; nearer, the links are coplanar everywhere (a direct singularity)
-
-Sigma = Annotated[float, Field(ge=1e-9)]  # mm; a hundredth of an atom: less is no scatter, and its square vanishes
-Pair = tuple[float, float]
-Triple = tuple[float, float, float]
-
-
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class ThreePttSpec(_Frozen):
-    """The drawing of a 3-PTT machine; units are in the key names."""
-
-    kind: Literal["three-ptt"]
-    name: str = "machine"
-    base_radius_mm: PositiveFloat
-    platform_radius_mm: PositiveFloat
-    link_length_mm: PositiveFloat
-    slider_azimuth_deg: Triple = (0.0, 120.0, 240.0)
-    slider_travel_mm: Pair | tuple[Pair, Pair, Pair]
-    screw_lead_mm: PositiveFloat | None = None
-    sliders: Literal["above", "below"] = "above"
-    joint_height_mm: float = 0.0
-    slider_lean_deg: Triple = (0.0, 0.0, 0.0)
-    moves: Literal["sliders", "straight"] = "sliders"
-    reference_temp_c: float = 20.0
-    reflector_mm: Triple = (0.0, 0.0, 0.0)
-    platform_mass_kg: NonNegativeFloat = 0.0
-
-    joints: ClassVar[int] = 3
-    noun: ClassVar[str] = "slider"
-    letter: ClassVar[str] = "b"
-    unit: ClassVar[Literal["mm"]] = "mm"
-
-    @property
-    def turn(self) -> float | None:
-        """How far a joint goes in one turn of its screw, mm."""
-        return self.screw_lead_mm
-
-    @property
-    def travel_ends(self) -> tuple[Pair, Pair, Pair]:
-        """Least and greatest height of each slider, mm."""
-        first = self.slider_travel_mm[0]
-        if isinstance(first, tuple):
-            return self.slider_travel_mm  # type: ignore[return-value]
-        return (self.slider_travel_mm,) * 3  # type: ignore[return-value]
-
-    @property
-    def common_travel(self) -> Pair:
-        """Heights that every slider reaches, mm; the first is the larger one where there are none."""
-        return max(low for low, _ in self.travel_ends), min(high for _, high in self.travel_ends)
-
-    @property
-    def whole_travel(self) -> Pair:
-        """Least and greatest height that any slider reaches, mm."""
-        return min(low for low, _ in self.travel_ends), max(high for _, high in self.travel_ends)
-
-    @pydantic.field_validator("slider_azimuth_deg")
-    @classmethod
-    def _check_azimuths(cls, value: Triple) -> Triple:
-        for first, second in ((0, 1), (0, 2), (1, 2)):
-            apart = abs((value[first] - value[second] + 180.0) % 360.0 - 180.0)
-            if apart < LEAST_APART:
-                raise ValueError(
-                    f"sliders {first + 1} and {second + 1} stand at one azimuth: the tool could not be held"
-                )
-        if max(map(abs, value)) > 3600.0:
-            raise ValueError("an azimuth beyond ten turns")
-        return value
-
-    @pydantic.model_validator(mode="after")
-    def _check_geometry(self) -> "ThreePttSpec":
-        if any(low >= high for low, high in self.travel_ends):
-            raise ValueError("slider_travel_mm: the lower end must come first and be smaller than the upper end")
-        spread = abs(self.base_radius_mm - self.platform_radius_mm)
-        if spread >= self.link_length_mm:
-            raise ValueError(
-                f"link_length_mm: links of {self.link_length_mm:g} mm are too short to reach from the sliders to the "
-                f"platform, {spread:g} mm further in; is a diameter given for a radius?"
-            )
-        return self
+__all__ = [
+    "JointSpec",
+    "MachineFile",
+    "MachineSpec",
+    "SerialSpec",
+    "ThreePttSpec",
+    "load_machine",
+    "parse_machine",
+    "save_machine",
+]
 
 
-class JointSpec(_Frozen):
-    """One revolute joint of a serial arm, Denavit-Hartenberg."""
-
-    a_mm: float = 0.0
-    alpha_deg: float = 0.0
-    d_mm: float = 0.0
-    theta_offset_deg: float = 0.0
-    limits_deg: tuple[float, float] | None = None
-    mass_kg: NonNegativeFloat | None = None
-    com_mm: Triple | None = None
-
-
-class SerialSpec(_Frozen):
-    """The drawing of a serial arm of revolute joints."""
-
-    kind: Literal["serial"]
-    name: str = "arm"
-    convention: Literal["standard", "modified"]
-    tool_mm: Triple = (0.0, 0.0, 0.0)
-    joint: tuple[JointSpec, ...] = Field(min_length=1)
-    moves: Literal["sliders", "straight"] = "sliders"
-    reference_temp_c: float = 20.0
-    gear_period_rad: PositiveFloat | None = None
-    gravity: Triple = (0.0, 0.0, -1.0)
-
-    noun: ClassVar[str] = "joint"
-    letter: ClassVar[str] = "q"
-    unit: ClassVar[Literal["rad"]] = "rad"
-
-    @property
-    def joints(self) -> int:
-        """How many."""
-        return len(self.joint)
-
-    @property
-    def turn(self) -> float:
-        """How far a joint goes in one turn of its gear, rad."""
-        return self.gear_period_rad or 2.0 * math.pi
-
-    @property
-    def reflector_mm(self) -> Triple:
-        """Where the reflector is on the last link."""
-        return self.tool_mm
-
-    @pydantic.model_validator(mode="after")
-    def _check_gravity(self) -> "SerialSpec":
-        if not any(self.gravity):
-            raise ValueError("gravity: the direction in which weights pull, such as [0, 0, -1], cannot be all zero")
-        return self
-
-
-MachineSpec = Annotated[ThreePttSpec | SerialSpec, Discriminator("kind")]
-
-
-class ControllerSpec(_Frozen):
+class ControllerSpec(Frozen):
     """What the controller corrects by itself already; the program never adds it twice."""
 
     compensates: tuple[str, ...] = ()
 
 
-class BasePoint(_Frozen):
+class BasePoint(Frozen):
     """A reflector fixed to the base whose place in the base frame is known."""
 
     name: str
@@ -167,7 +41,7 @@ class BasePoint(_Frozen):
     sigma_mm: Sigma = 0.005
 
 
-class TrackerSpec(_Frozen):
+class TrackerSpec(Frozen):
     """How readings relate to the base frame, and how well one coordinate is read."""
 
     frame: Literal["fitted", "trusted", "fitted-per-run", "measured"] = "fitted"
@@ -182,7 +56,7 @@ class TrackerSpec(_Frozen):
         return self
 
 
-class TargetsSpec(_Frozen):
+class TargetsSpec(Frozen):
     """The frame in which targets are stated: where its origin lies in the base frame, and how it is turned there.
 
     Found from runs that hold joint commands beside targets. `turn_deg` is a rotation vector; base = R target + origin.
@@ -200,7 +74,7 @@ class TargetsSpec(_Frozen):
         return self
 
 
-class CovarianceSpec(_Frozen):
+class CovarianceSpec(Frozen):
     """What a fit left uncertain, parameters and tracker frame together; written and read by `ptt.fitting.kept`.
 
     Attributes:
@@ -216,7 +90,7 @@ class CovarianceSpec(_Frozen):
     heldout_mm: float | None = None
 
 
-class ParameterEntry(_Frozen):
+class ParameterEntry(Frozen):
     """A fitted parameter: value and standard deviation, a number or one per leg, joint or knot."""
 
     value: float | tuple[float, ...]
@@ -225,7 +99,7 @@ class ParameterEntry(_Frozen):
     fixed: bool = False
 
 
-class EffectEntry(_Frozen):
+class EffectEntry(Frozen):
     """One effect of a fitted model."""
 
     name: str
@@ -234,7 +108,7 @@ class EffectEntry(_Frozen):
     parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
 
 
-class _Document(_Frozen):
+class _Document(Frozen):
     machine: MachineSpec
     controller: ControllerSpec = ControllerSpec()
     tracker: TrackerSpec = TrackerSpec()
