@@ -370,8 +370,8 @@ def _judge_done(
 
 
 def _but_lines(text: str) -> str:
-    """Without the numbers of lines, which a comment before them shifts."""
-    return re.sub(r'"line": \d+', "", text)
+    """Without the numbers of lines, which a comment before them shifts, and the size of a page that tells of it."""
+    return re.sub(r'"(line|bytes)": \d+', "", text)
 
 
 def _judge_outputs(paths: list[Path]) -> tuple[str, str]:

@@ -64,7 +64,7 @@ class _Nobody:
 def _content(path: Path) -> bytes:
     from ptt.show.studio.opening import zipped
 
-    if (path / "compensator.json").exists():
+    if path.is_dir():
         return zipped(path)
     return path.read_bytes() if path.is_file() else b""  # a browser hands over nothing but what is in files
 

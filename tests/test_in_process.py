@@ -93,5 +93,7 @@ def test_one_text_instead_of_words_is_refused_in_words(capsys):
 
 def test_the_environment_stays_as_it_was(monkeypatch, capsys):
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "7")
     assert run(["effects", "--json"]) == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "7"
     assert "OMP_NUM_THREADS" not in os.environ and json.loads(capsys.readouterr().out)["effects"]

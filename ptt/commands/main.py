@@ -27,6 +27,9 @@ UNLISTED = ("train",)  # train.py has a program of its own; `run` and `ptt train
 PROGRAM = "ptt"
 INTERRUPTED = 130  # as shells say it of a program that was ended by Ctrl-C
 THREADS, ONE = "OMP_NUM_THREADS", "1"  # arrays are small: on shared cores threads wait for each other up to fifty times
+SUMS = (
+    "OPENBLAS_NUM_THREADS"  # threads of numpy's linear algebra share sums out otherwise: the last digits would change
+)
 MESSAGE = 580  # characters of the one line that an error is
 HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
 
@@ -90,7 +93,7 @@ def _root(
 
 def main() -> None:
     """Entry point of `ptt`."""
-    os.environ.setdefault(THREADS, ONE)
+    _set_threads()
     app(prog_name=PROGRAM)
 
 
@@ -117,7 +120,7 @@ def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
         verb: name of its file in ptt/commands.
         args: arguments; None for those of the command line.
     """
-    os.environ.setdefault(THREADS, ONE)
+    _set_threads()
     command = _build(verb)
     _end(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
 
@@ -164,16 +167,24 @@ def _ended(code: Any) -> int:
     return code if isinstance(code, int) else 0
 
 
+def _set_threads() -> None:
+    """One thread for torch where nobody asked for more, and one for numpy's linear algebra whatever was asked for."""
+    os.environ.setdefault(THREADS, ONE)
+    os.environ[SUMS] = ONE
+
+
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """Where the verb loads torch, it loads it for one thread; the environment of the process stays as it was."""
-    given = os.environ.get(THREADS)
-    os.environ.setdefault(THREADS, ONE)
+    given = {name: os.environ.get(name) for name in (THREADS, SUMS)}
+    _set_threads()
     try:
         yield
     finally:
-        if given is None:
-            os.environ.pop(THREADS, None)
+        for name, value in given.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
 
 
 def _build(verb: str) -> Any:
