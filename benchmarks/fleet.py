@@ -1,7 +1,7 @@
 """A fleet of virtual machines over a year, and rows per second against workers.
 
     python benchmarks/fleet.py year FOLDER [--machines 50] [--months 12] [--rows 100]
-    python benchmarks/fleet.py rows [--rows 100000] [--workers 1 2]
+    python benchmarks/fleet.py rows [--rows 100000] [--workers 0 1 2] [--part 20000]
 
 `year` can be stopped and started again: the store goes on where it was. One machine in five is sound, one has a slider
 whose play grows, one a slider that was hit, one is repaired halfway, one gets a fault that it did not have; what was
@@ -10,21 +10,24 @@ said of each is printed beside that.
 
 import argparse
 import json
+import tempfile
 import time
 from collections import Counter
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from ptt.effects.registry import library, make_effect
-from ptt.fitting.chunks import summed_by
-from ptt.fitting.long import LongEvaluator
-from ptt.fitting.solve import fit
-from ptt.fleet.long import Spread
+from ptt.fitting.layout import lay_out
+from ptt.fleet.fit_log import start_of
+from ptt.fleet.log import open_log, to_parquet
 from ptt.fleet.overview import overview
 from ptt.fleet.run import run_all
+from ptt.fleet.shares import Passes
 from ptt.fleet.store import FILE, add_machine, add_run, create_store, open_store, read_date
 from ptt.fleet.workers import cluster
 from ptt.machine import load_machine
@@ -33,8 +36,8 @@ from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
-from ptt.run.problem import build_problem
-from ptt.run.table import make_table, read_table
+from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.table import make_table, read_table, write_table
 from ptt.show.fleet.page import write_page
 
 MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"
@@ -86,27 +89,46 @@ def year(folder: Path, machines: int, months: int, rows: int) -> None:
         print(f"{standing.machine} {kind:<9} {verdicts} {[alarm.words for alarm in standing.alarms]}")
 
 
-def rows_per_second(rows: int, workers: list[int]) -> None:
-    """Passes over a long run: seconds, rows a second and memory of each worker."""
-    random = np.random.default_rng(2)
-    way = 283.0 + 40.0 * np.sin(np.cumsum(random.normal(size=(rows, 3)) * 0.1, axis=0))
-    file = load_machine(MACHINE)
-    place = build_mechanism(file.machine).forward(torch.as_tensor(way)).numpy()
-    problem = build_problem(file, make_table(place, way, place + 0.005 * random.normal(size=place.shape)))
-    model = Model(file) + make_effect(library(), "backlash") + make_effect(library(), "homing-offset")
-    fitted = fit(model, problem)
-    for count in workers:
-        with cluster(None, count) as client, summed_by(Spread(client)):
-            client.wait_for_workers(count)
-            evaluate = LongEvaluator(fitted.layout, problem, fitted.noise)
-            evaluate(fitted.unknowns)  # sends the chunks
-            start = time.perf_counter()
-            for turn in range(3):
-                evaluate(fitted.unknowns + 1e-4 * (turn + 1))
-            each = (time.perf_counter() - start) / 3
-            held = [info["metrics"]["memory"] / 1e9 for info in client.scheduler_info()["workers"].values()]
-        told = {"workers": count, "rows": rows, "rows_per_s": rows / each, "gb_per_worker": held}
-        print(json.dumps(told), flush=True)
+def rows_per_second(rows: int, workers: list[int], size: int) -> None:
+    """Passes over a log: rows a second, and the most memory of each worker; none is this process alone."""
+    random, file = np.random.default_rng(2), load_machine(MACHINE)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.csv"
+        way = 283.0 + 40.0 * np.sin(np.cumsum(random.normal(size=(rows, 3)) * 0.1, axis=0))
+        place = build_mechanism(file.machine).forward(torch.as_tensor(way)).numpy()
+        write_table(make_table(place, way, place + 0.005 * random.normal(size=place.shape)), path)
+        to_parquet(path, path.with_suffix(".parquet"))
+        log = open_log(file, path.with_suffix(".parquet"), size)
+        names = ("backlash", "homing-offset")
+        model = Model(file)
+        for name in names:
+            model = model + make_effect(library(), name)
+        noise = log.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+        layout = lay_out(model, log.whole, start_of(model, log, noise))
+        for count in workers:
+            with cluster(None, count) if count else nullcontext() as client:
+                if count:
+                    client.wait_for_workers(count)
+                start = time.perf_counter()
+                passes = Passes(log, client)
+                entered = time.perf_counter()
+                for turn in range(3):
+                    passes(layout, noise, layout.start() + 1e-4 * turn, {})
+                each, held = (time.perf_counter() - entered) / 3, peaks(client)
+            told = {"workers": count, "rows": rows, "enter_s": entered - start, "rows_per_s": rows / each}
+            print(json.dumps(told | {"peak_gb": held}), flush=True)
+
+
+def peaks(client: Any) -> list[float]:
+    """The most memory that each worker, or this process, has held so far, GB."""
+    own = [peak_gb()] if client is None else list(client.run(peak_gb).values())
+    return [round(each, 3) for each in own]
+
+
+def peak_gb() -> float:
+    """The most memory that this process has held, GB (that of rusage is the parent's where it was more)."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return float(status["VmHWM"].split()[0]) / 1e6
 
 
 def main() -> None:
@@ -121,8 +143,9 @@ def main() -> None:
     one.set_defaults(do=lambda own: year(own.folder, own.machines, own.months, own.rows))
     two = verbs.add_parser("rows")
     two.add_argument("--rows", type=int, default=100_000)
-    two.add_argument("--workers", type=int, nargs="+", default=[1, 2])
-    two.set_defaults(do=lambda own: rows_per_second(own.rows, own.workers))
+    two.add_argument("--workers", type=int, nargs="+", default=[0, 1, 2])
+    two.add_argument("--part", type=int, default=20_000, help="rows of a part")
+    two.set_defaults(do=lambda own: rows_per_second(own.rows, own.workers, own.part))
     own = parser.parse_args()
     own.do(own)
 

@@ -10,22 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
+from test_fleet_log import terms_of, write_log
 from test_fleet_store import MACHINE, fill, outcome
 
-from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError
-from ptt.fitting.chunks import summed_by
-from ptt.fitting.long import LongEvaluator
-from ptt.fitting.solve import fit
-from ptt.fleet.long import Spread
+from ptt.fitting.layout import lay_out
+from ptt.fleet.log import open_log
 from ptt.fleet.queue import waiting
+from ptt.fleet.shares import Passes
 from ptt.fleet.workers import cluster, run_on_workers
 from ptt.machine import load_machine
-from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
-from ptt.run.problem import build_problem
-from ptt.run.table import make_table
+from ptt.run.noise import Noise
 
 HERE = Path(__file__).parent
 PYTHONPATH = os.pathsep.join([str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
@@ -89,33 +85,18 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
     assert waiting(store) == {"m0": 1}
 
 
-def test_a_long_run_on_workers_has_the_sums_of_one_process_also_when_one_dies(tmp_path):
-    problem = made(rows := 1200)
-    model = Model(problem.file) + make_effect(library(), "backlash")
-    fitted = fit(model, problem)
-    alone = LongEvaluator(fitted.layout, problem, fitted.noise, size=100)
-    here = alone(fitted.unknowns)
+def test_a_log_on_workers_has_the_sums_of_one_process_also_when_one_dies(tmp_path):
+    log = open_log(load_machine(MACHINE), write_log(tmp_path / "log.parquet", 1200), 100)
+    layout = lay_out(Model(log.machine), log.whole, terms_of("backlash", "homing-offset"))
+    alone, noise, unknowns = Passes(log), Noise(np.eye(3) * 0.005**2, "stated"), np.full(12, 1e-2)
     with cluster(None, 2) as client:
-        spread = Spread(client)
-        with summed_by(spread):
-            there = LongEvaluator(fitted.layout, problem, fitted.noise, size=100)
-            first = there(fitted.unknowns)
-            pids = client.run(os.getpid)
-            os.kill(next(iter(pids.values())), signal.SIGKILL)
-            again = there(fitted.unknowns + 1e-3)
-    assert rows == len(first.residual)
-    for one, other in zip(first.sums(problem.used), here.sums(problem.used), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-9 * np.abs(other).max())
-    moved = alone(fitted.unknowns + 1e-3)
-    for one, other in zip(again.sums(problem.used), moved.sums(problem.used), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-9 * np.abs(other).max())
-    np.testing.assert_allclose(again.residual, moved.residual, atol=1e-12)
-
-
-def made(rows: int):
-    """A run whose sliders turn round often."""
-    random = np.random.default_rng(2)
-    way = 283.0 + 40.0 * np.sin(np.cumsum(random.normal(size=(rows, 3)) * 0.1, axis=0))
-    file = load_machine(MACHINE)
-    p = build_mechanism(file.machine).forward(torch.as_tensor(way)).numpy()
-    return build_problem(file, make_table(p, way, p + 0.005 * random.normal(size=p.shape)))
+        there = Passes(log, client)
+        first = there(layout, noise, unknowns, {})
+        pids = client.run(os.getpid)
+        os.kill(next(iter(pids.values())), signal.SIGKILL)
+        again = there(layout, noise, unknowns + 1e-3, {100: np.array([107])})
+    assert (first.rows, again.rows) == (1200, 1199)
+    for share, here in ((first, unknowns), (again, unknowns + 1e-3)):
+        own = alone(layout, noise, here, {} if share is first else {100: np.array([107])})
+        for one, other in zip(share.total, own.total, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-9 * np.abs(other).max())

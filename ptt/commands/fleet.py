@@ -24,6 +24,9 @@ Scheduler = Annotated[
     str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running dask scheduler, as tcp://host:8786.")
 ]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, metavar="N", help="Worker processes on this machine.")]
+LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="One run in travel order, titles as in docs/files.md.")]
+LogModel = Annotated[Path, typer.Option("--model", metavar="M.toml", help="The model whose effects are refitted.")]
+LogOut = Annotated[Path, typer.Option("--out", metavar="M2.toml", help="The refitted model.")]
 Again = Annotated[bool, typer.Option("--again", help="Try runs once more that failed.")]
 Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The page.")]
 OneMachine = Annotated[str | None, typer.Argument(metavar="[MACHINE]", help="One machine alone, run by run.")]
@@ -88,6 +91,23 @@ def run(
 
             done = run_on_workers(opened, scheduler, workers, tell)
     show(done.to_dict(), str(done), json)
+
+
+@app.command()
+def fit(
+    log: LogFile,
+    model: LogModel,
+    out: LogOut,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    json: Json = False,
+) -> None:
+    """Refit a model to a log of any length (Parquet or CSV), read part by part, here or by workers."""
+    from ptt.fleet.fit_log import fit_file
+
+    with progress() as tell:
+        found = fit_file(log, model, out, scheduler, workers, tell)
+    show({**found.to_dict(), "written": str(out)}, f"{found}\n{out} is written", json)
 
 
 @app.command(name="show")

@@ -8,7 +8,6 @@ needs no parameter), send each with its entry to a worker, and add what comes ba
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import pairwise
@@ -86,7 +85,7 @@ def take(problem: Problem, kept: Sequence[Stretch]) -> Problem:
         The rows of the stretches, one behind the other.
     """
     entries = enter(problem.view, [first for first, _ in kept])
-    return _take(problem, kept, entries)
+    return take_entered(problem, kept, entries)
 
 
 def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETCH) -> list[Stretch]:
@@ -135,7 +134,7 @@ def cut(problem: Problem, size: int = CHUNK) -> list[Callable[[], Problem]]:
     parts = stretches(problem.table.rows, size)
     entries = enter(problem.view, [first for first, _ in parts])
 
-    return [partial(_take, problem, [part], [entry]) for part, entry in zip(parts, entries, strict=True)]
+    return [partial(take_entered, problem, [part], [entry]) for part, entry in zip(parts, entries, strict=True)]
 
 
 def map_chunks(work: Callable[[Problem], Part], chunks: Sequence[Callable[[], Problem]]) -> Iterator[Part]:
@@ -176,8 +175,6 @@ def map_sums(
     Returns:
         The parts in order, and the sum.
     """
-    if _engine:
-        return _engine[-1](work, chunks, each, add)
     parts, total = list[Part](), None
     for part, share in map_chunks(_Beside(work), [partial(_beside, *pair) for pair in zip(chunks, each, strict=True)]):
         parts.append(part)
@@ -186,24 +183,6 @@ def map_sums(
     return parts, total
 
 
-@contextmanager
-def summed_by(engine: Callable[..., Any]) -> Iterator[None]:
-    """Have `map_sums` done elsewhere, such as by workers of a cluster.
-
-    Args:
-        engine: with the arguments and the result of `map_sums`.
-
-    Yields:
-        Nothing.
-    """
-    _engine.append(engine)
-    try:
-        yield
-    finally:
-        _engine.pop()
-
-
-_engine: list[Callable[..., Any]] = []
 _shared: list[Any] = []
 
 
@@ -226,7 +205,17 @@ def _work_on(index: int) -> Any:
     return work(chunks[index]())
 
 
-def _take(problem: Problem, kept: Sequence[Stretch], entries: Sequence[Entry | None]) -> Problem:
+def take_entered(problem: Problem, kept: Sequence[Stretch], entries: Sequence[Entry | None]) -> Problem:
+    """Some stretches of a problem whose entries are known, as a problem of its own.
+
+    Args:
+        problem: n rows.
+        kept: stretches in rising order.
+        entries: how the joints came to each; None where a run starts there.
+
+    Returns:
+        The rows of the stretches, one behind the other.
+    """
     rows = np.concatenate([np.arange(first, last) for first, last in kept])
     return replace(
         problem,

@@ -59,9 +59,18 @@ def _limit(squared: np.ndarray, exceptions: float = 0.5) -> float:
     if bulk < 1:
         return np.inf
     wide = np.sort(squared)[bulk - 1] / chi2_ppf((bulk - 0.5) / count, 3)
-    width = max(1.0, float(wide), float(np.median(squared)) / MEDIAN)
+    return limit_of(max(1.0, float(wide), float(np.median(squared)) / MEDIAN), count)
+
+
+def limit_of(width: float, rows: int) -> float:
+    """Squared distance, in units of noise, beyond which no noise explains a row.
+
+    Args:
+        width: of the bulk of the rows, in units of noise squared, at least one.
+        rows: how many there are.
+    """
     tail = 1.0 + (TAIL - 1.0) * min(width - 1.0, 1.0)
-    return float(chi2_isf(CHANCE / count, 3)) * width * tail
+    return float(chi2_isf(CHANCE / rows, 3)) * width * tail
 
 
 def linear_residual(

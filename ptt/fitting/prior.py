@@ -82,10 +82,22 @@ def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> fl
     """
     rows = kept & (block >= 0) & np.isfinite(residual).all(axis=1)
     left, count = residual[rows], int(block[rows].max(initial=0)) + 1
-    square = float((left**2).sum())
+    sums = np.stack([np.bincount(block[rows], column, count) for column in left.T])
+    return design_effect(sums, float((left**2).sum()))
+
+
+def design_effect(sums: np.ndarray, square: float) -> float:
+    """How much wider sums over groups of rows scatter than sums of as many independent rows.
+
+    Args:
+        sums: residual summed over each group and axis, of any shape.
+        square: of the residual of all rows, summed.
+
+    Returns:
+        One for independent rows, up to the size of a group.
+    """
     if square <= 0.0:
         return 1.0
-    sums = np.stack([np.bincount(block[rows], column, count) for column in left.T])
     effect = float((sums**2).sum()) / square
     chance = 1.0 + SURE * np.sqrt(2.0 / sums.size)  # chi-squared of independent rows
     return effect if effect > chance else 1.0

@@ -64,7 +64,7 @@ def fit(
         if attempt:  # before a first fit all is smooth
             crowding = crowding_of(evaluate(unknowns).residual, kept, block)
         before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior, crowding)
-        if settled and _near(before, prior):
+        if settled and near(before, prior):
             prior = before
             break
         if len(unknowns):
@@ -114,8 +114,8 @@ def unseen_directions(information: np.ndarray) -> np.ndarray:
     return directions[:, strength < max(SEEN, ROUNDING * strength[-1])]
 
 
-def _near(one: Prior, other: Prior) -> bool:
-    """Sizes so alike that no unknown would move by what matters."""
+def near(one: Prior, other: Prior) -> bool:
+    """Tell sizes so alike that no unknown would move by what matters."""
     return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
 
 

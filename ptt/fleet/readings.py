@@ -48,7 +48,12 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     """
     with _memory() as connection:
         columns = connection.execute("SELECT * FROM read_parquet(?)", [str(path)]).fetchnumpy()
-    return {name: _plain(values) for name, values in columns.items() if name not in ("machine", "run_sha256")}
+    return {name: each for name, each in plain_columns(columns).items() if name not in ("machine", "run_sha256")}
+
+
+def plain_columns(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Columns as DuckDB hands them out -> NaN and '' for what is empty."""
+    return {name: _plain(values) for name, values in columns.items()}
 
 
 def columns_to_table(columns: Columns, file: str, run: str) -> Table:

@@ -1,0 +1,248 @@
+"""A model fitted to a log part by part."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import torch
+
+from ptt.effects.sudden import Sudden
+from ptt.errors import ModelError
+from ptt.files import sha256
+from ptt.fitting.chunks import CHUNK
+from ptt.fitting.gauss_newton import descend
+from ptt.fitting.kept import keep_covariance
+from ptt.fitting.layout import Layout, lay_out
+from ptt.fitting.outliers import EXCEPTIONS, limit_of
+from ptt.fitting.prior import Prior, design_effect, learn_prior, usual_prior
+from ptt.fitting.result import FitResult
+from ptt.fitting.search import open_terms
+from ptt.fitting.solve import ROUNDS, conclude, near
+from ptt.fitting.whitened import Total
+from ptt.fleet.log import Log, enter_part, open_log, read_part, to_parquet
+from ptt.fleet.shares import EDGES, Passes, Share, Tell
+from ptt.fleet.workers import cluster
+from ptt.machine import MachineFile, load_machine, save_machine
+from ptt.model.chain import Prediction
+from ptt.model.model import Model, Term, read_model, write_model
+from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.tails import chi2_ppf
+
+
+@dataclass(frozen=True)
+class LogFit:
+    """A model fitted to a log.
+
+    Attributes:
+        fitted: the fit; it holds nothing of single rows.
+        rows: that counted.
+        gross: rows left out as gross errors, (m,) int from 0.
+        before_um: what the model left as it was given, x, y, z, total.
+        after_um: what is left; of rows it had not seen as much, since there are many and few values.
+        passes: over the log.
+    """
+
+    fitted: FitResult
+    rows: int
+    gross: np.ndarray
+    before_um: dict[str, float]
+    after_um: dict[str, float]
+    passes: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        fitted, keys = self.fitted, [term.effect.key for term in self.fitted.layout.terms]
+        rows = zip(fitted.layout.owner, fitted.layout.names, fitted.values, fitted.std, strict=True)
+        return {
+            "rows": self.rows,
+            "gross_rows": self.gross.tolist(),
+            "rms_um": {"before": self.before_um, "after": self.after_um},
+            "noise_um": fitted.noise.to_dict(),
+            "parameters": [
+                {"effect": keys[owner], "parameter": name.removeprefix(f"{keys[owner]} "), "value": value, "std": std}
+                for owner, name, value, std in rows
+                if owner >= 0
+            ],
+            "passes": self.passes,
+            "status": fitted.status,
+        }
+
+    def __str__(self) -> str:
+        """The fit as a person reads it."""
+        told, before, after = self.to_dict(), self.before_um["total"], self.after_um["total"]
+        lines = [f"{'value':<44}  {'fitted':>12}  {'std':>9}"]
+        for one in told["parameters"]:
+            name = f"{one['effect']} {one['parameter']}"
+            lines.append(f"{name:<44}  {one['value']:>12.6g}  {one['std']:>9.2g}")
+        noise = f"{told['noise_um']['total']:.2f} ({told['noise_um']['source']})"
+        lines += ["", f"error in um: {before:.2f} with the model as it was, {after:.2f} now; noise {noise}"]
+        passes = f"{self.rows} rows in {self.passes} passes, {len(self.gross)} left out as gross errors"
+        return "\n".join([*lines, f"{passes}; {self.fitted.status}"])
+
+    def to_file(self, log: Log, source: Path, date: str | None = None) -> MachineFile:
+        """The fitted model with its covariance and one more step of its history.
+
+        Args:
+            log: that it was fitted to.
+            source: its file as it was given.
+            date: ISO 8601; None for now.
+        """
+        digest = sha256(source)
+        noise = {**self.fitted.noise.to_dict()}
+        step: dict[str, Any] = {
+            "date": date or datetime.now(UTC).isoformat(timespec="seconds"), "command": "fit", "kind": "refit",
+            "files": [{"file": source.name, "sha256": digest}], "rows": self.rows, "ranges": log.ranges,
+            "helped": self.after_um["total"] < self.before_um["total"], "error_before_um": self.before_um,
+            "error_after_um": self.after_um, "heldout_before_um": self.before_um, "heldout_after_um": self.after_um,
+            "noise_um": noise, "parameters_before": {},
+        }  # fmt: skip
+        model = self.fitted.model
+        covariance = keep_covariance(self.fitted, 1e-3 * self.after_um["total"])
+        written = write_model(model, [digest])
+        return replace(written, history=(*model.file.history, step), covariance=covariance)
+
+
+def fit_log(model: Model, log: Log, client: Any = None, tell: Tell | None = None) -> LogFit:
+    """Fit a model to a log.
+
+    Args:
+        model: effects without values start where the first rows put them.
+        log: the log.
+        client: of a dask cluster whose workers see the file; None does it here, a part at a time.
+        tell: told what is being done.
+
+    Returns:
+        The fit.
+
+    Raises:
+        ModelError: the moment of a sudden effect is not known yet.
+    """
+    noise = log.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    layout = lay_out(model, log.whole, start_of(model, log, noise))
+    passes = Passes(log, client, tell)
+    unknowns, prior, out = np.clip(layout.start(), layout.lower, layout.upper), usual_prior(layout), dict[int, Any]()
+    last: list[Any] = [None, None]
+
+    def at(point: np.ndarray) -> Share:
+        if last[0] is None or not np.array_equal(last[0], point):
+            last[:] = [point.copy(), passes(layout, noise, point, out)]
+        return last[1]
+
+    first, settled, status = _rms(at(unknowns)), False, "nothing to fit"
+    for attempt in range(1 + ROUNDS):
+        share = at(unknowns)
+        crowding = design_effect(share.poses[:, :3], float(share.poses[:, 3].sum())) if attempt else 1.0
+        before, prior = prior, learn_prior(_Summed(share), np.ones(0, bool), layout, unknowns, noise, prior, crowding)
+        if settled and near(before, prior):
+            prior = before
+            break
+        if len(unknowns):
+            ended = descend(_equations(at, prior), unknowns, layout.lower, layout.upper)
+            unknowns, status = ended.unknowns, ended.status
+        again = _gross(at(unknowns)) if attempt < ROUNDS else out
+        settled = _same(again, out)
+        if not settled:
+            out, last[0] = again, None
+    fitted = _result(model, layout, noise, unknowns, prior, at(unknowns), passes.count, status)
+    gross = np.concatenate([np.zeros(0, int), *(rows for _, rows in sorted(out.items()))])
+    return LogFit(fitted, at(unknowns).rows, gross, first, _rms(at(unknowns)), passes.count)
+
+
+def fit_file(
+    log: Path, model: Path, out: Path, scheduler: str | None = None, workers: int | None = None,
+    tell: Tell | None = None,
+) -> LogFit:  # fmt: skip
+    """Fit a model to a log in a file, and write it.
+
+    Args:
+        log: Parquet, or a CSV, which is copied to Parquet beside `out` for as long as it takes.
+        model: machine.toml.
+        out: machine.toml.
+        scheduler: address of a dask scheduler whose workers see the file; None starts `workers` here.
+        workers: how many; None for none, the parts are then worked on in this process.
+        tell: told what is being done.
+
+    Returns:
+        The fit.
+    """
+    given = read_model(load_machine(model))
+    with TemporaryDirectory(dir=out.absolute().parent) as folder:
+        rows = log
+        if log.suffix.lower() != ".parquet":
+            rows = Path(folder) / f"{log.stem}.parquet"
+            to_parquet(log, rows)
+        opened = open_log(given.file, rows.absolute())
+        if scheduler is None and workers is None:
+            found = fit_log(given, opened, None, tell)
+        else:
+            with cluster(scheduler, workers) as client:
+                found = fit_log(given, opened, client, tell)
+    save_machine(found.to_file(opened, log), out)
+    return found
+
+
+@dataclass(frozen=True)
+class _Summed:
+    share: Share
+
+    def sums(self, kept: np.ndarray) -> Total:
+        """Of the rows that count, whichever those are."""
+        return self.share.total
+
+
+def start_of(model: Model, log: Log, noise: Noise) -> list[Term]:
+    """All terms with values; new ones start where the first rows put them, shapes and all.
+
+    Raises:
+        ModelError: the moment of a sudden effect is not known yet.
+    """
+    for term in model.terms:
+        if isinstance(term.effect, Sudden) and not len(term.theta):
+            fix = "add it on the rows about its moment first: ptt add, then fit"
+            raise ModelError(f"{term.effect.key}: its moment may lie anywhere", where=model.file.source, fix=fix)
+    part = (0, min(CHUNK, log.rows))
+    return open_terms(model.terms, enter_part(read_part(log, part), part, None), noise)
+
+
+def _equations(at: Callable[[np.ndarray], Share], prior: Prior) -> Callable[[np.ndarray], Any]:
+    def equations(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        gram, side, square, _ = at(point).total
+        pull = prior.weight * point
+        return gram + np.diag(prior.weight), side - pull, float(square + point @ pull)
+
+    return equations
+
+
+def _gross(share: Share) -> dict[int, np.ndarray]:
+    """Rows of each part beyond the limit that eleven rows in twelve and their median set."""
+    shares = np.cumsum(share.far) / max(share.far.sum(), 1)
+    places = [(part, int(np.searchsorted(shares, part))) for part in (1.0 - EXCEPTIONS, 0.5)]
+    wide = [float(np.exp(EDGES[place])) / float(chi2_ppf(part, 3)) for part, place in places]
+    limit = limit_of(max(1.0, *wide), int(share.far.sum()))
+    return {first: rows[far > limit] for first, (rows, far) in share.gross.items() if (far > limit).any()}
+
+
+def _same(one: Mapping[int, np.ndarray], other: Mapping[int, np.ndarray]) -> bool:
+    return one.keys() == other.keys() and all(set(one[key]) == set(other[key]) for key in one)
+
+
+def _rms(share: Share) -> dict[str, float]:
+    each = 1e3 * np.sqrt(np.append(share.square, share.square.sum()) / max(share.rows, 1))
+    return dict(zip(("x", "y", "z", "total"), map(float, each), strict=True))
+
+
+def _result(
+    model: Model, layout: Layout, noise: Noise, unknowns: np.ndarray, prior: Prior, share: Share, passes: int,
+    status: str,
+) -> FitResult:  # fmt: skip
+    none, blank = torch.zeros(0, 3, dtype=torch.float64), np.zeros((0, 0))
+    information, _, chi2, count = share.total
+    empty = FitResult(
+        model, layout, unknowns, blank, blank, Prediction(none, none, none, none), np.zeros((0, 3)), np.zeros(0, bool),
+        noise, 0.0, 1, 0, blank, prior, passes, status,
+    )  # fmt: skip
+    return conclude(empty, unknowns, information, chi2, count)

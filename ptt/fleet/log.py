@@ -1,0 +1,218 @@
+"""A log of more rows than one machine holds: Parquet that is read part by part, where a part is worked on.
+
+Rows beside a part are read with it, so that its speeds and turns are those of the whole travel; how the joints came to
+it is handed on from the part before (`ptt.run.turns`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.effects.memory import leave
+from ptt.errors import InputError
+from ptt.fitting.chunks import CHUNK, stretches, take_entered
+from ptt.fleet.database import ONE_THREAD, duckdb
+from ptt.fleet.readings import columns_to_table, plain_columns
+from ptt.machine import MachineFile
+from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, build_problem, into_base
+from ptt.run.ranges import ranges_of
+from ptt.run.table import Table
+from ptt.run.target_frame import in_base
+from ptt.run.turns import Entry
+from ptt.run.view import View, build_view
+
+BESIDE = 200  # rows: the slope of a spline feels a knot k rows away by 0.27^k, less than rounding from 30 on
+SPREAD = 4_000  # rows all over a log that tell the frame and what varies
+FEW = 4  # rows of it that are kept
+GROUP = 20_480  # rows of a Parquet group, DuckDB's own unit times ten: a part reads one or two
+
+Part = tuple[int, int]  # first row, and the row after the last
+
+
+@dataclass(frozen=True)
+class State:
+    """What one part of a log hands on to the next.
+
+    Attributes:
+        entry: how the joints came to its first row.
+        direction: (k,) in which each joint moved last.
+    """
+
+    entry: Entry
+    direction: Tensor
+
+
+@dataclass(frozen=True)
+class Log:
+    """A long log, and what each of its parts must know of the whole.
+
+    Attributes:
+        machine: the machine.
+        file: Parquet with the columns of a tracker CSV, in travel order.
+        rows: n.
+        parts: rows of each.
+        whole: what all parts share: the first motion into the base frame, what varies, where targets are stated.
+        ranges: column -> lowest and highest load, temperature and speed.
+        driven: whether the machine moved while it was read.
+        clock: seconds of the first row.
+        noise: as far as first rows or the machine file tell it.
+    """
+
+    machine: MachineFile
+    file: Path
+    rows: int
+    parts: tuple[Part, ...]
+    whole: Problem
+    ranges: dict[str, list[float]]
+    driven: bool
+    clock: float
+    noise: Noise | None
+
+
+def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
+    """Look at a log: how long it is, and what its parts must know of the whole.
+
+    Args:
+        machine: the machine.
+        file: Parquet with the columns of a tracker CSV, one run in travel order.
+        size: rows of a part, at most.
+
+    Returns:
+        The log.
+
+    Raises:
+        InputError: it cannot be read, or holds what only a run that is read whole can tell.
+    """
+    path = Path(file)
+    rows = _rows_of(path)
+    step = max(rows // SPREAD, 1)
+    spread = build_problem(machine, _read(path, f"WHERE file_row_number % {step} = 0", rows))
+    _require_one_run(spread, path)
+    table = _read(path, f"LIMIT {CHUNK}", rows)
+    first = build_problem(machine, table)
+    seen = build_view(machine, in_base(table, first.stated_in))
+    driven = ("speed" in seen.varies) == ("speed" in first.view.varies)
+    clock = 0.0 if table.time_s is None else float(table.time_s[0])
+    varies = first.view.varies | spread.view.varies - {"speed", "direction"}  # those two are told by rows side by side
+    few = take_entered(spread, [(0, FEW)], [None])  # it travels with every task
+    few = replace(few, view=replace(few.view, varies=varies))
+    parts = tuple(stretches(rows, size))
+    return Log(machine, path, rows, parts, few, ranges_of(spread), driven, clock, first.noise)
+
+
+def to_parquet(csv: Path, out: Path) -> None:
+    """Copy a CSV of any length to Parquet, a stretch at a time.
+
+    Args:
+        csv: with the titles of a tracker CSV (docs/files.md).
+        out: Parquet file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    package = duckdb()
+    with package.connect(config=ONE_THREAD) as connection:
+        query = f"COPY (SELECT * FROM read_csv(?)) TO ? (FORMAT parquet, ROW_GROUP_SIZE {GROUP})"
+        try:
+            connection.execute(query, [str(csv), str(out)])
+        except package.Error as error:
+            raise InputError(f"cannot be read as a table: {str(error).splitlines()[0]}", where=str(csv)) from None
+
+
+def read_part(log: Log, part: Part) -> Problem:
+    """A part and the rows beside it, not entered yet.
+
+    Args:
+        log: the log.
+        part: its rows.
+
+    Returns:
+        The rows as a problem; `enter_part` cuts off those beside.
+    """
+    low, high = max(part[0] - BESIDE, 0), min(part[1] + BESIDE, log.rows)
+    table, whole = _read(log.file, f"LIMIT {high - low} OFFSET {low}", log.rows), log.whole
+    view = build_view(log.machine, in_base(table, whole.stated_in))
+    still = torch.zeros_like(view.velocity)
+    time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
+    view = replace(
+        view, varies=whole.view.varies, time=time, velocity=view.velocity if log.driven else still,
+        number=torch.arange(low, high, dtype=torch.float64),
+    )  # fmt: skip
+    frame, observed = np.zeros(table.rows, dtype=int), np.isfinite(table.measured).all(axis=1)
+    measured = into_base(table.measured, frame, whole.rotation, whole.shift)
+    return replace(
+        whole, table=table, view=view, measured=measured, used=observed & (table.role != "base"), frame=frame,
+        mount=np.full(table.rows, -1), noise=log.noise,
+    )  # fmt: skip
+
+
+def enter_part(problem: Problem, part: Part, state: State | None) -> Problem:
+    """The rows of a part alone, entered as the part before left them.
+
+    Args:
+        problem: of `read_part`.
+        part: its rows.
+        state: of the part before; None for the first.
+
+    Returns:
+        The part.
+    """
+    number = problem.view.number
+    assert number is not None
+    if state is not None:
+        problem = replace(problem, view=_go_on(problem.view, state))
+    low = int(number[0])
+    return take_entered(problem, [(part[0] - low, part[1] - low)], [state.entry if state else None])
+
+
+def hand_on(problem: Problem, part: Part, state: State | None) -> State:
+    """What a part hands on to the next: cheap, and the only thing that is done one part after the other."""
+    view = enter_part(problem, part, state).view
+    return State(leave(view, 0), view.direction[-1])
+
+
+def _go_on(view: View, state: State) -> View:
+    """Joints that have stood since before the first row go on in the direction of their last move."""
+    moved = (view.q.diff(dim=0, prepend=view.q[:1]).abs() > STANDSTILL) | ((view.q - view.turning).abs() > STANDSTILL)
+    stood = moved.cumsum(dim=0) == 0
+    return replace(view, direction=torch.where(stood, state.direction, view.direction))
+
+
+def _require_one_run(problem: Problem, path: Path) -> None:
+    base, mounts, runs = problem.base is not None, problem.mounts > 0, len(problem.table.run_label) > 1
+    what = "base reflectors" if base else "an arm's own mount" if mounts else "several runs" if runs else ""
+    if what:
+        fix = "read it whole (ptt fit), or cut it into one log for each run"
+        raise InputError(f"has {what}, which is not fitted part by part", where=str(path), fix=fix)
+
+
+def _rows_of(path: Path) -> int:
+    return int(_ask(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
+
+
+def _read(path: Path, which: str, total: int) -> Table:
+    columns = plain_columns(_ask(path, f"SELECT * FROM {SOURCE} {which}"))
+    number = columns.pop("file_row_number")
+    if missing := [name for name in ("x_meas", "y_meas", "z_meas") if name not in columns]:
+        raise InputError(f"no column {missing[0]}", where=str(path), fix="see docs/files.md for the titles")
+    columns.pop("run_sha256", None), columns.pop("machine", None)
+    return columns_to_table({"line": number + 2, **columns}, path.name, "")
+
+
+SOURCE = "read_parquet(?, file_row_number = true)"
+
+
+def _ask(path: Path, query: str, values: Sequence[object] = ()) -> dict[str, np.ndarray]:
+    package = duckdb()
+    with package.connect(config=ONE_THREAD) as connection:
+        try:
+            return dict(connection.execute(query, [str(path), *values]).fetchnumpy())
+        except package.Error as error:
+            fix = "see docs/files.md; a CSV is copied to Parquet by `ptt fleet fit`"
+            raise InputError(f"cannot be read: {str(error).splitlines()[0]}", where=str(path), fix=fix) from None

@@ -1,0 +1,146 @@
+"""What the parts of a log say at a point: sums that are mapped over the parts, here or on workers, and added in a tree.
+
+Nothing that grows with the log is held at once by anybody: a worker has one part; the process that asks has how each
+part is entered, and which of its rows are gross errors.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial, reduce
+from typing import Any
+
+import numpy as np
+
+from ptt.fitting.layout import Layout
+from ptt.fitting.long import add_totals
+from ptt.fitting.outliers import limit_of
+from ptt.fitting.whitened import Total, build_system
+from ptt.fleet.log import Log, Part, State, enter_part, hand_on, read_part
+from ptt.run.noise import Noise
+
+EDGES = np.linspace(np.log(1e-9), np.log(1e12), 5000)  # of squared distances: a quantile to one in a hundred
+POSES = 4096  # drawers that poses are sorted into: readings of one pose always fall into the same
+PLACE = 0.01  # mm: targets that differ by less are one pose
+MOST = 0.02  # share of a part's rows that may be gross errors; a share beyond is the machine or the model
+
+Tell = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one part, or several together, say at a point.
+
+    Attributes:
+        total: normal equations of the rows that count.
+        far: (5000,) how many rows lie how far off, by `EDGES`.
+        poses: (POSES, 4) summed residual of the rows in each drawer in units of noise, and their squares.
+        square: (3,) mm^2 summed over the rows that count.
+        rows: that count.
+        gross: first row of a part -> its rows that lie far, (m,) and their squared distances.
+    """
+
+    total: Total
+    far: np.ndarray
+    poses: np.ndarray
+    square: np.ndarray
+    rows: int
+    gross: Mapping[int, tuple[np.ndarray, np.ndarray]]
+
+
+class Passes:
+    """Passes over a log: in this process, or by the workers of a dask cluster."""
+
+    def __init__(self, log: Log, client: Any = None, tell: Tell | None = None) -> None:
+        self.log, self.client, self.count = log, client, 0
+        self._tell = tell or (lambda what, done, of: None)
+        self.states = self._states()
+
+    def _states(self) -> list[Any]:
+        """How each part is entered: read all at once, handed on one after the other."""
+        states: list[Any] = [None]
+        for number, part in enumerate(self.log.parts[:-1]):
+            self._tell("how its parts are entered", number, len(self.log.parts))
+            if self.client is None:
+                states.append(hand_on(read_part(self.log, part), part, states[-1]))
+            else:
+                there = self.client.submit(read_part, self.log, part, pure=False)
+                states.append(self.client.submit(hand_on, there, part, states[-1], pure=False))
+        return states if self.client is None else [None, *self.client.gather(states[1:])]
+
+    def __call__(self, layout: Layout, noise: Noise, unknowns: np.ndarray, out: Mapping[int, np.ndarray]) -> Share:
+        """All parts at one point, the rows that are given left out."""
+        self.count += 1
+        each = [(part, state, out.get(part[0])) for part, state in zip(self.log.parts, self.states, strict=True)]
+        work = partial(share_of, self.log, layout, noise.whitener, unknowns)
+        if self.client is None:
+            return reduce(add_shares, (self._counted(number, work(*own)) for number, own in enumerate(each)))
+        return self._on_workers(work, each)
+
+    def _on_workers(self, work: Callable[..., Share], each: list[Any]) -> Share:
+        from distributed import as_completed
+
+        submit = self.client.submit
+        shares = [submit(work, *own, pure=False) for own in each]
+        done = as_completed(shares)
+        while len(shares) > 1:
+            pairs = [shares[place : place + 2] for place in range(0, len(shares), 2)]
+            shares = [submit(add_shares, *pair, pure=False) if len(pair) == 2 else pair[0] for pair in pairs]
+        for number, future in enumerate(done):  # a share is let go as soon as it is added
+            self._counted(number, future)
+            del future
+        share: Share = shares[0].result()
+        return share
+
+    def _counted(self, number: int, share: Any) -> Any:
+        self._tell(f"pass {self.count}", number + 1, len(self.log.parts))
+        return share
+
+
+def share_of(
+    log: Log, layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, part: Part, state: State | None,
+    out: np.ndarray | None,
+) -> Share:  # fmt: skip
+    """What one part says at a point.
+
+    Args:
+        log: the log.
+        layout: of the unknowns.
+        whitener: (3, 3) 1/mm.
+        unknowns: (u,) in usual sizes.
+        part: its rows.
+        state: how they are entered.
+        out: gross errors among them, (m,) int of the whole log.
+
+    Returns:
+        Its share.
+    """
+    problem = enter_part(read_part(log, part), part, state)
+    system = build_system(layout, problem, whitener, unknowns)
+    squared = np.einsum("nc,nc->n", system.residual, system.residual)
+    used = problem.used & np.isfinite(squared)
+    kept = used.copy()
+    kept[(out if out is not None else np.zeros(0, int)) - part[0]] = False
+    far, _ = np.histogram(np.log(np.maximum(squared[used], 1e-8)), EDGES)
+    left = system.residual[kept]
+    drawer = _drawers(problem.target)[kept]
+    poses = np.stack([np.bincount(drawer, column, POSES) for column in (*left.T, squared[kept])], axis=1)
+    most = np.flatnonzero(used)[np.argsort(squared[used])[::-1][: int(MOST * len(kept)) + 1]]
+    most = most[squared[most] > limit_of(1.0, log.rows)]
+    square = np.square(left @ np.linalg.inv(whitener).T).sum(axis=0)
+    gross = {part[0]: (most + part[0], squared[most])}
+    return Share(system.sums(kept), np.append(far, 0), poses, square, int(kept.sum()), gross)
+
+
+def _drawers(place: np.ndarray) -> np.ndarray:
+    """A drawer for each place, (n,): by chance, so that the sums of several poses in one are as of independent ones."""
+    whole = np.round(place / PLACE).astype(np.int64).astype(np.uint64)
+    mixed = whole @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
+    return (mixed >> np.uint64(52)).astype(int)
+
+
+def add_shares(one: Share, other: Share) -> Share:
+    """What two say together."""
+    return Share(
+        add_totals(one.total, other.total), one.far + other.far, one.poses + other.poses, one.square + other.square,
+        one.rows + other.rows, {**one.gross, **other.gross},
+    )  # fmt: skip

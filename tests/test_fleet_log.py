@@ -1,0 +1,112 @@
+"""A log that is read part by part: the same as the whole, and what the virtual machine was given comes back."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+import torch
+from test_fleet_store import MACHINE
+
+from ptt.effects.registry import library, make_effect
+from ptt.errors import InputError, ModelError
+from ptt.fitting.layout import lay_out
+from ptt.fitting.whitened import build_system
+from ptt.fleet import log as logs
+from ptt.fleet.fit_log import fit_file, fit_log
+from ptt.fleet.log import open_log
+from ptt.fleet.shares import Passes
+from ptt.machine import load_machine
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model, Term, read_model
+from ptt.rig import parse_rig, simulate, write_run
+from ptt.rig.nominal import draw_machine
+from ptt.rig.targets import make_volume
+from ptt.run.noise import Noise
+from ptt.run.problem import build_problem, into_base
+from ptt.run.table import make_table, read_table, table_to_frame
+
+THREE = 3
+
+
+def made(rows: int):
+    """A smooth way with turns, read on the move; slider 3 stands for longer than any part, and then goes on."""
+    random = np.random.default_rng(2)
+    at = np.arange(rows) / 9.0
+    way = 283.0 + 40.0 * np.stack([np.sin(at), np.cos(0.7 * at), np.sin(0.31 * at)], axis=1)
+    third, stands = way[:, 2].copy(), slice(rows // 3, 2 * rows // 3)
+    third[stands] = third[stands.start]
+    third[stands.stop :] -= third[stands.stop] - third[stands.start] + 0.5
+    way[:, 2] = third
+    place = build_mechanism(load_machine(MACHINE).machine).forward(torch.as_tensor(way)).numpy()
+    read = place + 0.02 * np.sin(at)[:, None] + 0.005 * random.normal(size=place.shape)
+    return make_table(place, way, read, time_s=np.arange(rows) * 0.1, temp_c=20.0 + at / 50.0)
+
+
+def write_log(path: Path, rows: int) -> Path:
+    """Its Parquet, written by DuckDB from the columns of a tracker CSV."""
+    frame = table_to_frame(made(rows))
+    connection = duckdb.connect()
+    connection.register("rows", frame)
+    connection.execute(f"COPY rows TO '{path}' (FORMAT parquet)")
+    return path
+
+
+def terms_of(*names: str) -> list[Term]:
+    """Effects at zero, or in the middle of what is searched."""
+    terms = []
+    for name in names:
+        effect = make_effect(library(), name)
+        own = [parameter.on("three-ptt") for parameter in effect.parameters]
+        theta = [each.usual if each.role != "linear" else 0.0 for each in own for _ in range(each.size(THREE))]
+        terms.append(Term(effect, torch.tensor(theta, dtype=torch.float64)))
+    return terms
+
+
+def test_parts_say_what_the_whole_says_also_of_memory_speed_and_a_slider_that_stands(tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "BESIDE", 40)
+    machine, path = load_machine(MACHINE), write_log(tmp_path / "log.parquet", 900)
+    log = open_log(machine, path, 130)
+    terms = terms_of("backlash", "windup", "following-error", "screw-growth", "tracker-drift")
+    layout, noise = lay_out(Model(machine), log.whole, terms), Noise(np.eye(3) * 0.005**2, "stated")
+    unknowns = np.random.default_rng(1).uniform(0.5, 1.0, len(layout.scale))
+    share = Passes(log)(layout, noise, unknowns, {})
+    problem = build_problem(machine, made(900))
+    read = into_base(problem.table.measured, problem.frame, log.whole.rotation, log.whole.shift)
+    whole = build_system(layout, replace(problem, measured=read), noise.whitener, unknowns)
+    for one, other in zip(share.total, whole.sums(problem.used), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+
+
+def test_what_the_machine_was_given_comes_back_and_rows_far_off_are_left_out(tmp_path):
+    file, truth = load_machine(MACHINE), np.array([0.04, 0.05, 0.03])
+    drawing = file.machine.model_dump(mode="json", exclude_none=True)
+    rig = replace(parse_rig({"machine": drawing, "seed": 5, "drive": {"backlash_mm": truth.tolist()}}), machine=file)
+    path, out = tmp_path / "log.csv", tmp_path / "solved.toml"
+    write_run(simulate(rig, make_volume(draw_machine(rig.spec), 600, 3)).frame, path)
+    rows = path.read_text().splitlines()
+    titles, cells = rows[0].split(","), rows[300].split(",")
+    place = titles.index("x_meas")
+    cells[place] = str(float(cells[place]) + 0.3)
+    path.write_text("\n".join([*rows[:300], ",".join(cells), *rows[301:]]) + "\n")
+    model = tmp_path / "m.toml"
+    model.write_text(MACHINE.read_text() + '\n[[effect]]\nname = "backlash"\n')
+    found = fit_file(path, model, out)
+    (term,) = read_model(load_machine(out)).terms
+    assert term.std is not None
+    pulls = (term.theta.numpy() - truth) / term.std.numpy()
+    assert np.abs(pulls).max() < 4.0 and float(term.std.max()) < 2e-3
+    assert found.gross.tolist() == [299] and found.rows == len(read_table(path).measured) - 1
+    assert load_machine(out).history[-1]["rows"] == found.rows
+
+
+def test_what_is_not_fitted_part_by_part_is_refused_with_the_way_out(tmp_path):
+    machine, path = load_machine(MACHINE), write_log(tmp_path / "log.parquet", 60)
+    with pytest.raises(ModelError, match="add it on the rows"):
+        fit_log(Model(machine) + make_effect(library(), "setup-jump"), open_log(machine, path))
+    with pytest.raises(InputError, match="cannot be read"):
+        open_log(machine, MACHINE)
+    duckdb.connect().execute(f"COPY (SELECT 1 AS a) TO '{tmp_path}/b.parquet' (FORMAT parquet)")
+    with pytest.raises(InputError, match="x_meas"):
+        open_log(machine, tmp_path / "b.parquet")
