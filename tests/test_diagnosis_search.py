@@ -1,6 +1,6 @@
 """What a search may say: the moment to the row, the fewest parts, gross errors by the bulk, names that foretell."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +12,7 @@ from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import steps
 from ptt.diagnosis.candidates import first_of
-from ptt.diagnosis.gross import stand_out
+from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import place_own_moments
 from ptt.diagnosis.search import PLAIN, plainest
@@ -137,6 +137,29 @@ def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_wel
     errors = {"": 61.0, "e": 62.0, "f": 20.0, "ef": 25.0}  # beside unknowns both may look needed
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
     assert steps._delivered(Sums({}), ["e", "f"]) == ["f"]
+
+
+def test_a_wrong_unit_of_length_in_a_trusted_frame_is_the_tracker_s():
+    """It stretches about where the tracker stands and so shifts as well; towers moved for it make a tool worse."""
+    trusted = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted"}))
+    drawn = draw_rig("none", 42, trusted, "volume", rows=80)
+    drawn = replace(drawn, rig=replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update={"scale_ppm": -70.0})))
+    problem = build_problem(trusted, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = diagnose(Model(trusted), problem)
+    assert {step[0] for step in found.suggested} == {"tracker-frame", "tracker-scale"}
+
+
+@pytest.mark.parametrize("often", [2, 5])
+def test_a_pose_that_most_visits_miss_alike_has_no_gross_errors(often):
+    """Rows 10 and 30 miss one pose alike: at all of two visits it is the pose, at two of five it is chance."""
+    random = np.random.default_rng(3)
+    left, places = random.normal(size=(60, 3)), 100.0 * random.normal(size=(60, 9))
+    left[[10, 30]] += (0.0, 25.0, 0.0)
+    left[[11, 21, 31]] += 25.0 * np.eye(3)
+    places[[10, 30, 40, 45, 50][:often]] = places[10]
+    rows = np.ones(60, dtype=bool)
+    lone = alone(stand_out(left, rows), left, rows, places)
+    assert lone[[11, 21]].all() and bool(lone[[10, 30]].all()) is (often > 2)
 
 
 def test_a_second_knock_without_a_first_is_the_first():

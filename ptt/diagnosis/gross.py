@@ -4,11 +4,13 @@ import numpy as np
 
 from ptt.fitting.outliers import linear_residual
 from ptt.run.problem import Problem
+from ptt.run.same_pose import same_places
 from ptt.run.tails import chi2_isf, chi2_median, poisson_sf
 
 CHANCE = 1e-3  # chance that a table of sound readings loses one
 TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be its own are kept
 ALIKE = 0.5  # share of a shift by which two rows of one stretch differ at most
+MOSTLY = 0.5  # share of the visits of a pose that miss it alike, from which the pose is to blame
 COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
 MOST = 0.12  # share of rows beyond which far rows are no exceptions
 CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
@@ -86,7 +88,8 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
     """Far rows that stand alone: several in a row with one shift are a knock, a slip or another reflector.
 
     Broken beams may follow each other too, but each is off by something of its own. They also come wherever the machine
-    stands and however it came: far rows that crowd in one place are that place's.
+    stands and however it came: far rows that crowd in one place, or that most visits of a pose have alike, are that
+    place's.
 
     Args:
         far: (n,) bool.
@@ -104,7 +107,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
-    lone = far & (company < COMPANY) & ~_crowded(far, used, places)
+    lone = far & (company < COMPANY) & ~_crowded(far, used, places) & ~_again(far, left, used, places)
     return lone if lone.sum() <= MOST * used.sum() else np.zeros_like(far)
 
 
@@ -112,6 +115,20 @@ def places_of(problem: Problem) -> np.ndarray:
     """Where the machine stood at each row, and how far it came: joint values, tool position, steps, (n, 2 k + 3)."""
     q, p = problem.view.q.numpy(), problem.view.p.numpy()
     return np.column_stack([q, p, np.abs(np.diff(q, axis=0, prepend=q[:1]))])
+
+
+def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Far rows that miss a pose as most other visits of it do: broken beams agree by chance, but not mostly."""
+    again, joints = np.zeros_like(far), (places.shape[1] - 3) // 2
+    pose = same_places(places[:, joints : joints + 3])
+    visits = np.bincount(pose, used)
+    for number in np.flatnonzero(np.bincount(pose, far) > 1):
+        rows = np.flatnonzero(far & (pose == number))
+        size = np.linalg.norm(left[rows], axis=1)
+        apart = np.linalg.norm(left[rows, None] - left[None, rows], axis=2)
+        alike = (apart < ALIKE * np.maximum(size[:, None], size)).sum(axis=1)  # itself included
+        again[rows] = (alike > 1) & (alike >= MOSTLY * visits[number])
+    return again
 
 
 def _crowded(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:

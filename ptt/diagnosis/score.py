@@ -18,6 +18,8 @@ RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screene
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
+# A wrong unit of length stretches about where the tracker stands; in a trusted frame the readings shift with it.
+ONE_CAUSE = ("tracker-scale", "tracker-frame")
 UNSEEN = 0.02  # variance over noise of all that is left out where memories of the noise are compared
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
@@ -144,7 +146,7 @@ class Scorer:
         total = (
             posterior.total
             - sums.log_noise
-            - sum(atom.odds for atom in atoms if atom.key not in self.given)
+            - _odds_against([atom for atom in atoms if atom.key not in self.given])
             + prior_of(memory)
         )
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
@@ -301,6 +303,12 @@ class Scorer:
 
         grid = [(i, j) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
         return max(grid, key=lambda place: likelihood(*place))
+
+
+def _odds_against(atoms: Sequence[Atom]) -> float:
+    """Nats of prior odds against some atoms together."""
+    pair = [atom.odds for atom in atoms if atom.name in ONE_CAUSE]
+    return sum(atom.odds for atom in atoms) - (min(pair) if len(pair) == len(ONE_CAUSE) else 0.0)
 
 
 def prior_of(memory: Memory) -> float:

@@ -61,7 +61,27 @@ def refilled(scorer: Scorer, best: State) -> State:
             other = improve(scorer, plain, swaps=False)
             if other.total > best.total + LEAST:
                 best = improve(scorer, other)
+    return _asked_of_tracker(scorer, best)
+
+
+def _asked_of_tracker(scorer: Scorer, best: State) -> State:
+    """Take each effect of the machine out in turn for all that the tracker may have done instead.
+
+    A machine that is corrected for what the tracker did is worse off than before, and it may have done two things at
+    once, which no swap one for one finds.
+    """
+    for key in loose(scorer, best):
+        effect = scorer.system.atoms[key].effect
+        if key in best.keys and effect is not None and effect.stage != "metrology":
+            fewer = scorer.score(without(best, key), best.memory, best.scales)
+            other = improve(scorer, fewer, _is_tracker, swaps=False)
+            if other.total > best.total + LEAST:
+                best = improve(scorer, other)
     return best
+
+
+def _is_tracker(atom: Atom) -> bool:
+    return atom.effect is not None and atom.effect.stage == "metrology"
 
 
 def _is_plain(atom: Atom) -> bool:
