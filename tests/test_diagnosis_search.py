@@ -111,7 +111,7 @@ class Sums:
         atoms = {key: SimpleNamespace(block="b" if key in "uv" else None, effect=None) for key in "uvef"}
         for key in "ef":
             atoms[key].effect = SimpleNamespace(parameters=(), name=key)
-        self.system = SimpleNamespace(atoms=atoms)
+        self.system = SimpleNamespace(atoms=atoms, rows=range(50))
 
     def score(self, keys, memory, scales=None):
         named = tuple(sorted(keys))
@@ -122,10 +122,14 @@ class Sums:
         return [gain] if allowed(self.system.atoms["v"]) and "v" not in state.keys else []
 
 
-@pytest.mark.parametrize(("instead", "sure"), [(97.0, None), (80.0, 0.853), (40.0, 0.995)])
-def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(monkeypatch, instead, sure):
+@pytest.mark.parametrize(
+    ("instead", "scatter", "sure"), [(97.0, 1.0, None), (80.0, 1.0, 0.853), (40.0, 1.0, 0.995), (40.0, 30.0, None)]
+)
+def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(monkeypatch, instead, scatter, sure):
+    """And it foretells hidden readings by more than chance lets it do."""
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
+    monkeypatch.setattr(steps, "noise_left", lambda *_: SimpleNamespace(total=scatter))
     for name, answer in (("share_of", 0.5), ("_ties", ()), ("_in_order", ["e"] if sure else [])):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     named, unproven = steps.name_steps(scorer, scorer.score("eu", WHITE))

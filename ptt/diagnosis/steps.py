@@ -8,8 +8,9 @@ from scipy import linalg
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.noise import noise_left
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import added, loose, without
+from ptt.diagnosis.search import PLAIN, added, loose, without
 from ptt.diagnosis.system import System
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
@@ -60,7 +61,8 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
     likely = [key for key in clear if not odd or ahead[key] > TIE]
-    named = _delivered(scorer, [key for key in likely if _foretells(scorer, loose(scorer, state), key)])
+    chance = 2.0 * PLAIN * (noise_left(scorer.system, state).total ** 2 / 3.0) / max(len(scorer.system.rows), 1)
+    named = _delivered(scorer, [key for key in likely if _foretells(scorer, loose(scorer, state), key, chance)])
     order = _in_order(scorer, named)
     steps, before = [], held_out(scorer, ())
     for index, key in enumerate(order):
@@ -85,13 +87,15 @@ def _is_block(atom: Atom) -> bool:
     return atom.block is not None
 
 
-def _foretells(scorer: Scorer, keys: Sequence[str], key: str) -> bool:
-    """Whether atoms do better on hidden blocks of travel with one of them than without it.
+def _foretells(scorer: Scorer, keys: Sequence[str], key: str, chance: float = 0.0) -> bool:
+    """Whether atoms do better on hidden blocks of travel with one of them than without it, by more than chance, mm^2.
 
     A curve whose straight part is the effect does its work as well, so it stands aside.
     """
     whole = tuple(other for other in keys if key == other or not _lends(scorer, other, key))
-    return held_out(scorer, whole) < held_out(scorer, tuple(other for other in whole if other != key))
+    return (
+        held_out(scorer, whole) ** 2 + chance < held_out(scorer, tuple(other for other in whole if other != key)) ** 2
+    )
 
 
 def _delivered(scorer: Scorer, named: list[str]) -> list[str]:
