@@ -32,7 +32,7 @@ def main() -> None:
     reader.add_argument("--out", type=Path)
     given = reader.parse_args()
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as tools:
-        process, place = _server(Path(folder))
+        process, place = start(Path(folder))
         try:
             chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
             browser = tools.chromium.launch(executable_path=chromium, args=list(FLAGS))
@@ -49,9 +49,20 @@ def main() -> None:
         given.out.write_text(f"{text}\n", encoding="utf-8")
 
 
-def _server(folder: Path) -> tuple[subprocess.Popen, str]:
+def start(folder: Path, port: int = 0) -> tuple[subprocess.Popen, str]:
+    """A studio of its own on a free port, its sessions in a folder: the process, and where it is."""
     log = folder / "log.txt"
-    command = [sys.executable, "-c", START, "studio", "--port", "0", "--no-show", "--store", str(folder / "store")]
+    command = [
+        sys.executable,
+        "-c",
+        START,
+        "studio",
+        "--port",
+        str(port),
+        "--no-show",
+        "--store",
+        str(folder / "store"),
+    ]
     process = subprocess.Popen(
         command, stdout=log.open("w"), stderr=subprocess.STDOUT, env=os.environ | {"PYTHONUNBUFFERED": "1"}
     )

@@ -349,7 +349,9 @@ def test_every_table_has_heads_and_scrolls_by_itself(told: tuple[dict, str]) -> 
 
 def test_words_in_chinese_come_from_one_file(minimal: Contents) -> None:
     say = words_of("zh")
-    page = Page(render(minimal, language="zh", say=say))
+    html = render(minimal, language="zh", say=say)
+    page = Page(html)
+    assert re.search(r"<td[^>]*>x_meas</td>\s*<td[^>]*>读数 x</td>", html)  # a title stays as the file has it
     assert (
         page.faults == []
         and "误差报告" in page.text
@@ -360,6 +362,10 @@ def test_words_in_chinese_come_from_one_file(minimal: Contents) -> None:
         say("Slider 2 loses 38 \N{MICRO SIGN}m on reversal: backlash.")
         == "滑块 2 反向时丢失 38 \N{MICRO SIGN}m：反向间隙。"
     )
+    cures = [f"raise the reversal compensation of slider {slider} by {um} um" for slider, um in ((1, 55), (3, 43))]
+    assert say(" and ".join(cures)) == "将滑块 1 的反向补偿增加 55 um；滑块 3 的反向补偿增加 43 um"
+    lost = say("Sliders 1, 2 and 3 lose 55, 16 and 43 um on reversal: backlash.")
+    assert lost == "滑块 1、2、3 反向时丢失 55、16、43 um：反向间隙。"
     assert say("a phrase that nobody translated") == "a phrase that nobody translated"
     assert words_of("en")("In short") == "In short"
     with pytest.raises(InputError, match="take one of en, zh"):

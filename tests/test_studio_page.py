@@ -11,6 +11,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,9 @@ FLAGS = (
 )  # fmt: skip
 START = "import sys; from ptt.commands.main import main; sys.argv = ['ptt', *sys.argv[1:]]; main()"
 WAIT = 150_000  # ms: a busy machine may be slow, nothing here measures it
+AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+RULES = """async () => (await axe.run({exclude: ['.q-loading-bar']}, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa', 'best-practice']}))
+  .violations.flatMap(found => found.nodes.map(node => `${found.id}: ${node.html.slice(0, 160)}`))"""
 VIEWS = ("Load", "Result", "Look", "Model", "Finish", "Again")
 SIZES = ((1440, 900), (1024, 768), (390, 844))
 OVERLAPS = """() => {
@@ -163,13 +167,24 @@ def verb(*words: object) -> dict:
     return json.loads(outcome.stdout)
 
 
+def settled(page: Page, script: str) -> list[str]:
+    """What a script objects to once pictures have taken up a new size and colours have faded over."""
+    for _ in range(20):
+        if not (found := page.evaluate(script)):
+            break
+        page.wait_for_timeout(250)
+    return found
+
+
 def check_layout(page: Page, view: str) -> None:
-    """Nothing overlaps and everything has a name, at both sizes."""
+    """Nothing overlaps and everything has a name, at all sizes; axe finds nothing at the smallest."""
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(350)
-        assert page.evaluate(OVERLAPS) == [], (view, width)
+        assert settled(page, OVERLAPS) == [], (view, width)
         assert page.evaluate(NAMELESS) == [], (view, width)
+    page.evaluate(AXE)
+    assert settled(page, RULES) == [], view
     page.set_viewport_size({"width": 1440, "height": 900})
 
 
@@ -214,6 +229,12 @@ def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_pa
 
     show(page, "Finish")
     check_layout(page, "Finish")
+    show(page, "Again")
+    check_layout(page, "Again")
+    page.get_by_role("button", name="light or dark").click()
+    for view in ("Result", "Model", "Finish"):
+        show(page, view)
+        assert settled(page, RULES) == [], f"{view}, dark"
     model = saved(page, "Model (machine.toml)", tmp_path / "mine.toml")
     again = verb("diagnose", DATA / "run.csv", "--model", model)
     assert again["verdict"] == "nothing-missing"

@@ -48,7 +48,7 @@ def words_of(language: str) -> Say:
         if text in whole:
             return str(whole[text])
         if NUMBERS.fullmatch(text):
-            return text.replace(" and ", whole.get(" and ", " and "))
+            return text.replace(", ", whole.get(", ", ", ")).replace(" and ", whole.get(" and ", " and "))
         for pattern, value in gaps:
             if found := pattern.fullmatch(text):
                 return str(value).format(*map(say, found.groups()))

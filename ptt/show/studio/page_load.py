@@ -50,16 +50,16 @@ def _build_hero(studio: Studio, go: Go) -> None:
         ui.html(PURPOSE, sanitize=False, tag="h2").classes("st-hero")
         ui.html(LOOP, sanitize=False).classes("w-full").style("margin: 8px 0")
         with ui.element("div").classes("st-tools"):
-            for name, words, look in ((FIRST, "Try a sample", "unelevated"), (ARM, "A sample of an arm", "outline")):
+            for name, words, look in ((FIRST, "Try a sample", "unelevated"), (ARM, "Try an arm", "outline")):
                 if name in _samples():
                     sample = ui.button(words, icon="play_arrow", on_click=partial(_take_sample, studio, go, name))
-                    sample.props(f"no-caps size=lg {look}")
+                    sample.props(f"no-caps size=16px {look}")
             if not _samples():  # installed without its sources: one is drawn
                 drawn = ui.button(
                     "Try a sample", icon="play_arrow", on_click=partial(_take_challenge, studio, go, "single")
                 )
-                drawn.props("no-caps size=lg unelevated")
-            own = ui.button("Open your own files", icon="folder_open").props("no-caps size=lg outline")
+                drawn.props("no-caps size=16px unelevated")
+            own = ui.button("Open your own files", icon="folder_open").props("no-caps size=16px outline")
             own.on(
                 "click",
                 js_handler="() => document.querySelector('.st-drop-run')?.closest('.st-box').scrollIntoView()",

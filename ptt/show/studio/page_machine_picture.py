@@ -116,7 +116,13 @@ class MachinePicture:
             ghost = {"shift": shift, "at": min(at, len(shift["platform"]) - 1), "times": times, "values": values}
         shown = scale if self.arrows.value else 0.0
         told = [f"errors {scale:,.0f} times enlarged: 10 mm of arrow is {length(1e4 / scale)}"] if shown else []
-        told += [f"{self.key} drawn {times:,.0f} times as large, in orange"] if ghost else []
+        if ghost:
+            moves = any(np.any(shift[part]) for part in ("rails", "sliders", "platform", "chain") if part in shift)
+            told.append(
+                f"{self.key} drawn {times:,.0f} times as large, in orange"
+                if moves
+                else f"{self.key} moves no part of the machine"
+            )
         self.note.set_text("; ".join(told) or "as drawn, nothing enlarged")
         self.plot.update_figure(
             machine_figure(

@@ -48,10 +48,7 @@ class ResultView:
         with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
             self.icon = ui.icon("troubleshoot", size="30px", color="primary").props('aria-hidden="true"')
             self.title = (
-                ui.html("", sanitize=False, tag="h2")
-                .classes("st-title")
-                .mark("verdict")
-                .props("role=status aria-live=polite")
+                ui.html("", sanitize=False, tag="h2").classes("st-title").mark("verdict").props("aria-live=polite")
             )
             self.title.style("flex: 1 1 0; min-width: 0")
             self.sure = ui.label().classes("st-chip").mark("sure")
