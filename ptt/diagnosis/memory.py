@@ -1,6 +1,6 @@
 """Memory of the noise: what makes readings alike beside the model, and normal sums under it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ class Memory:
 
 
 WHITE = Memory()
+PLENTY = 4  # rows for each column from which the sums of all columns are worked out at once
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,60 @@ class Sums:
     side: np.ndarray
     square: float
     log_noise: float
+    _own: dict[bytes, np.ndarray] = field(default_factory=dict, repr=False)
+
+    def across(self, chosen: np.ndarray) -> np.ndarray:
+        """Chosen rows of the gram, (p, P)."""
+        return np.asarray(self.gram[chosen])
+
+    def of(self, chosen: np.ndarray) -> "Sums":
+        """Normal sums of chosen columns."""
+        return Sums(self.across(chosen)[:, chosen], self.side[chosen], self.square, self.log_noise)
+
+    def own(self, columns: np.ndarray) -> np.ndarray:
+        """Each atom's own gram, (a, w, w), of the columns of atoms (a, w); they are kept."""
+        key = columns.tobytes()
+        if key not in self._own:
+            self._own[key] = self._blocks(columns)
+        return self._own[key]
+
+    def _blocks(self, columns: np.ndarray) -> np.ndarray:
+        return np.asarray(self.gram[columns[:, :, None], columns[:, None, :]])
+
+
+@dataclass(frozen=True)
+class SumsOfRows(Sums):
+    """The same worked out from the rows as it is asked for.
+
+    Most columns never meet: a screen sets each atom against itself and against the few of an explanation.
+
+    Attributes:
+        white: (r, P) rows, white under the memory.
+        there: which rows of the gram are worked out, (P,) bool.
+    """
+
+    white: np.ndarray = field(kw_only=True)
+    there: np.ndarray = field(kw_only=True)
+
+    def across(self, chosen: np.ndarray) -> np.ndarray:
+        """Chosen rows of the gram, (p, P)."""
+        lack = chosen[~self.there[chosen]]
+        if len(lack):
+            self.gram[lack], self.there[lack] = self.white[:, lack].T @ self.white, True
+        return super().across(chosen)
+
+    def _blocks(self, columns: np.ndarray) -> np.ndarray:
+        flat = self.white[:, columns.ravel()].reshape(-1, *columns.shape)
+        return np.asarray(flat.transpose(1, 2, 0) @ flat.transpose(1, 0, 2))
+
+
+def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float) -> Sums:
+    """Normal sums of white rows (r, P) and readings (r,); where these are many, sums of all take less room."""
+    side, square, width = white.T @ values, float(values @ values), white.shape[1]
+    if len(white) > PLENTY * width:
+        return Sums(white.T @ white, side, square, log_noise)
+    room, there = np.empty((width, width)), np.zeros(width, dtype=bool)
+    return SumsOfRows(room, side, square, log_noise, white=white, there=there)
 
 
 @dataclass(frozen=True)
@@ -83,6 +138,30 @@ def sum_rows(joined: np.ndarray, memory: Memory, clock: Clock, pose: np.ndarray)
         return gram, log_noise
     taken, more = of_poses(pose_parts(flat, pose), memory)
     return gram - taken, log_noise + more
+
+
+def whiten_rows(values: np.ndarray, memory: Memory, clock: Clock, pose: np.ndarray) -> tuple[np.ndarray, float]:
+    """Rows as they are white under a memory of the noise.
+
+    The covariance I + v 1 1^T of k visits of a pose has the inverse root I - c 1 1^T with c = (1 - 1/sqrt(1 + k v))/k.
+
+    Args:
+        values: (m, 3, ...) in noise units.
+        memory: of the noise.
+        clock: of the rows.
+        pose: (m,) int, equal for visits of one pose.
+
+    Returns:
+        The same shape, and half the log-determinant of the noise's covariance.
+    """
+    white, log_noise = innovations(values, memory.wander, clock)
+    if not memory.pose:
+        return white, log_noise
+    place, visits = np.unique(pose, return_inverse=True, return_counts=True)[1:]
+    order = np.argsort(place, kind="stable")
+    total = np.add.reduceat(white[order], np.cumsum(visits) - visits, axis=0)
+    total *= ((1.0 - 1.0 / np.sqrt(1.0 + memory.pose * visits)) / visits).reshape(-1, *[1] * (values.ndim - 1))
+    return white - total[place], log_noise + 1.5 * float(np.log1p(memory.pose * visits).sum())
 
 
 def block_sums(joined: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray, int]:

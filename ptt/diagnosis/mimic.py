@@ -3,6 +3,8 @@
 Links, radius and lead together stretch a machine just as a wrong unit of the tracker would.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom
@@ -33,17 +35,18 @@ def find_sum(system: System, state: State, key: str) -> tuple[str, ...]:
     """
     rest = [state.of(other) for other in without(state, key)]
     base = state.columns[np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)]
-    sums = system.sums(WHITE)
-    projected = project(sums.gram, sums.side, sums.square, base)
-    own = system.atoms[key].columns
-    values = state.posterior.values[state.of(key)]
-    side = projected.gram[:, own] @ values
-    work = Projected(projected.gram, side, float(values @ side[own]), 0, projected.before)
-    spread = state.posterior.phi
-    if work.left < CLEAR * spread:
-        return ()
     names = {system.atoms[other].name for other in state.keys}
     parts = [atom for atom in system.atoms.values() if _is_plain(atom) and atom.name not in names]
+    own, values, spread = system.atoms[key].columns, state.posterior.values[state.of(key)], state.posterior.phi
+    # Nothing else of the system takes part: its columns are numbered anew.
+    there = np.unique(np.concatenate([base, own, *(part.columns for part in parts)]))
+    own, parts = np.searchsorted(there, own), [replace(a, columns=np.searchsorted(there, a.columns)) for a in parts]
+    sums = system.sums_of(there, WHITE)
+    projected = project(sums.gram, sums.side, sums.square, np.searchsorted(there, base))
+    side = projected.gram[:, own] @ values
+    work = Projected(projected.gram, side, float(values @ side[own]), 0, projected.before)
+    if work.left < CLEAR * spread:
+        return ()
     chosen: list[Atom] = []
     while _left(work, chosen) > UNSEEN * spread:
         if len(chosen) == MOST_PARTS or not parts:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.effects.sudden import Sudden
+from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.fitting.linear import Place, Shape
 from ptt.fitting.result import FitResult
 from ptt.model.chain import predict
@@ -38,7 +38,7 @@ def best_moment(at: Place, left: np.ndarray, used: np.ndarray, effect: Sudden) -
 
 def along(at: Place, left: np.ndarray, used: np.ndarray, effect: Sudden) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What each row of a chunk says for an effect, (m, p); of segments of rows their number and columns' gram."""
-    columns = at.columns(effect, {"after": torch.tensor([-torch.inf], dtype=torch.float64)})
+    columns = at.columns(effect, ALWAYS)
     columns = np.where(used[:, None, None], columns, 0.0)
     segments = np.array_split(columns, min(SEGMENTS, len(columns)))
     gram = np.array([np.tensordot(segment, segment, axes=((0, 1), (0, 1))) for segment in segments])

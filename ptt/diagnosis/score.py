@@ -175,8 +175,9 @@ class Scorer:
     def _screen(self, state: State) -> list[Gain]:
         system, atoms = self.system, self.system.atoms
         sums, posterior = system.sums(state.memory), state.posterior
-        half = linalg.solve_triangular(posterior.cholesky, sums.gram[state.columns], lower=True, check_finite=False)
-        side = sums.side - sums.gram[:, state.columns] @ posterior.values
+        across = sums.across(state.columns)
+        half = linalg.solve_triangular(posterior.cholesky, across, lower=True, check_finite=False)
+        side = sums.side - posterior.values @ across
         names = {atoms[key].name for key in state.keys}
         effects = [atoms[key].name for key in state.keys if atoms[key].effect]
         full = len(effects) - len(self.given) >= self.steps
@@ -187,7 +188,7 @@ class Scorer:
                 continue
             own = columns[open_]
             cross = half[:, own].transpose(1, 0, 2)  # shape: (atoms, p, width)
-            gram = sums.gram[own[:, :, None], own[:, None, :]] - cross.transpose(0, 2, 1) @ cross
+            gram = sums.own(columns)[open_] - cross.transpose(0, 2, 1) @ cross
             single = any(family[i].groups == 1 for i in open_)
             gains = self._gains(gram, side[own], posterior) if single else np.zeros((len(open_), len(RATIOS)))
             for place, i in enumerate(open_):

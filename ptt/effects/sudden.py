@@ -11,6 +11,7 @@ from ptt.run.view import View
 
 MOMENTS = 48
 AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows where there is no clock", role="given")
+ALWAYS = {"after": torch.tensor([-torch.inf], dtype=torch.float64)}  # the shape of what is there all along
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,11 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from ptt.effects import Effect
+from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.sums import Sums, accumulate
 from ptt.fitting.whitened import build_system, turned, whiten
@@ -126,8 +128,22 @@ class Place:
 
     def columns(self, effect: Effect, shape: Shape) -> np.ndarray:
         """Columns of an effect in one shape, (n, 3, p), whitened, in usual sizes."""
-        block = turned(signature(self.chain, effect, shape), self.motion, self.problem.frame)
-        return whiten([block.numpy()], self.whitener, usual_sizes(effect, self.problem))
+        return self.join([signature(self.chain, effect, shape)], usual_sizes(effect, self.problem))
+
+    def join(self, blocks: Sequence[Tensor], sizes: np.ndarray) -> np.ndarray:
+        """Shifts of readings (n, 3, p) each, as the frames show them, side by side and whitened, in usual sizes."""
+        block = blocks[0] if len(blocks) == 1 else torch.cat(list(blocks), dim=-1)
+        return whiten([turned(block, self.motion, self.problem.frame).numpy()], self.whitener, sizes)
+
+    def shifts(self, effect: Effect, shapes: Sequence[Shape]) -> list[Tensor]:
+        """What an effect adds to the readings in each shape, (n, 3, p) mm per unit.
+
+        What is sudden is nothing up to a moment and from then on as it is all along.
+        """
+        if not isinstance(effect, Sudden) or len(shapes) < 2:
+            return [signature(self.chain, effect, shape) for shape in shapes]
+        whole, clock = signature(self.chain, effect, ALWAYS), effect.clock(self.problem.view)
+        return [whole * (clock > shape["after"]).to(whole.dtype)[:, None, None] for shape in shapes]
 
 
 def linear_columns(
@@ -190,16 +206,17 @@ def _try(
     at: Place, candidates: Sequence[Effect], shapes: Shapes | None, start: int
 ) -> tuple[list[Trial], list[np.ndarray]]:
     """Every candidate in all its shapes: what it is, and its columns."""
-    trials, blocks = [], []
+    trials, blocks, sizes = [], list[Tensor](), list[np.ndarray]()
     for effect in candidates:
         own = shapes[effect.key] if isinstance(shapes, Mapping) else shapes
         tried = effect.search(at.problem.view) if own is None else own
-        for shape in tried:
-            block = at.columns(effect, shape)
-            trials.append(Trial(effect, dict(shape), np.arange(start, start + block.shape[-1]), len(tried)))
+        usual = usual_sizes(effect, at.problem)
+        for shape, block in zip(tried, at.shifts(effect, tried), strict=True):
+            trials.append(Trial(effect, dict(shape), np.arange(start, start + len(usual)), len(tried)))
             blocks.append(block)
-            start += block.shape[-1]
-    return trials, blocks
+            sizes.append(usual)
+            start += len(usual)
+    return trials, [at.join(blocks, np.concatenate(sizes))] if blocks else []
 
 
 def with_base(sums: Sums, linear: Linear) -> Sums:
