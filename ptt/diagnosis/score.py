@@ -9,12 +9,12 @@ from scipy import linalg
 
 from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
 from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import SHARES, Wander, innovations
 from ptt.fitting.evidence import WIDTH, Posterior, learn
 from ptt.model.model import rival
 
-RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screened
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
@@ -87,21 +87,6 @@ class State:
         return np.sqrt(after) * size, np.sqrt(before) * size
 
 
-@dataclass(frozen=True)
-class Gain:
-    """What an atom would add to the total beside a state, its own variances optimised alone.
-
-    Attributes:
-        nats: added to the total.
-        key: of the atom.
-        scales: its variances, (g,).
-    """
-
-    nats: float
-    key: str
-    scales: np.ndarray
-
-
 class Scorer:
     """Scores sets of atoms of one system and remembers them."""
 
@@ -118,7 +103,8 @@ class Scorer:
         """
         self.system, self.given = system, tuple(key for key in given if key in system.atoms)
         self.steps, self.barred = steps, barred
-        self.screened: dict[tuple[tuple[str, ...], Memory], list[Gain]] = {}
+        self.screened: dict[tuple[tuple[str, ...], Memory], Screen] = {}
+        self.begun: dict[str, np.ndarray] = {}
         self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
 
     def score(self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None) -> State:
@@ -169,78 +155,16 @@ class Scorer:
         """What every atom would add to a state, the best shape of each name; best first."""
         where = state.keys, state.memory
         if where not in self.screened:
-            self.screened[where] = self._screen(state)
-        return [gain for gain in self.screened[where] if allowed(self.system.atoms[gain.key])]
+            basis = Basis(state.columns, state.posterior, self.system.sums(state.memory))
+            self.screened[where] = Screen(self.system, basis, self._open(state), self.begun)
+        return self.screened[where].best(allowed)
 
-    def _screen(self, state: State) -> list[Gain]:
-        system, atoms = self.system, self.system.atoms
-        sums, posterior = system.sums(state.memory), state.posterior
-        across = sums.across(state.columns)
-        half = linalg.solve_triangular(posterior.cholesky, across, lower=True, check_finite=False)
-        side = sums.side - posterior.values @ across
-        names = {atoms[key].name for key in state.keys}
-        effects = [atoms[key].name for key in state.keys if atoms[key].effect]
+    def _open(self, state: State) -> Callable[[Atom], bool]:
+        """Whether an atom may be added to a state."""
+        atoms = [self.system.atoms[key] for key in state.keys]
+        names, effects = {atom.name for atom in atoms} | self.barred, [atom.name for atom in atoms if atom.effect]
         full = len(effects) - len(self.given) >= self.steps
-        best: dict[str, Gain] = {}
-        for family, columns in system.families:
-            open_ = [i for i, a in enumerate(family) if self._is_open(a, names, full) and not _excluded(a, effects)]
-            if not open_:
-                continue
-            own = columns[open_]
-            cross = half[:, own].transpose(1, 0, 2)  # shape: (atoms, p, width)
-            gram = sums.own(columns)[open_] - cross.transpose(0, 2, 1) @ cross
-            single = any(family[i].groups == 1 for i in open_)
-            gains = self._gains(gram, side[own], posterior) if single else np.zeros((len(open_), len(RATIOS)))
-            for place, i in enumerate(open_):
-                atom = family[i]
-                if atom.groups > 1:
-                    gain = self._learned(atom, gram[place], side[own[place]], posterior)
-                else:
-                    gain = self._best_scale(atom, gains[place])
-                if atom.name not in best or gain.nats > best[atom.name].nats:
-                    best[atom.name] = gain
-        return sorted(best.values(), key=lambda gain: -gain.nats)
-
-    def _is_open(self, atom: Atom, names: set[str], full: bool) -> bool:
-        return atom.name not in names and atom.name not in self.barred and not (atom.effect and full)
-
-    def _gains(self, gram: np.ndarray, side: np.ndarray, posterior: Posterior) -> np.ndarray:
-        """Log evidence that atoms of one width add at each ratio, (atoms, ratios)."""
-        strength, ways = np.linalg.eigh(gram)
-        strength, along = np.maximum(strength, 0.0), np.einsum("aij,ai->aj", ways, side) ** 2
-        spread = 1.0 + RATIOS[:, None] * strength[:, None, :]  # shape: (atoms, ratios, width)
-        taken = (along[:, None, :] * RATIOS[:, None] / spread).sum(axis=2)
-        return -0.5 * np.log(spread).sum(axis=2) + self._noise_gain(taken, posterior)
-
-    def _best_scale(self, atom: Atom, gains: np.ndarray) -> Gain:
-        """The best ratio of one atom, and what it gains there beyond its odds."""
-        nats = gains - 0.5 * (0.5 * np.log(RATIOS) / WIDTH) ** 2 if atom.effect else gains
-        index = int(np.argmax(nats))
-        return Gain(float(nats[index]) - atom.odds, atom.key, RATIOS[index : index + 1])
-
-    def _learned(self, atom: Atom, gram: np.ndarray, side: np.ndarray, posterior: Posterior) -> Gain:
-        """The same where an atom has several variances; what the state decides is taken off its columns."""
-        width = WIDTH if atom.effect else np.inf
-        own = learn(
-            gram,
-            side,
-            posterior.left,
-            self.system.count,
-            atom.group,
-            freedom=self.system.freedom,
-            width=width,
-            done=0.3,
-            ceiling=atom.most,
-        )
-        known = self.system.freedom + self.system.count
-        before = -0.5 * known * float(np.log((self.system.freedom + posterior.left) / known))
-        return Gain(own.total - before - atom.odds, atom.key, own.scales)
-
-    def _noise_gain(self, taken: np.ndarray, posterior: Posterior) -> np.ndarray:
-        """Nats that a smaller sum of squares is worth, the white variance being learned."""
-        known = self.system.freedom + self.system.count
-        rest = np.maximum(self.system.freedom + posterior.left - taken, 1e-9)
-        return 0.5 * known * np.log1p(taken / rest)
+        return lambda atom: atom.name not in names and not (atom.effect and full) and not _excluded(atom, effects)
 
     def best_memory(self, state: State) -> tuple[Memory, float]:
         """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""

@@ -1,10 +1,11 @@
 """Search: the set of atoms with the highest score, by adding, dropping and swapping, from three starts."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.score import Gain, Scorer, State
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.screen import Allowed, Gain
 
 ROUNDS = 16
 LEAST = 0.3  # nats that a move has to gain
@@ -15,9 +16,6 @@ SWAPS = 3
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
-
-Allowed = Callable[[Atom], bool]
-
 
 def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
     """Find the best set of atoms.

@@ -176,7 +176,7 @@ def _ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
 
     # The screen holds the others' variances, so what it says of the effect itself is what to compare with. What the
     # data cannot tell apart is a tie whatever was likelier before them, so the odds are left aside.
-    usual = max(gain.nats + atoms[gain.key].odds for gain in scorer.screen(less) if atoms[gain.key].name == own)
+    usual = max(gain.nats + atoms[gain.key].odds for gain in scorer.screen(less, lambda atom: atom.name == own))
     here = state.total + atoms[key].odds
     found: dict[str, float] = {}
     for gain in sorted(scorer.screen(less, other), key=lambda gain: -gain.nats - atoms[gain.key].odds)[:MOST_LOOKED_AT]:

@@ -10,7 +10,16 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block, straight_sizes
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
 from ptt.diagnosis.memory import (
-    WHITE, Hidden, Memory, RowSums, Sums, base_sums, block_sums, hide, sums_of_rows, whiten_rows,
+    WHITE,
+    Hidden,
+    Memory,
+    RowSums,
+    Sums,
+    base_sums,
+    block_sums,
+    hide,
+    sums_of_rows,
+    whiten_rows,
 )  # fmt: skip
 from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.span import Span

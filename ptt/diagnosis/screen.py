@@ -1,0 +1,139 @@
+"""Screen: what every atom would add to a set of atoms, its own variances optimised alone.
+
+With the columns X of a set, L L^T = X^T X + D^-1 for its prior variances D, and its solution b, the evidence of X and
+an atom's columns Z together is that of X plus that of Z alone with
+
+    Z^T Z - C^T C,  C = L^-1 X^T Z,   in the place of Z^T Z,   and   Z^T (y - X b)   in the place of Z^T y,
+
+for a determinant of blocks is |A| |S|, S the Schur complement of A, and the quadratic form parts in the same way.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.memory import Sums
+from ptt.diagnosis.system import System
+from ptt.fitting.evidence import WIDTH, Posterior, learn
+
+RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screened
+USUAL = 0.5 * (0.5 * np.log(RATIOS) / WIDTH) ** 2  # nats against an effect of that size
+ROUGH = 0.3  # nats at which learning several variances of one atom may end
+
+Allowed = Callable[[Atom], bool]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What an atom would add to the total beside a state, its own variances optimised alone.
+
+    Attributes:
+        nats: added to the total.
+        key: of the atom.
+        scales: its variances, (g,).
+    """
+
+    nats: float
+    key: str
+    scales: np.ndarray
+
+
+@dataclass(frozen=True)
+class Basis:
+    """The set that atoms are set beside.
+
+    Attributes:
+        columns: indices in the system, (p,).
+        posterior: of these.
+        sums: of all columns under the set's memory of the noise.
+    """
+
+    columns: np.ndarray
+    posterior: Posterior
+    sums: Sums
+
+
+class Screen:
+    """All atoms that are open to one set; each is looked at once, and only if somebody asks for it."""
+
+    def __init__(self, system: System, basis: Basis, is_open: Allowed, begun: dict[str, np.ndarray]) -> None:
+        """Look at nothing yet.
+
+        Args:
+            system: the linearised problem.
+            basis: the set.
+            is_open: whether an atom may be added to it.
+            begun: variances that were last learned for atoms of several, by their name; kept up to date.
+        """
+        self.system, self.basis, self.begun = system, basis, begun
+        self.gains: dict[str, Gain] = {}
+        self.open = [
+            (family, columns, [place for place, atom in enumerate(family) if is_open(atom)])
+            for family, columns in system.families
+        ]
+        across = basis.sums.across(basis.columns)
+        self.side = basis.sums.side - basis.posterior.values @ across
+        self.across = across
+        self.known = system.freedom + system.count
+
+    def best(self, allowed: Allowed) -> list[Gain]:
+        """What each allowed atom would add, the best shape of each name; best first."""
+        best: dict[str, Gain] = {}
+        for family, columns, places in self.open:
+            wanted = [place for place in places if allowed(family[place])]
+            if new := [place for place in wanted if family[place].key not in self.gains]:
+                self._look([family[place] for place in new], columns, np.array(new))
+            for place in wanted:
+                gain, name = self.gains[family[place].key], family[place].name
+                if name not in best or gain.nats > best[name].nats:
+                    best[name] = gain
+        return sorted(best.values(), key=lambda gain: -gain.nats)
+
+    def _look(self, atoms: list[Atom], columns: np.ndarray, places: np.ndarray) -> None:
+        """Work out what atoms of one width add."""
+        own = columns[places]
+        half = linalg.solve_triangular(
+            self.basis.posterior.cholesky, self.across[:, own.ravel()], lower=True, check_finite=False
+        )
+        cross = half.reshape(len(half), *own.shape).transpose(1, 0, 2)  # shape: (atoms, p, width)
+        gram = self.basis.sums.own(columns)[places] - cross.transpose(0, 2, 1) @ cross
+        side = self.side[own]
+        single = np.array([atom.groups == 1 for atom in atoms])
+        for index in np.flatnonzero(~single):
+            self.gains[atoms[index].key] = self._learned(atoms[index], gram[index], side[index])
+        if single.any():
+            nats = self._at_ratios(gram[single], side[single])
+            self._keep([atom for atom in atoms if atom.groups == 1], nats)
+
+    def _keep(self, atoms: list[Atom], nats: np.ndarray) -> None:
+        """Keep the best ratio of each atom, from the evidence at each, (atoms, ratios)."""
+        nats = nats - np.outer([atom.effect is not None for atom in atoms], USUAL)
+        for atom, index, most in zip(atoms, nats.argmax(axis=1).tolist(), nats.max(axis=1).tolist(), strict=True):
+            self.gains[atom.key] = Gain(most - atom.odds, atom.key, RATIOS[index : index + 1])
+
+    def _at_ratios(self, gram: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """Log evidence that atoms of one width add at each ratio, (atoms, ratios)."""
+        strength, ways = np.linalg.eigh(gram)
+        strength, along = np.maximum(strength, 0.0), np.einsum("aij,ai->aj", ways, side) ** 2
+        spread = 1.0 + RATIOS[:, None] * strength[:, None, :]  # shape: (atoms, ratios, width)
+        taken = (along[:, None, :] * RATIOS[:, None] / spread).sum(axis=2)
+        return -0.5 * np.log(spread).sum(axis=2) + self._noise_gain(taken)
+
+    def _noise_gain(self, taken: np.ndarray) -> np.ndarray:
+        """Nats that a smaller sum of squares is worth, the white variance being learned."""
+        rest = np.maximum(self.system.freedom + self.basis.posterior.left - taken, 1e-9)
+        return 0.5 * self.known * np.log1p(taken / rest)
+
+    def _learned(self, atom: Atom, gram: np.ndarray, side: np.ndarray) -> Gain:
+        """The same where an atom has several variances."""
+        left, freedom = self.basis.posterior.left, self.system.freedom
+        own = learn(
+            gram, side, left, self.system.count, atom.group, freedom=freedom, start=self.begun.get(atom.name),
+            width=WIDTH if atom.effect else np.inf, done=ROUGH, ceiling=atom.most,
+        )  # fmt: skip
+        self.begun[atom.name] = own.scales
+        before = -0.5 * self.known * float(np.log((freedom + left) / self.known))
+        return Gain(own.total - before - atom.odds, atom.key, own.scales)
