@@ -18,7 +18,7 @@ from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, loose, plainest, refilled, search, without
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, build_system
-from ptt.diagnosis.turn import best_moments, gross_beside
+from ptt.diagnosis.turn import best_moments, gross_beside, with_moments
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.effects.sudden import Sudden
@@ -108,15 +108,13 @@ def find(
             found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
             dated = _dated(found, candidates)
             if dated:
-                shapes = {key: [*trials, *dated.get(key, ())] for key, trials in shapes.items()}
-                system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, shapes, span)
-                scorer = Scorer(system, model.keys, steps, barred)
+                scorer = with_moments(scorer, dated)
                 state = search(scorer)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at
                 state = refilled(scorer, improve(scorer, state))
-        state = plainest(scorer, state)
+        state, system = plainest(scorer, state), scorer.system
         found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
         seen = find_period(scorer, state, problem)
         if turn == TURNS - 1:

@@ -45,11 +45,16 @@ class Sums:
 
     def across(self, chosen: np.ndarray) -> np.ndarray:
         """Chosen rows of the gram, (p, P)."""
+        self._need(chosen)
         return np.asarray(self.gram[chosen])
 
     def of(self, chosen: np.ndarray) -> "Sums":
         """Normal sums of chosen columns."""
-        return Sums(self.across(chosen)[:, chosen], self.side[chosen], self.square, self.log_noise)
+        self._need(chosen)
+        return Sums(self.gram[np.ix_(chosen, chosen)], self.side[chosen], self.square, self.log_noise)
+
+    def _need(self, chosen: np.ndarray) -> None:
+        """Work out chosen rows of the gram."""
 
     def own(self, columns: np.ndarray) -> np.ndarray:
         """Each atom's own gram, (a, w, w), of the columns of atoms (a, w); they are kept."""
@@ -76,12 +81,11 @@ class SumsOfRows(Sums):
     white: np.ndarray = field(kw_only=True)
     there: np.ndarray = field(kw_only=True)
 
-    def across(self, chosen: np.ndarray) -> np.ndarray:
-        """Chosen rows of the gram, (p, P)."""
+    def _need(self, chosen: np.ndarray) -> None:
+        """Work out chosen rows of the gram."""
         lack = chosen[~self.there[chosen]]
         if len(lack):
             self.gram[lack], self.there[lack] = self.white[:, lack].T @ self.white, True
-        return super().across(chosen)
 
     def _blocks(self, columns: np.ndarray) -> np.ndarray:
         flat = self.white[:, columns.ravel()].reshape(-1, *columns.shape)

@@ -32,6 +32,8 @@ class Narrowed:
 
     def columns(self, columns: np.ndarray) -> np.ndarray:
         """Old columns (.., P) as the new ones."""
+        if not self.turned:
+            return columns
         parts = [columns[..., self.place >= 0]]
         for key in self.turned:
             turn = self.atoms[key].turn

@@ -6,6 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
 from ptt.diagnosis.memory import WHITE, Memory
@@ -54,7 +55,10 @@ class State:
         """About what an atom is worth: half of Wald's statistic of its values, nats."""
         own = self.of(key)
         values, spread = self.posterior.values[own], self.covariance[np.ix_(own, own)]
-        return 0.5 * float(values @ np.linalg.lstsq(spread, values, rcond=1e-12)[0])
+        factor, failed = lapack.dpotrf(spread, lower=1)
+        if failed:
+            return 0.5 * float(values @ np.linalg.lstsq(spread, values, rcond=1e-12)[0])
+        return 0.5 * float(values @ lapack.dpotrs(factor, values, lower=1)[0])
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -104,8 +108,16 @@ class Scorer:
         self.system, self.given = system, tuple(key for key in given if key in system.atoms)
         self.steps, self.barred = steps, barred
         self.screened: dict[tuple[tuple[str, ...], Memory], Screen] = {}
-        self.begun: dict[str, np.ndarray] = {}
         self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
+        self.begun: dict[str, np.ndarray] = {}
+        self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
+
+    def widened(self, system: System) -> "Scorer":
+        """The same for a system with atoms beside those that it has: what was scored and screened stays known."""
+        wider = Scorer(system, self.given, self.steps, self.barred)
+        wider.scored, wider.begun = self.scored, self.begun
+        wider.known = {where: screen.gains for where, screen in self.screened.items()}
+        return wider
 
     def score(self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None) -> State:
         """The joint maximum over all variances of a set of atoms."""
@@ -157,6 +169,7 @@ class Scorer:
         if where not in self.screened:
             basis = Basis(state.columns, state.posterior, self.system.sums(state.memory))
             self.screened[where] = Screen(self.system, basis, self._open(state), self.begun)
+            self.screened[where].gains |= self.known.get(where, {})
         return self.screened[where].best(allowed)
 
     def _open(self, state: State) -> Callable[[Atom], bool]:

@@ -8,11 +8,11 @@ an atom's columns Z together is that of X plus that of Z alone with
 for a determinant of blocks is |A| |S|, S the Schur complement of A, and the quadratic form parts in the same way.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg import blas
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import Sums
@@ -74,33 +74,47 @@ class Screen:
             (family, columns, [place for place, atom in enumerate(family) if is_open(atom)])
             for family, columns in system.families
         ]
-        across = basis.sums.across(basis.columns)
-        self.side = basis.sums.side - basis.posterior.values @ across
-        self.across = across
+        posterior = basis.posterior
+        self.across = basis.sums.across(basis.columns[posterior.order])
+        self.side = basis.sums.side - posterior.values[posterior.order] @ self.across
         self.known = system.freedom + system.count
 
     def best(self, allowed: Allowed) -> list[Gain]:
         """What each allowed atom would add, the best shape of each name; best first."""
         best: dict[str, Gain] = {}
-        for family, columns, places in self.open:
-            wanted = [place for place in places if allowed(family[place])]
-            if new := [place for place in wanted if family[place].key not in self.gains]:
-                self._look([family[place] for place in new], columns, np.array(new))
-            for place in wanted:
+        wanted = [(family, columns, [i for i in open_ if allowed(family[i])]) for family, columns, open_ in self.open]
+        self._work_out(wanted)
+        for family, _, places in wanted:
+            for place in places:
                 gain, name = self.gains[family[place].key], family[place].name
                 if name not in best or gain.nats > best[name].nats:
                     best[name] = gain
         return sorted(best.values(), key=lambda gain: -gain.nats)
 
-    def _look(self, atoms: list[Atom], columns: np.ndarray, places: np.ndarray) -> None:
-        """Work out what atoms of one width add."""
-        own = columns[places]
-        half = linalg.solve_triangular(
-            self.basis.posterior.cholesky, self.across[:, own.ravel()], lower=True, check_finite=False
-        )
-        cross = half.reshape(len(half), *own.shape).transpose(1, 0, 2)  # shape: (atoms, p, width)
-        gram = self.basis.sums.own(columns)[places] - cross.transpose(0, 2, 1) @ cross
-        side = self.side[own]
+    def _work_out(self, wanted: Sequence[tuple[tuple[Atom, ...], np.ndarray, list[int]]]) -> None:
+        """Work out what all those atoms add that nobody has asked for before."""
+        known = self.gains
+        new = [(family, columns, [i for i in some if family[i].key not in known]) for family, columns, some in wanted]
+        new = [item for item in new if item[2]]
+        if not new:
+            return
+        own = np.concatenate([columns[places].ravel() for _, columns, places in new])
+        # C of all of them at once, solved from the right: so it lies in memory as the products below want it.
+        root = self.basis.posterior.cholesky
+        solved = self.across[:, own]
+        if len(root):
+            solved = blas.dtrsm(1.0, root, solved.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
+        first = 0
+        for family, columns, places in new:
+            last = first + columns[places].size
+            half = solved[:, first:last].reshape(len(root), len(places), columns.shape[1]).transpose(1, 2, 0)
+            self._look([family[i] for i in places], columns, places, half)
+            first = last
+
+    def _look(self, atoms: list[Atom], columns: np.ndarray, places: list[int], half: np.ndarray) -> None:
+        """Work out what atoms of one width add; `half` is each one's C^T, (atoms, width, p)."""
+        gram = self.basis.sums.own(columns)[places] - half @ half.transpose(0, 2, 1)
+        side = self.side[columns[places]]
         single = np.array([atom.groups == 1 for atom in atoms])
         for index in np.flatnonzero(~single):
             self.gains[atoms[index].key] = self._learned(atoms[index], gram[index], side[index])

@@ -9,6 +9,7 @@ from ptt.diagnosis.screen import Allowed, Gain
 
 ROUNDS = 16
 LEAST = 0.3  # nats that a move has to gain
+SEEN = 1.0  # nats by the screen from which an atom is worth an exact score
 TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and effects beside them
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less
 NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
@@ -16,6 +17,7 @@ SWAPS = 3
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
+
 
 def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
     """Find the best set of atoms.
@@ -55,7 +57,11 @@ def refilled(scorer: Scorer, best: State) -> State:
         atom = scorer.system.atoms[key]
         if key in best.keys and len(atom.columns) > FEW:
             fewer = scorer.score(without(best, key), best.memory, best.scales)
+            if not any(gain.nats > SEEN for gain in scorer.screen(fewer, _is_plain)):
+                continue
             plain = improve(scorer, fewer, _is_plain, swaps=False)
+            if set(plain.keys) <= set(fewer.keys):  # none takes its place: what another curve can do, a swap has tried
+                continue
             other = improve(scorer, plain, swaps=False)
             if other.total > best.total + LEAST:
                 best = improve(scorer, other)
@@ -167,7 +173,7 @@ def added(scorer: Scorer, state: State, gain: Gain) -> State:
 
 def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     """One more atom, one less."""
-    found = [gain for gain in scorer.screen(state, allowed) if gain.nats > 1.0]
+    found = [gain for gain in scorer.screen(state, allowed) if gain.nats > SEEN]
     lead = found[:TRIED]
     lead += [gain for gain in found if _is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
     moves = [added(scorer, state, gain) for gain in lead]
@@ -206,6 +212,6 @@ def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
         found = [(gain, scorer.system.atoms[gain.key].name) for gain in scorer.screen(fewer, allowed)]
         # The screen holds the others' variances, so what it says of the one that went is what to compare with.
         usual = max((gain.nats for gain, name in found if name in gone), default=state.total - fewer.total)
-        near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, 1.0)]
+        near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, SEEN)]
         moves += [added(scorer, fewer, gain) for gain in near[:SWAPS]]
     return moves

@@ -241,7 +241,8 @@ def build_system(
     linear = straightened(linear or linear_columns(fitted, problem, candidates, noise, shapes), fitted, problem)
     assert linear.at is not None
     blocks = unknown_blocks(problem, linear.at.chain, periods, span)
-    columns = np.concatenate([linear.columns[rows], *(whitened(block, noise)[rows] for block in blocks)], axis=2)
+    some = slice(None) if rows.all() else rows
+    columns = np.concatenate([linear.columns[some], *(whitened(block, noise)[some] for block in blocks)], axis=2)
     atoms = atoms_of(linear, fitted, problem, candidates)
     atoms |= atoms_of_blocks(blocks, linear.columns.shape[2], odds_of_block(len(blocks)))
     more = columns.shape[2] - len(linear.scale)
@@ -262,6 +263,8 @@ def straightened(linear: Linear, fitted: FitResult, problem: Problem) -> Linear:
         more[linear.present[term.effect.key]] = straight_sizes(term.effect, problem)[free]
     for trial in linear.trials:
         more[trial.columns] = straight_sizes(trial.effect, problem)[: len(trial.columns)]
+    if (more == 1.0).all():
+        return linear
     base = linear.base_columns * more
     return replace(linear, columns=linear.columns * more, scale=linear.scale * more, base_columns=base)
 

@@ -1,6 +1,7 @@
 """What one turn of linearising and searching tells the next: rows that are gross errors, rows at which jumps may be."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,6 +63,36 @@ def best_moments(
         for effect in sudden:
             found.setdefault(effect.key, []).append(_moment_beside(scorer, state, gone, effect))
     return found
+
+
+def with_moments(scorer: Scorer, moments: Mapping[str, Sequence[Shape]]) -> Scorer:
+    """The same problem with further moments of its sudden effects, at the price of those that it has.
+
+    Args:
+        scorer: of a linearised problem.
+        moments: sudden effect -> its moments.
+
+    Returns:
+        A scorer that knows what was scored before.
+    """
+    system, atoms, columns = scorer.system, dict[str, Atom](), list[np.ndarray]()
+    assert isinstance(system, RowSystem)
+    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in moments}
+    first = system.columns.shape[2]
+    for name, atom in like.items():
+        for number, shape in enumerate(moments[name]):
+            assert atom.effect is not None
+            columns.append(system.at.columns(atom.effect, shape)[system.rows])
+            place = np.arange(first, first + columns[-1].shape[2])
+            key, first = f"{name}#moment {number}", first + len(place)
+            atoms[key] = replace(atom, key=key, columns=place, shape=dict(shape))
+    size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
+    wider = replace(
+        system, atoms=system.atoms | atoms, columns=np.concatenate([system.columns, *columns], axis=2),
+        scale=np.concatenate([system.scale, *size]),
+        base_columns=np.pad(system.base_columns, [(0, 0), (0, 0), (0, first - system.columns.shape[2])]), _sums={},
+    )  # fmt: skip
+    return scorer.widened(wider)
 
 
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:

@@ -11,6 +11,7 @@ WIDE = 1e6  # prior variance of unknowns of no group: they take what the data as
 NARROWEST, WIDEST = 1e-6, 1e8  # variances a group may have: a thousandth to ten thousand usual sizes
 STEPS = 30
 DONE = 1e-3  # nats still to be had at which it ends
+SAME = 0.1  # share of these by which a step may differ from what the curvature foretold, and be the last
 LEAP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
 FURTHEST = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
 HALVINGS = 8
@@ -24,10 +25,12 @@ class Posterior:
 
     Attributes:
         values: (P,) posterior mean, in units of the columns.
-        cholesky: (P, P) lower L with L L^T = X^T X + diag(1 / prior), rows and columns as given.
+        cholesky: (P, P) lower L with L L^T = X^T X + diag(1 / prior), rows and columns in `order`.
+        order: (P,) the unknowns, group by group.
         prior: (P,) variance of each unknown before the data, in units of `phi`.
         scales: (G,) learned variance of each group, in units of `phi`.
-        curvature: (G, G) minus the second derivative of `total` by the logarithms of `scales`.
+        curvature: (G, G) minus the second derivative of `total` by the logarithms of `scales`, where the last step
+            began.
         log_evidence: log marginal likelihood at these scales, nats, up to a constant of the data alone.
         log_prior: log prior density of the scales over its peak, nats.
         left: Q = |y - X values|^2 + values^T diag(1 / prior) values.
@@ -37,6 +40,7 @@ class Posterior:
 
     values: np.ndarray
     cholesky: np.ndarray
+    order: np.ndarray
     prior: np.ndarray
     scales: np.ndarray
     curvature: np.ndarray
@@ -54,7 +58,8 @@ class Posterior:
     @property
     def inverse(self) -> np.ndarray:
         """(X^T X + diag(1 / prior))^-1, (P, P)."""
-        return _invert(self.cholesky)
+        place = np.argsort(self.order)
+        return _invert(self.cholesky)[np.ix_(place, place)]
 
     @property
     def covariance(self) -> np.ndarray:
@@ -121,7 +126,11 @@ def learn(
         found = _climb(problem, here, at, _steps(slope, newton, free), bottom, top)
         if found is None:
             break
-        at, here = found
+        gained, at, here = found[1].value - here.value, *found
+        foretold = float(slope.first @ newton - 0.5 * newton @ slope.curvature @ newton)
+        # Where the evidence rises just as its curvature foretold, what is still to be had is of a higher order.
+        if abs(gained - foretold) < SAME * done:
+            break
         slope = problem.slope(here)
     return problem.posterior(here, slope)
 
@@ -174,16 +183,19 @@ class _Problem:
         self.evaluations += 1
         scales = np.exp(logs)
         prior = np.append(scales, self.wide)[self.group]
-        matrix = self.gram.copy()
-        np.einsum("ii->i", matrix)[:] += 1.0 / prior
-        scale = np.sqrt(np.diag(matrix))
-        factor = _factor(matrix / np.outer(scale, scale))
+        # Scaled to a unit diagonal, whatever the units of the columns.
+        scale = np.sqrt(self.gram.diagonal() + 1.0 / prior)
+        matrix = self.gram / scale
+        matrix /= scale[:, None]
+        np.fill_diagonal(matrix, 1.0)
+        factor = _factor(matrix)
         values = lapack.dpotrs(factor, self.side / scale, lower=1)[0] / scale if len(scale) else self.side
         # A quadratic form about its minimum: rounding of the values enters only squared.
-        left = max(self.square - float(values @ (2.0 * self.side - matrix @ values)), ROUNDING * self.square + TINY)
+        taken = float(values @ (2.0 * self.side - self.gram @ values - values / prior))
+        left = max(self.square - taken, ROUNDING * self.square + TINY)
         phi, tail = self._noise(left)
         log_prior = -0.125 * float(((logs / self.spread) ** 2).sum())
-        half = float(np.log(np.diag(factor)).sum() + np.log(scale).sum()) + 0.5 * float(np.log(prior).sum())
+        half = float(np.log(factor.diagonal() * scale).sum()) + 0.5 * float(np.log(prior).sum())
         return _Point(tail - half + log_prior, values, factor, scale, prior, left, phi, scales, log_prior)
 
     def _noise(self, left: float) -> tuple[float, float]:
@@ -196,34 +208,37 @@ class _Problem:
 
     def slope(self, point: _Point) -> _Slope:
         """Derivatives by the log variances, and MacKay's step."""
-        inverse = _invert(point.factor) / np.outer(point.scale, point.scale)
+        # The inverse is the scaled one between 1 / scale; its lower half is enough.
+        half = lapack.dpotri(point.factor, lower=1)[0] if len(point.factor) else point.factor
         scales, members = point.scales, self.members
+        own = half.diagonal() / point.scale**2
         energy = (point.values**2 @ members) / (point.phi * scales)
-        decided = np.maximum(self.size - (inverse.diagonal() @ members) / scales, 1e-12)
+        decided = np.maximum(self.size - (own @ members) / scales, 1e-12)
         pull = 0.25 / self.spread**2
         both = np.outer(scales, scales)
-        moved = members.T @ (inverse * np.outer(point.values, point.values)) @ members / (point.phi * both)
-        shared = members.T @ inverse**2 @ members / both
+        moved = _between(half, members * (point.values / point.scale)[:, None]) / (point.phi * both)
+        shared = _between(half * half, members / point.scale[:, None] ** 2) / both
         noise = 0.0 if np.isinf(self.freedom) else np.outer(energy, energy) / (self.freedom + self.count)
-        own = np.diag(energy + self.size - decided)
+        alone = np.diag(energy + self.size - decided)
         return _Slope(
             0.5 * (energy - decided) - pull * np.log(scales),
-            np.diag(pull) - 0.5 * (2.0 * moved + noise + shared - own),
+            np.diag(pull) - 0.5 * (2.0 * moved + noise + shared - alone),
             np.maximum(np.log(np.maximum(energy, 1e-12) / decided), -FURTHEST),
         )
 
     def posterior(self, point: _Point, slope: _Slope) -> Posterior:
         """The result, unknowns in the order that they were given in."""
         place = np.argsort(self.order)
-        lower = point.factor * point.scale[:, None]
-        if (np.diff(place) < 0).any():
-            lower = np.tril(lower[place] @ lower[place].T)
-            scale = np.sqrt(np.diag(lower))
-            lower = _factor(lower / np.outer(scale, scale)) * scale[:, None]
         return Posterior(
-            point.values[place], lower, point.prior[place], point.scales, slope.curvature,
-            point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations,
+            point.values[place], point.factor * point.scale[:, None], self.order, point.prior[place], point.scales,
+            slope.curvature, point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations,
         )  # fmt: skip
+
+
+def _between(half: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """W^T M W of a symmetric M of which only the lower half is there, zeros above it."""
+    lower = ways.T @ half @ ways
+    return np.asarray(lower + lower.T - ways.T @ (half.diagonal()[:, None] * ways))
 
 
 def _sorted(owner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -274,7 +289,8 @@ def _factor(matrix: np.ndarray) -> np.ndarray:
         return matrix
     extra = 0.0
     for _ in range(8):
-        factor, failed = lapack.dpotrf(matrix + extra * np.eye(len(matrix)) if extra else matrix, lower=1, clean=1)
+        more = matrix + extra * np.eye(len(matrix)) if extra else matrix
+        factor, failed = lapack.dpotrf(more.T, lower=1, clean=1)  # turned, it lies in memory as LAPACK wants it
         if not failed:
             return np.asarray(factor)
         extra = max(10.0 * extra, len(matrix) * 1e-16)
