@@ -1,5 +1,6 @@
 """The noise floor: what is known of it before a search, and what the search says of it."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -155,11 +156,11 @@ def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
     """
     if problem.noise is not None:
         return problem.noise
-    noise = _saturated(model, problem, known, starting_noise(problem)[0])
+    noise, sizes = _saturated(model, problem, known, starting_noise(problem)[0])
     if noise.freedom < LEAST_FREEDOM:
         raise too_few(problem)
     for _ in range(ROUNDS - 1):
-        finer = _saturated(model, problem, known, noise)
+        finer, sizes = _saturated(model, problem, known, noise, sizes)
         if finer.freedom < LEAST_FREEDOM:  # the finer the noise, the more of the curves is seen, until nothing is left
             break
         noise = finer
@@ -175,12 +176,23 @@ def too_few(problem: Problem) -> TableError:
     )
 
 
-def _saturated(model: Model, problem: Problem, known: Library, noise: Noise) -> Noise:
-    """What everything at once leaves, each effect and each block as wide as the data make it."""
+Sizes = Mapping[str, np.ndarray]  # name of an atom -> its variances, in units of the usual sizes
+
+
+def _saturated(
+    model: Model, problem: Problem, known: Library, noise: Noise, sizes: Sizes | None = None
+) -> tuple[Noise, Sizes]:
+    """What everything at once leaves, each effect and each block as wide as the data make it; and how wide that is.
+
+    The sizes do not depend on the noise that they are told in, so the next round begins where the last one ended.
+    """
     fitted = fit(model, problem, noise=noise)
     candidates, _ = present_candidates(fitted, problem, known)
     short = [effect for effect in candidates if len(effect.search(problem.view)) < SHORT_SEARCH]
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     system = build_system(fitted, problem, short, noise, 0.0, rows)
     one_each = {atom.name: key for key, atom in system.atoms.items()}
-    return noise_left(system, Scorer(system, model.keys).score(tuple(one_each.values()), WHITE))
+    start = {key: sizes[name] for name, key in one_each.items() if sizes and name in sizes}
+    state = Scorer(system, model.keys).score(tuple(one_each.values()), WHITE, start)
+    learned = {name: state.scales[key] * state.posterior.phi for name, key in one_each.items()}
+    return noise_left(system, state), learned
