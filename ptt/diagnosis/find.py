@@ -108,13 +108,13 @@ def find(
             found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
             dated = _dated(found, candidates)
             if dated:
-                scorer = with_moments(scorer, dated)
+                scorer, system = with_moments(scorer, dated)
                 state = search(scorer)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at
                 state = refilled(scorer, improve(scorer, state))
-        state, system = plainest(scorer, state), scorer.system
+        state = plainest(scorer, state)
         found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
         seen = find_period(scorer, state, problem)
         if turn == TURNS - 1:

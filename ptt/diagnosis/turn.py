@@ -65,7 +65,7 @@ def best_moments(
     return found
 
 
-def with_moments(scorer: Scorer, moments: Mapping[str, Sequence[Shape]]) -> Scorer:
+def with_moments(scorer: Scorer, moments: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
     """The same problem with further moments of its sudden effects, at the price of those that it has.
 
     Args:
@@ -73,7 +73,7 @@ def with_moments(scorer: Scorer, moments: Mapping[str, Sequence[Shape]]) -> Scor
         moments: sudden effect -> its moments.
 
     Returns:
-        A scorer that knows what was scored before.
+        A scorer that knows what was scored before, and its system.
     """
     system, atoms, columns = scorer.system, dict[str, Atom](), list[np.ndarray]()
     assert isinstance(system, RowSystem)
@@ -92,7 +92,7 @@ def with_moments(scorer: Scorer, moments: Mapping[str, Sequence[Shape]]) -> Scor
         scale=np.concatenate([system.scale, *size]),
         base_columns=np.pad(system.base_columns, [(0, 0), (0, 0), (0, first - system.columns.shape[2])]), _sums={},
     )  # fmt: skip
-    return scorer.widened(wider)
+    return scorer.widened(wider), wider
 
 
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:

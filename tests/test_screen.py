@@ -1,0 +1,103 @@
+"""A screen says the whole evidence of an atom; rows are white under any memory; sums come as they are asked for."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from ptt.challenge.challenge import bench
+from ptt.challenge.truth import table_of
+from ptt.diagnosis.memory import WHITE, Memory, sums_of_rows, whiten_rows
+from ptt.diagnosis.screen import Basis, Screen
+from ptt.diagnosis.wander import MANY, Clock, Wander
+from ptt.effects import library
+from ptt.fitting.evidence import learn
+from ptt.fitting.linear import linear_columns
+from ptt.fitting.solve import fit
+from ptt.model.model import Model
+from ptt.rig.draw import draw_rig
+from ptt.rig.simulate import simulate
+from ptt.run.problem import build_problem
+
+ROWS, FREEDOM = 40, 60.0
+
+
+def evidence(columns: np.ndarray, prior: np.ndarray, values: np.ndarray) -> float:
+    """Log of the multivariate t density of readings whose white variance is known with some degrees of freedom."""
+    covariance = np.eye(len(values)) + (columns * prior) @ columns.T
+    square = values @ np.linalg.solve(covariance, values)
+    known = FREEDOM + len(values)
+    return float(-0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * known * np.log((FREEDOM + square) / known))
+
+
+def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set() -> None:
+    random = np.random.default_rng(5)
+    columns = random.normal(size=(3 * ROWS, 16))
+    columns[:, 9:] += columns[:, 2:9]
+    values = columns @ random.normal(0.0, 0.4, 16) + random.normal(size=3 * ROWS)
+    own, group = np.array([4, 0, 2, 7]), np.array([1, 0, 0, 1])  # not in the order of their groups
+    sums = sums_of_rows(columns, values, 0.0)
+    part = sums.of(own)
+    fixed = np.array([0.3, 5.0])
+    posterior = learn(part.gram, part.side, part.square, len(values), group, freedom=FREEDOM, start=fixed, floor=fixed,
+                      ceiling=fixed)  # fmt: skip
+    atoms = tuple(
+        SimpleNamespace(key=str(i), name=str(i), groups=1, effect=None, odds=0.0, columns=np.arange(i, i + 4))
+        for i in (8, 10, 12)
+    )
+    families = [(atoms, np.array([atom.columns for atom in atoms]))]
+    system = SimpleNamespace(freedom=FREEDOM, count=len(values), families=families)
+    screen = Screen(system, Basis(own, posterior, sums), lambda atom: True, {})
+    alone = evidence(columns[:, own], fixed[group], values)
+    first = screen.best(lambda atom: atom.key == "10")
+    assert [gain.key for gain in first] == ["10"] and list(screen.gains) == ["10"]
+    for gain in screen.best(lambda atom: True):
+        both = np.concatenate([own, np.arange(int(gain.key), int(gain.key) + 4)])
+        prior = np.concatenate([fixed[group], np.full(4, gain.scales[0])])
+        np.testing.assert_allclose(gain.nats, evidence(columns[:, both], prior, values) - alone, atol=1e-7)
+
+
+@pytest.mark.parametrize("width", [1, MANY])
+@pytest.mark.parametrize("memory", [WHITE, Memory(None, 3.0), Memory(Wander(2.0, 6.0))])
+def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, width: int) -> None:
+    random = np.random.default_rng(6)
+    pose, time = np.array([0, 0, 1, 2, 2, 2, 3, 0]), np.array([0.0, 1.0, 3.0, 4.0, 9.0, 10.0, 0.0, 2.0])
+    starts = np.isin(np.arange(8), [0, 6])
+    values = random.normal(size=(8, 3, width))
+    white, log_noise = whiten_rows(values, memory, Clock(time, starts), pose)
+    covariance = np.eye(8) + memory.pose * (pose[:, None] == pose)
+    if memory.wander is not None:
+        run = np.cumsum(starts)
+        apart = np.exp(-np.abs(time[:, None] - time) / memory.wander.constant)
+        covariance += memory.wander.share * apart * (run[:, None] == run)
+    density = sum(multivariate_normal(cov=covariance).logpdf(column) for column in values[:, :, -1].T)
+    mine = -0.5 * np.square(white[:, :, -1]).sum() - log_noise - 12.0 * np.log(2.0 * np.pi)
+    np.testing.assert_allclose(mine, density, rtol=1e-10)
+
+
+@pytest.mark.parametrize("rows", [20, 100])
+def test_sums_are_those_of_all_columns_in_whatever_order_they_are_asked_for(rows: int) -> None:
+    random = np.random.default_rng(7)
+    white, values = random.normal(size=(rows, 12)), random.normal(size=rows)
+    sums = sums_of_rows(white, values, 0.0)
+    gram = white.T @ white
+    atoms = np.array([[0, 3], [11, 5]])
+    for block, place in zip(sums.own(atoms), atoms, strict=True):
+        np.testing.assert_allclose(block, gram[np.ix_(place, place)], rtol=1e-12)
+    for chosen in (np.array([5, 1]), np.array([1, 7, 0])):
+        np.testing.assert_allclose(sums.across(chosen), gram[chosen], rtol=1e-12)
+        np.testing.assert_allclose(sums.of(chosen).gram, gram[np.ix_(chosen, chosen)], rtol=1e-12)
+
+
+def test_all_moments_of_what_is_sudden_have_the_columns_that_each_has_alone() -> None:
+    machine = bench()
+    drawn = draw_rig("none", 3, machine, "volume", rows=40)
+    problem = build_problem(machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    fitted = fit(Model(machine), problem)
+    effects = [library()[name]() for name in ("homing-slip", "setup-jump")]
+    linear = linear_columns(fitted, problem, effects, fitted.noise)
+    assert linear.at is not None and len(linear.trials) > 40
+    for trial in linear.trials[::7]:
+        alone = linear.at.columns(trial.effect, trial.shape)
+        np.testing.assert_allclose(linear.columns[:, :, trial.columns], alone, rtol=1e-12, atol=1e-12)
