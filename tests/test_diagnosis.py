@@ -137,7 +137,7 @@ def test_a_floor_that_can_be_told_no_finer_is_the_last_that_could(tmp_path, monk
     _, path = run(tmp_path, "none", 90, rows=60)
     problem = replace(build_problem(MACHINE, read_table(path)), noise=None)
     rounds = [Noise(np.eye(3) * 1e-6, "saturated model", 30.0), Noise(np.eye(3) * 1e-7, "saturated model", 5.0)]
-    monkeypatch.setattr(noise, "_saturated", lambda *given: left.pop(0))
+    monkeypatch.setattr(noise, "_saturated", lambda *given: (left.pop(0), {}))
     left = rounds.copy()
     assert noise.noise_floor(Model(MACHINE), problem, library()) is rounds[0]
     left = rounds[::-1]

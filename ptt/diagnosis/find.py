@@ -123,6 +123,11 @@ def find(
         blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
         same = settled(state, system) and set(blocks) == set(held)
         steady = turn > 0 and seen is None and same and (far == gross).all()
+        still = turn == 0 and seen is None and same and not gross.any()
+        if still and noise_again(problem, system, state) is noise:  # the next turn would be this one, but for moments
+            again = _with_moments(found, candidates)
+            steady = again.state.keys == state.keys
+            found = again if steady else found
         if steady or turn == TURNS - 2:
             needless = _needless(found, fitted.model, problem)
             if needless:
@@ -153,6 +158,14 @@ def opening_rows(problem: Problem) -> np.ndarray:
     first = problem.used & view.starts.numpy() & (view.direction.numpy() != 0.0).any(axis=1)
     few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
     return first if few else np.zeros_like(first)
+
+
+def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
+    """The same, searched on with moments to the row."""
+    moments = best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
+    scorer, system = with_moments(found.scorer, moments)
+    state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
+    return replace(found, system=system, scorer=scorer, state=state)
 
 
 def _dated(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
