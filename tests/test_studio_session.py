@@ -19,11 +19,11 @@ import pytest
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.diagnosis.long import choose_diagnosis, diagnose_long
+from ptt.diagnosis.long import WHOLE, choose_diagnosis, diagnose_long
 from ptt.diagnosis.verdict import diagnose
 from ptt.door.opened import Opened
 from ptt.errors import InputError, ModelError, PttError
-from ptt.fitting.chunks import CHUNK, LONG
+from ptt.fitting.chunks import CHUNK
 from ptt.machine import EffectEntry, ParameterEntry, parse_machine
 from ptt.run.readers import Mapping
 from ptt.show.card.solids import arrows
@@ -334,8 +334,8 @@ def test_answers_that_contradict_each_other_are_left_out():
 
 
 def test_the_diagnosis_is_chosen_by_rows():
-    assert choose_diagnosis(LONG) is diagnose
-    for chosen, size in ((choose_diagnosis(LONG + 1), CHUNK), (choose_diagnosis(300, 1000), 1000)):
+    assert choose_diagnosis(WHOLE) is diagnose
+    for chosen, size in ((choose_diagnosis(WHOLE + 1), CHUNK), (choose_diagnosis(300, 1000), 1000)):
         assert isinstance(chosen, partial) and chosen.func is diagnose_long and chosen.keywords == {"size": size}
 
 
@@ -343,7 +343,7 @@ def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: 
     def in_chunks(*given: object, size: int) -> None:
         raise InputError(f"chunks of {size}")
 
-    monkeypatch.setattr("ptt.diagnosis.long.LONG", 200)
+    monkeypatch.setattr("ptt.diagnosis.long.WHOLE", 200)
     monkeypatch.setattr("ptt.diagnosis.long.diagnose_long", in_chunks)
     opened = opening.open_both(RUN, MACHINE)
     assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"

@@ -127,7 +127,7 @@ def diagnose(
         model: the model; a network is left aside.
         run: the run.
         steps: how many effects the path may add.
-        chunk_rows: rows summed up at a time; None: by itself beyond 50,000 rows.
+        chunk_rows: rows summed up at a time; None: by itself beyond 20,000 rows.
         anyway: whether to go on although the set-up looks mistaken.
         progress: told what is done, how much of how much.
         note: told what is left aside.
