@@ -243,7 +243,8 @@ class Fuzzer:
             mutation = mutate_file(self.place / rng.choice(inputs), rng)
         if words[:2] == [PAGE, "peek"]:  # it shows cells as they are and reads none
             mutation = replace(mutation, verdict="")
-        expected = self.sound(words) if mutation.verdict == "same" and words[0] != "fleet" else None  # says the digest
+        told = words[0] in ("fleet", "report")  # they say the digests of their inputs
+        expected = self.sound(words) if mutation.verdict == "same" and not told else None
         before = _digests(self.place)
         ended = fork_words(words, self.place, self.logs)
         kind, why = judge(ended, mutation, words, out, before, self.place, expected)
@@ -370,8 +371,8 @@ def _judge_done(
 
 
 def _but_lines(text: str) -> str:
-    """Without the numbers of lines, which a comment before them shifts, and the size of a page that tells of it."""
-    return re.sub(r'"(line|bytes)": \d+', "", text)
+    """Without the numbers of lines, which a comment before them shifts."""
+    return re.sub(r'"line": \d+', "", text)
 
 
 def _judge_outputs(paths: list[Path]) -> tuple[str, str]:
