@@ -88,6 +88,15 @@ def test_only_the_value_that_changed_is_named_with_its_side_unit_and_true_size(s
     np.testing.assert_allclose(found.model.terms[0].theta.numpy()[1], 0.045, atol=0.004)
 
 
+def test_of_a_long_run_stretches_are_looked_at_and_the_change_is_the_same(solved, monkeypatch) -> None:
+    problem = run_of(3, drive={"backlash_mm": (0.03, 0.045, 0.045)})
+    monkeypatch.setattr("ptt.again.recheck.WHOLE", 60)
+    monkeypatch.setattr("ptt.again.recheck.sample_stretches", lambda problem, rows: [(0, 35), (40, 78)])
+    found = look(solved, problem)
+    assert found.rows < problem.table.rows and any("stretches" in note for note in found.notes)
+    assert [item.moved.name for item in found.changed] == ["gap_mm 2"]
+
+
 def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -> None:
     found = look(solved, run_of(4, drive={"backlash_mm": (0.0, 0.0, 0.0)}))
     assert found.verdict == "changed"

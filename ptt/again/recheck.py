@@ -18,12 +18,13 @@ from ptt.diagnosis.noise import noise_after
 from ptt.diagnosis.steps import Step, name_steps
 from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
-from ptt.fitting.chunks import LONG, SAMPLE, numbers, sample_stretches, take
+from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 
 GONE = 0.2  # share of what a value, or its whole effect, was below which it is called repaired
 CLEAR = 3.0  # standard errors
+WHOLE = 10_000  # rows: weighing takes about 0.25 MB a row while all hypotheses are linearised
 
 
 def recheck(
@@ -52,7 +53,7 @@ def recheck(
     known = library() if known is None else known
     tell = progress or (lambda what: None)
     notes = list(_same_run(model, problem))
-    if problem.table.rows > LONG:
+    if problem.table.rows > WHOLE:
         notes.append(f"of {problem.table.rows} rows, stretches of about {SAMPLE} in all were looked at")
         problem = take(problem, sample_stretches(problem, SAMPLE))
     before = look_back(model, problem)
