@@ -67,9 +67,12 @@ def test_a_play_that_opens_when_warm_is_described_by_the_file_as_written(tmp_pat
     outcome = CliRunner().invoke(app, ["effects", "new", "warm-play", "--like", str(diagnosis), "--out", str(file)])
     assert outcome.exit_code == 0, outcome.output
     own = library(file)
-    partly = [make_effect(own, *parse_key(step[0])) for step in result.suggested]
-    ladder = climb(Model(MACHINE), problem, [*partly, make_effect(own, "warm-play")])
-    assert ladder.steps[-1].heldout_rms_um["total"] < 1.25 * ladder.noise_um["total"]
+    ladder = climb(Model(MACHINE), problem, [make_effect(own, "warm-play")])
+    assert ladder.steps[-1].heldout_rms_um["total"] < 0.3 * ladder.steps[0].heldout_rms_um["total"]
+    rest = diagnose(ladder.model, problem, own)  # what was hidden beside it shows once it is said
+    assert rest.verdict == "missing" and {step[0] for step in rest.suggested} <= set(drawn.truth)
+    whole = climb(ladder.model, problem, [make_effect(own, *parse_key(step[0])) for step in rest.suggested])
+    assert whole.steps[-1].heldout_rms_um["total"] < 1.25 * whole.noise_um["total"]
 
 
 def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
