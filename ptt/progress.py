@@ -4,7 +4,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-Progress = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]  # what is done, how much of how much
+Tell = Callable[[str], None]  # the stage alone, where nobody knows how much is to come
 SMOOTH = 3  # steps of a stage before its pace says anything
 
 

@@ -31,7 +31,7 @@ from ptt.show.report.contents import Contents, gather, with_network
 from ptt.show.report.html import render, write_report
 from ptt.show.report.numbers import chance, percent, plus_minus
 from ptt.show.report.sections import sections_of
-from ptt.show.report.source import Source, short_names, source_of
+from ptt.show.report.source import MadeOf, short_names, source_of
 from ptt.show.report.words import words_of
 
 HOSTILE = "<script>alert('x')</script>\"><img src=http://evil.example/x>"
@@ -215,7 +215,7 @@ def test_hostile_names_are_words_when_written_from_a_table_and_a_machine(
         run_label=(HOSTILE,), source=HOSTILE, name=np.full(table.rows, HOSTILE), extra={HOSTILE: table.name}
     )
     spec = minimal.file.machine.model_copy(update={"name": HOSTILE})
-    source = Source(names={"run": (HOSTILE,)})
+    source = MadeOf(names={"run": (HOSTILE,)})
     contents = write_report(tmp_path / "deep" / "r.html", table, replace(minimal.file, machine=spec), source)
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["r.html"]
     page = Page((tmp_path / "deep" / "r.html").read_text(encoding="utf-8"))

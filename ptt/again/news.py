@@ -1,6 +1,5 @@
 """What a run shows that a solved model does not have: diagnosed on top of it, unless it was there then, too."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +13,8 @@ from ptt.effects import Library
 from ptt.effects.registry import parse_key
 from ptt.fitting.solve import hold, rms
 from ptt.model.model import Model
+from ptt.progress import Tell
 from ptt.run.problem import Problem
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -32,9 +30,7 @@ class News:
     notes: tuple[str, ...] = ()
 
 
-def look_for_news(
-    found: Weighed, model: Model, problem: Problem, known: Library, tell: Progress, seed: int = 0
-) -> News:
+def look_for_news(found: Weighed, model: Model, problem: Problem, known: Library, tell: Tell, seed: int = 0) -> News:
     """Diagnose what a run shows beside a solved model and its changes.
 
     Args:
@@ -78,7 +74,7 @@ def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:
     return all(known[parse_key(step[0])[0]].of_run for step in diagnosis.suggested)
 
 
-def _objects(found: Weighed, problem: Problem, tell: Progress, seed: int) -> bool:
+def _objects(found: Weighed, problem: Problem, tell: Tell, seed: int) -> bool:
     """Whether what is left is more than noise and more than the model left then."""
     system, state = found.system, found.state
     after = noise_left(system, state).total

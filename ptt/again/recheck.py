@@ -9,7 +9,7 @@ from ptt.again.before import look_back
 from ptt.again.changes import PREFIX, Change
 from ptt.again.contexts import context_notes
 from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
-from ptt.again.news import Progress, look_for_news
+from ptt.again.news import look_for_news
 from ptt.again.result import Changed, Recheck, Verdict
 from ptt.again.supposed import model_at
 from ptt.again.weigh import Weighed, moved_by, weigh
@@ -20,6 +20,7 @@ from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
 from ptt.model.model import Model, Term
+from ptt.progress import Tell
 from ptt.run.problem import Problem
 
 GONE = 0.2  # share of what a value, or its whole effect, was below which it is called repaired
@@ -28,7 +29,7 @@ WHOLE = 10_000  # rows: weighing takes about 0.25 MB a row while all hypotheses 
 
 
 def recheck(
-    model: Model, problem: Problem, known: Library | None = None, *, progress: Progress | None = None, seed: int = 0
+    model: Model, problem: Problem, known: Library | None = None, *, progress: Tell | None = None, seed: int = 0
 ) -> Recheck:
     """Hold a new run against a solved model.
 

@@ -1,6 +1,6 @@
 """Weigh what may have happened to a machine since its model: the same, some values changed, something new."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from ptt.diagnosis.system import RowSystem
 from ptt.diagnosis.turn import best_moments, gross_beside
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Shape, few_shapes, linear_columns
+from ptt.progress import Tell
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -27,8 +28,6 @@ TURNS = 4  # of linearising and searching
 STEPS = 12  # changes and new effects that may be named
 SETTLED = 0.05  # usual sizes by which a value may still move when it is linearised for the last time
 KNOWN_REST = 0.5  # share of the noise of then from which what a model left unexplained is known to be there
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class Weighed:
         return self.system.atoms[change.key].columns
 
 
-def weigh(before: Before, problem: Problem, known: Library, tell: Progress) -> Weighed:
+def weigh(before: Before, problem: Problem, known: Library, tell: Tell) -> Weighed:
     """Find the best explanation of a run by a solved model.
 
     Args:

@@ -9,7 +9,7 @@ from ptt.commands.common import Effects, Json, show
 
 if TYPE_CHECKING:
     from ptt.effects import Effect, Library
-    from ptt.effects.contract import Finding
+    from ptt.effects.contract import CheckOutcome
 
 WIDTH = 110
 
@@ -140,11 +140,11 @@ def _check(file: str, json: bool) -> None:
         raise ModelError(said, where=file, fix="mend it")
 
 
-def _finding(finding: "Finding") -> dict[str, Any]:
+def _finding(finding: "CheckOutcome") -> dict[str, Any]:
     return {"check": finding.check, "mechanism": finding.kind, "passed": finding.passed, "broken": finding.broken}
 
 
-def _check_line(name: str, finding: "Finding") -> str:
+def _check_line(name: str, finding: "CheckOutcome") -> str:
     state = "ok" if finding.passed else f"BROKEN: {finding.broken}"
     return f"{name}  {finding.kind:<9}  {finding.check:<26}  {state}"
 

@@ -14,6 +14,7 @@ from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
+from ptt.progress import Progress
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
 
@@ -25,7 +26,6 @@ Correction = Callable[
     [np.ndarray], np.ndarray
 ]  # wanted positions (n, 3) mm -> positions to ask the model for (n, 3) mm
 Inside = Callable[[np.ndarray], np.ndarray]  # wanted positions (n, 3) mm -> (n,) bool
-Progress = Callable[[str, int, int], None]
 
 
 def compensate(

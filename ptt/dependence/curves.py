@@ -16,7 +16,7 @@ LOCAL = ("step", "bump", "period")
 
 
 @dataclass(frozen=True)
-class Finding:
+class FittedCurve:
     """A curve.
 
     Attributes:
@@ -50,7 +50,7 @@ def describe(
     atoms: tuple[Atoms, ...],
     toll: np.ndarray,
     poses: Poses,
-) -> list[Finding]:
+) -> list[FittedCurve]:
     """Describe how residuals follow one variable.
 
     Args:
@@ -161,7 +161,7 @@ def _finish(
     second: np.ndarray | None,
     atoms: tuple[Atoms, ...],
     amount: float,
-) -> Finding:
+) -> FittedCurve:
     kind, share = atoms[choice.kind], choice.share
     period, place, toll = None, None, choice.toll
     base = np.polynomial.legendre.legvander(_scaled(values), 3 if choice.smooth else 0)
@@ -179,7 +179,7 @@ def _finish(
         curve = binned_curve(np.mod(values, period), residual, PHASES)
     else:
         curve = binned_curve(values, residual)
-    return Finding(corrected(max(share, choice.share), toll, amount), shape, period, place, curve)
+    return FittedCurve(corrected(max(share, choice.share), toll, amount), shape, period, place, curve)
 
 
 def _scaled(values: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from ptt.dependence.causes import position_explains_more, varies_with
 from ptt.dependence.chance import gumbel_tail
 from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
-from ptt.dependence.curves import LOCAL, Finding, describe
+from ptt.dependence.curves import LOCAL, FittedCurve, describe
 from ptt.dependence.scores import Score, Variable, build_scores
 from ptt.dependence.strata import FEWEST, Poses, find_poses
 from ptt.record import Record
@@ -212,7 +212,7 @@ def _describe(
     return described
 
 
-def _dependence(residual: str, variable: Variable, p_value: float, finding: Finding) -> Dependence:
+def _dependence(residual: str, variable: Variable, p_value: float, finding: FittedCurve) -> Dependence:
     return Dependence(
         residual,
         variable.name,

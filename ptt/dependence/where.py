@@ -57,7 +57,7 @@ class WorstRow(Record):
 
 
 @dataclass(frozen=True)
-class Part:
+class PartError:
     """The error on part of the rows.
 
     Attributes:
@@ -105,10 +105,10 @@ class WhereItFails(Record):
 
     region: Region | None
     rows: tuple[WorstRow, ...]
-    by_joint: tuple[Part, ...]
-    by_direction: tuple[Part, ...]
-    by_payload: tuple[Part, ...]
-    by_time: tuple[Part, ...]
+    by_joint: tuple[PartError, ...]
+    by_direction: tuple[PartError, ...]
+    by_payload: tuple[PartError, ...]
+    by_time: tuple[PartError, ...]
 
 
 def where_it_fails(problem: "Problem", residual: np.ndarray) -> WhereItFails:
@@ -171,7 +171,7 @@ def worst_region(place: np.ndarray, size: np.ndarray) -> Region | None:
     return best
 
 
-def part_of(label: str, values: np.ndarray, unit: Unit = "mm") -> Part:
+def part_of(label: str, values: np.ndarray, unit: Unit = "mm") -> PartError:
     """Summarise a part of the rows.
 
     Args:
@@ -184,12 +184,12 @@ def part_of(label: str, values: np.ndarray, unit: Unit = "mm") -> Part:
     """
     rows = len(values)
     if not rows:
-        return Part(label, 0, 0.0, 0.0, 0.0, unit)
+        return PartError(label, 0, 0.0, 0.0, 0.0, unit)
     error = float(values.std(ddof=1) / np.sqrt(rows)) if rows > 1 else float("inf")
-    return Part(label, rows, float(np.sqrt(np.mean(values**2))), float(values.mean()), error, unit)
+    return PartError(label, rows, float(np.sqrt(np.mean(values**2))), float(values.mean()), error, unit)
 
 
-def by_level(values: np.ndarray, size: np.ndarray, unit: str) -> tuple[Part, ...]:
+def by_level(values: np.ndarray, size: np.ndarray, unit: str) -> tuple[PartError, ...]:
     """Error by level of a context.
 
     Args:
@@ -211,7 +211,7 @@ def by_level(values: np.ndarray, size: np.ndarray, unit: str) -> tuple[Part, ...
     return tuple(part_of(f"{edges[i]:g} to {edges[i + 1]:g} {unit}", size[number == i]) for i in range(len(edges) - 1))
 
 
-def by_quarter(size: np.ndarray) -> tuple[Part, ...]:
+def by_quarter(size: np.ndarray) -> tuple[PartError, ...]:
     """Error by quarter of the run, rows in travel order.
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.find import Found, Progress, moved, settled
+from ptt.diagnosis.find import Found, moved, settled
 from ptt.diagnosis.moment import at_rows
 from ptt.diagnosis.moments import find_moments, place_moments
 from ptt.diagnosis.noise import starting_noise
@@ -21,6 +21,7 @@ from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fitted_terms
 from ptt.model.model import Model
+from ptt.progress import Tell
 from ptt.run.problem import Problem
 
 TURNS = 3  # of fitting and searching
@@ -48,7 +49,7 @@ class Task:
     model: Model
     known: Library
     steps: int
-    tell: Progress
+    tell: Tell
 
 
 def find_everywhere(told: Found, task: Task) -> Found:

@@ -1,6 +1,6 @@
 """Find: linearise, search, move the model to what was found, linearise there again."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,7 @@ from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
 from ptt.model.model import Model, Term
+from ptt.progress import Tell
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -33,8 +34,6 @@ STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
 MOST_FIRST = 0.05  # share of the rows that may open a run and be left out for it
 OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ class Found:
 
 
 def find(
-    model: Model, problem: Problem, known: Library, tell: Progress, steps: int = STEPS, span: Span | None = None
+    model: Model, problem: Problem, known: Library, tell: Tell, steps: int = STEPS, span: Span | None = None
 ) -> Found:
     """Find the best explanation of a run.
 

@@ -6,7 +6,7 @@ from functools import partial
 
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.everywhere import Task, find_everywhere
-from ptt.diagnosis.find import STEPS, Found, Progress, find, opening_rows
+from ptt.diagnosis.find import STEPS, Found, find, opening_rows
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.search import without
 from ptt.diagnosis.span import Span, span_of
@@ -15,6 +15,7 @@ from ptt.diagnosis.verdict import Diagnosis, conclude, diagnose, enough
 from ptt.effects import Library, library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
 from ptt.model.model import Model
+from ptt.progress import Tell
 from ptt.run.problem import Problem
 
 SAMPLE, STRETCH = 4_000, 200  # rows that shapes and unknowns are found on, and of each stretch of them
@@ -43,7 +44,7 @@ def diagnose_long(
     known: Library | None = None,
     *,
     steps: int = STEPS,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     seed: int = 0,
     size: int = CHUNK,
     sample_rows: int = SAMPLE,

@@ -70,7 +70,7 @@ class Ansatz:
 
 
 @dataclass(frozen=True)
-class Part:
+class Contribution:
     """What one chunk contributes; parts add up in any order.
 
     Attributes:
@@ -160,7 +160,7 @@ def sum_up(
         The system, and rows left out as gross errors, (n,) bool.
     """
 
-    def work(chunk: Problem) -> Part:
+    def work(chunk: Problem) -> Contribution:
         return sum_chunk(chunk, run, at, trials, kept, sift)
 
     hidden: dict[int, Held] = {}
@@ -178,7 +178,7 @@ def sum_up(
     return system, np.concatenate(gross)
 
 
-def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.ndarray, sift: bool) -> Part:
+def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.ndarray, sift: bool) -> Contribution:
     """Linearise one chunk and sum it up.
 
     Args:
@@ -207,7 +207,7 @@ def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.nda
     other = None
     if at.memory != WHITE:
         other = sum_rows(joined, at.memory, clock_of(chunk, rows), run.pose[number[rows]])
-    return Part(hidden, other, rows, gross, linear.without_rows())
+    return Contribution(hidden, other, rows, gross, linear.without_rows())
 
 
 def columns_of(

@@ -9,7 +9,7 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, unknowns_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates
-from ptt.diagnosis.find import STEPS, Found, Progress, find, opening_rows
+from ptt.diagnosis.find import STEPS, Found, find, opening_rows
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, wanders_beyond
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
@@ -24,6 +24,7 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model
 from ptt.plan.separation import Separation, plan_separation
+from ptt.progress import Tell
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -109,7 +110,7 @@ def diagnose(
     known: Library | None = None,
     *,
     steps: int = STEPS,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     seed: int = 0,
 ) -> Diagnosis:
     """Learn which physical effects are missing.
@@ -162,7 +163,7 @@ def conclude(
     model: Model,
     problem: Problem,
     known: Library,
-    tell: Progress,
+    tell: Tell,
     seed: int,
     steps: int = STEPS,
 ) -> Diagnosis:

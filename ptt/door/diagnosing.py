@@ -11,12 +11,13 @@ from ptt.diagnosis.verdict import Diagnosis
 from ptt.diagnosis.verdict import diagnose as learn_whole
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard, unwatched
 from ptt.door.run import RowsLike
 from ptt.door.words import as_run
 from ptt.errors import SetupError
 from ptt.fitting.chunks import CHUNK
 from ptt.machine import MachineFile
+from ptt.progress import Progress
 from ptt.run.named import named_rows
 from ptt.run.table import Table, write_table
 from ptt.setup import Check, setup_verdict

@@ -12,11 +12,12 @@ from ptt.correct.training.train import correction_of
 from ptt.door.model import Model, as_model
 from ptt.door.opened import check_rows
 from ptt.door.outputs import refuse_readings
-from ptt.door.result import Heard, Note, Progress, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard, unwatched
 from ptt.door.run import RowsLike
 from ptt.door.words import as_targets
 from ptt.errors import InputError, TableError
 from ptt.files import write_text
+from ptt.progress import Progress
 from ptt.run.table import Table, table_to_frame
 from ptt.run.target_frame import RunFrame, target_frames
 

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Note = Callable[[str], None]
-Progress = Callable[[str, int, int], None]
 
 
 class Result:

@@ -23,8 +23,8 @@ CLOSE = 1e-5  # exact derivative against a central difference, share of the colu
 
 
 @dataclass(frozen=True)
-class Finding:
-    """Outcome of one check.
+class CheckOutcome:
+    """CheckOutcome of one check.
 
     Attributes:
         check: what was checked, in words.
@@ -42,7 +42,7 @@ class Finding:
         return not self.broken
 
 
-def check_effect(effect: Effect, differentiate: Differentiate) -> tuple[Finding, ...]:
+def check_effect(effect: Effect, differentiate: Differentiate) -> tuple[CheckOutcome, ...]:
     """Hold an effect against the whole contract, on every mechanism family it says it fits.
 
     Args:
@@ -55,15 +55,15 @@ def check_effect(effect: Effect, differentiate: Differentiate) -> tuple[Finding,
     findings = []
     for kind in effect.mechanisms:
         broken = _attempt(partial(check_parameters, effect, kind))
-        findings.append(Finding("units stated", kind, broken))
+        findings.append(CheckOutcome("units stated", kind, broken))
         if broken:
             continue
         try:
             case = make_case(effect, kind, differentiate)
         except Exception as error:
-            findings.append(Finding("search offers its shape parameters", kind, _said(error)))
+            findings.append(CheckOutcome("search offers its shape parameters", kind, _said(error)))
             continue
-        findings += [Finding(name, kind, _attempt(partial(check, case))) for name, check in CHECKS.items()]
+        findings += [CheckOutcome(name, kind, _attempt(partial(check, case))) for name, check in CHECKS.items()]
     return tuple(findings)
 
 

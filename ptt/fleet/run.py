@@ -9,9 +9,9 @@ from ptt.fleet.owner import owner
 from ptt.fleet.queue import claim, keep, next_task, release, waiting
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
+from ptt.progress import Progress
 from ptt.record import Record
 
-Progress = Callable[[str, int, int], None]
 Work = Callable[[Task, Callable[[str], None]], Outcome]
 
 

@@ -37,7 +37,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Told:
+class Testimony:
     """What a run says of the parameters of a model, with everything that a set-up may hold left free beside them.
 
     Around zero in usual sizes the rows' sum of squares is `x I x - 2 h x` and a constant: sums of this kind add up
@@ -101,4 +101,4 @@ class Outcome:
     recheck: dict[str, Any] | None = None
     solved: str | None = None
     refit: str | None = None
-    told: Told | None = None
+    told: Testimony | None = None

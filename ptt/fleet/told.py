@@ -5,11 +5,11 @@ import numpy as np
 from ptt.effects.dated import is_dated
 from ptt.effects.parameter import Parameter
 from ptt.fitting.solve import FitResult, unseen_directions
-from ptt.fleet.task import Told
+from ptt.fleet.task import Testimony
 from ptt.model.model import parameter_names
 
 
-def told_by(fitted: FitResult) -> Told:
+def told_by(fitted: FitResult) -> Testimony:
     """What the rows of a fit say of the machine's own parameters; set-up effects, frames and mounts are free beside.
 
     The fit's normal equations (G + W) u = g hold the rows' part G and a prior W; the prior is taken out, and what is
@@ -34,7 +34,7 @@ def told_by(fitted: FitResult) -> Told:
     wider = max(1.0, fitted.chi2 / max(fitted.freedom, 1))
     information = 0.5 * (information + information.T) / wider
     usual = layout.scale[own]
-    return Told(
+    return Testimony(
         names, labels, units, usual, information, (score[own] - follow.T @ score[rest]) / wider,
         fitted.values[own], _seen_std(information) * usual,
     )  # fmt: skip

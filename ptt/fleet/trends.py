@@ -80,7 +80,7 @@ class Moves:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Course:
     """A way in which one value may move.
 
     Attributes:
@@ -109,7 +109,7 @@ def movements(series: Series, alpha: float = ALPHA) -> Moves:
         What moves, and each run's values.
     """
     candidates = _candidates(series)
-    chosen: list[Candidate] = []
+    chosen: list[Course] = []
     tried = max(len(candidates), 1)
     found: list[float] = []
     for _ in range(MOST):
@@ -121,7 +121,7 @@ def movements(series: Series, alpha: float = ALPHA) -> Moves:
     return _told(series, chosen, found)
 
 
-def _candidates(series: Series) -> list[Candidate]:
+def _candidates(series: Series) -> list[Course]:
     """Every value with a line, and with a step before each run but the first."""
     days, own = series.days, []
     line = days - days.mean()
@@ -129,16 +129,14 @@ def _candidates(series: Series) -> list[Candidate]:
         told = series.information[:, place, place] > 0.0
         if told.sum() < 3 or np.ptp(days[told]) == 0.0:
             continue
-        own.append(Candidate(place, "drift", line, float(days.mean())))
+        own.append(Course(place, "drift", line, float(days.mean())))
         for day in np.unique(days[told])[1:]:
             before = float(days[told & (days < day)].max())
-            own.append(Candidate(place, "jump", (days >= day).astype(float), float(day), before))
+            own.append(Course(place, "jump", (days >= day).astype(float), float(day), before))
     return own
 
 
-def _best(
-    series: Series, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
-) -> tuple[Candidate, float] | None:
+def _best(series: Series, chosen: Sequence[Course], candidates: Sequence[Course]) -> tuple[Course, float] | None:
     """The candidate that takes most of what the chosen ones leave, and its chance before multiplicity."""
     _, inverse, rest = _solve(series, chosen)
     best, most = None, -np.inf
@@ -164,7 +162,7 @@ def _best(
     return candidate, float(2.0 * (stats.norm.sf(score) if wide <= 1.0 else stats.t.sf(score / wide, few)))
 
 
-def _solve(series: Series, chosen: Sequence[Candidate]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _solve(series: Series, chosen: Sequence[Course]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Levels and sizes of the chosen, the inverse of their normal matrix, and each run's score about them, (n, p)."""
     count = len(series.names)
     size = count + len(chosen)
@@ -183,7 +181,7 @@ def _solve(series: Series, chosen: Sequence[Candidate]) -> tuple[np.ndarray, np.
     return values, inverse, series.score - np.einsum("npq,nq->np", series.information, course)
 
 
-def _course(series: Series, values: np.ndarray, chosen: Sequence[Candidate]) -> np.ndarray:
+def _course(series: Series, values: np.ndarray, chosen: Sequence[Course]) -> np.ndarray:
     course = np.tile(values[: len(series.names)], (len(series.days), 1))
     for size, each in zip(values[len(series.names) :], chosen, strict=True):
         course[:, each.place] += size * each.course
@@ -191,8 +189,8 @@ def _course(series: Series, values: np.ndarray, chosen: Sequence[Candidate]) -> 
 
 
 def _cross(
-    series: Series, candidate: Candidate,
-    chosen: Sequence[Candidate],
+    series: Series, candidate: Course,
+    chosen: Sequence[Course],
 ) -> np.ndarray:  # fmt: skip
     place, course = candidate.place, candidate.course
     levels = np.einsum("n,np->p", course, series.information[:, place])
@@ -234,7 +232,7 @@ def _own_scatter(series: Series, rest: np.ndarray, place: int, course: np.ndarra
     return float(np.sqrt(max((left**2).sum() / freedom, 1.0))), float(freedom)
 
 
-def _told(series: Series, chosen: Sequence[Candidate], chances: Sequence[float]) -> Moves:
+def _told(series: Series, chosen: Sequence[Course], chances: Sequence[float]) -> Moves:
     values, inverse, rest = _solve(series, chosen)
     scatter, _ = _scatter(series, rest, len(chosen))
     course = _course(series, values, chosen)

@@ -12,9 +12,10 @@ from typing import Any
 from ptt.errors import InputError
 from ptt.fleet.owner import owner
 from ptt.fleet.queue import claim, keep, next_task, release, waiting
-from ptt.fleet.run import Done, Progress
+from ptt.fleet.run import Done
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
+from ptt.progress import Progress
 
 AHEAD = 2  # machines in hand for each worker, so that none waits for the submitting process
 PATIENCE = "30s"  # for a scheduler to answer

@@ -16,25 +16,25 @@ class Graph:
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 
-    def constant(self, value: Any, dtype: type = np.float64) -> "Value":
+    def constant(self, value: Any, dtype: type = np.float64) -> "Node":
         """A constant array."""
         name = f"c{len(self.constants)}"
         self.constants.append(self._numpy.from_array(np.ascontiguousarray(value, dtype=dtype), name))
-        return Value(self, name)
+        return Node(self, name)
 
-    def node(self, operation: str, *inputs: Any, **attributes: Any) -> "Value":
+    def node(self, operation: str, *inputs: Any, **attributes: Any) -> "Node":
         """One operation on values, numbers or arrays."""
         names = [self.value(each).name for each in inputs]
         name = f"v{len(self.nodes)}"
         self.nodes.append(self.helper.make_node(operation, names, [name], **attributes))
-        return Value(self, name)
+        return Node(self, name)
 
-    def value(self, item: Any) -> "Value":
+    def value(self, item: Any) -> "Node":
         """A value as it is; anything else as a constant."""
-        return item if isinstance(item, Value) else self.constant(item)
+        return item if isinstance(item, Node) else self.constant(item)
 
 
-class Value:
+class Node:
     """The outcome of a node, or an input."""
 
     __array_ufunc__ = None  # arrays leave operations with a value to the value
@@ -42,45 +42,45 @@ class Value:
     def __init__(self, graph: Graph, name: str) -> None:
         self.graph, self.name = graph, name
 
-    def __add__(self, other: Any) -> "Value":
+    def __add__(self, other: Any) -> "Node":
         return self.graph.node("Add", self, other)
 
-    def __sub__(self, other: Any) -> "Value":
+    def __sub__(self, other: Any) -> "Node":
         return self.graph.node("Sub", self, other)
 
-    def __mul__(self, other: Any) -> "Value":
+    def __mul__(self, other: Any) -> "Node":
         return self.graph.node("Mul", self, other)
 
-    def __truediv__(self, other: Any) -> "Value":
+    def __truediv__(self, other: Any) -> "Node":
         return self.graph.node("Div", self, other)
 
-    def __matmul__(self, other: Any) -> "Value":
+    def __matmul__(self, other: Any) -> "Node":
         return self.graph.node("MatMul", self, other)
 
-    def __radd__(self, other: Any) -> "Value":
+    def __radd__(self, other: Any) -> "Node":
         return self.graph.node("Add", other, self)
 
-    def __rsub__(self, other: Any) -> "Value":
+    def __rsub__(self, other: Any) -> "Node":
         return self.graph.node("Sub", other, self)
 
-    def __rmul__(self, other: Any) -> "Value":
+    def __rmul__(self, other: Any) -> "Node":
         return self.graph.node("Mul", other, self)
 
-    def __neg__(self) -> "Value":
+    def __neg__(self) -> "Node":
         return self.graph.node("Neg", self)
 
-    def sqrt(self) -> "Value":
+    def sqrt(self) -> "Node":
         """Square root."""
         return self.graph.node("Sqrt", self)
 
-    def abs(self) -> "Value":
+    def abs(self) -> "Node":
         """Magnitude."""
         return self.graph.node("Abs", self)
 
-    def take(self, *columns: int) -> "Value":
+    def take(self, *columns: int) -> "Node":
         """Columns of (n, m), (n, len(columns))."""
         return self.graph.node("Gather", self, self.graph.constant(columns, np.int64), axis=1)
 
-    def sum(self) -> "Value":
+    def sum(self) -> "Node":
         """Sum along each row, (n, 1)."""
         return self.graph.node("ReduceSum", self, self.graph.constant([1], np.int64), keepdims=1)

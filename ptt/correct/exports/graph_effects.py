@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.correct.exports.graph import Graph, Value
+from ptt.correct.exports.graph import Graph, Node
 from ptt.effects import Effect
 from ptt.effects.base import sizes
 from ptt.effects.shapes import KNOTS, SHAPES, curve_pieces
@@ -45,11 +45,11 @@ class Place:
     graph: Graph
     file: MachineFile
     mechanism: ThreePtt
-    q: Value
-    a: Value
+    q: Node
+    a: Node
     p: Vector | None
-    payload: Value
-    warmth: Value
+    payload: Node
+    warmth: Node
     drive: Any = None
     centre: list[Any] = field(default_factory=_none)
     length: Any = None
@@ -77,7 +77,7 @@ class Place:
         foot, rail = self.mechanism.foot.numpy(), self.mechanism.rail.numpy()
         return [self.p[x] - foot[None, :, x] - self.q * rail[None, :, x] for x in range(3)]
 
-    def weight(self) -> Value:
+    def weight(self) -> Node:
         """Of platform and payload, (n, 1) N."""
         spec = self.file.machine
         assert spec.kind == "three-ptt"
@@ -103,7 +103,7 @@ class Place:
                      for old, new in zip(self.tool, shift, strict=True)]  # fmt: skip
 
 
-def spread(p: Value) -> Vector:
+def spread(p: Node) -> Vector:
     """(n, 3) as three (n, 1)."""
     return [p.take(axis) for axis in range(3)]
 
@@ -118,7 +118,7 @@ def dot(u: Vector, v: Vector) -> Any:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-def meet(graph: Graph, mechanism: ThreePtt, q: Value, grown: tuple[Vector, Any] | None) -> Vector:
+def meet(graph: Graph, mechanism: ThreePtt, q: Node, grown: tuple[Vector, Any] | None) -> Vector:
     """Tool of joint values, three (n, 1) mm; `grown` shifts centres and link lengths."""
     foot, rail, link = mechanism.foot.numpy(), mechanism.rail.numpy(), mechanism.link.numpy()
     centre = [q * rail[None, :, x] + foot[None, :, x] for x in range(3)]
@@ -156,7 +156,7 @@ def _pull(s: Place) -> Any:
     return -(s.weight() * minor[2]) * dot(link, link).sqrt() / volume
 
 
-def _curve(s: Place, pieces: np.ndarray, ends: np.ndarray, q: Value) -> Value:
+def _curve(s: Place, pieces: np.ndarray, ends: np.ndarray, q: Node) -> Node:
     """A piecewise cubic of each leg, pieces (3, 16, 4), held beyond its range (3, 2)."""
     graph = s.graph
     place = (q - ends[None, :, 0]) / (ends[:, 1] - ends[:, 0])[None]

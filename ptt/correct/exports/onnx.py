@@ -10,7 +10,7 @@ from nets import GaussianRbf
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import AHEAD, parts_of
 from ptt.correct.exports.format import Exported, Options
-from ptt.correct.exports.graph import Graph, Value
+from ptt.correct.exports.graph import Graph, Node
 from ptt.correct.exports.graph_effects import EFFECTS, Place, Vector, meet, spread
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, network_parts, survey
@@ -87,7 +87,7 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     """
     graph = Graph()
     file = compensator.model.file
-    stated = Value(graph, "p")
+    stated = Node(graph, "p")
     place = _into_base(graph, stated, file)
     steady, _, _ = split_terms(compensator.model, "none")
     names = {effect.name for effect, _ in steady}
@@ -97,10 +97,10 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     if compensator.network is not None:
         step, inside = _network(graph, compensator.network, place)
         asked = place + graph.node("Where", inside, step, np.zeros((1, 3)))
-    payload = Value(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
+    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
     warmth = graph.constant([[0.0]])
     if "temperature" in uses:
-        warmth = Value(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
+        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
     b = _settle(graph, file, steady, asked, payload, warmth)
     outputs = [("b", b, 3, 11)] + ([("inside", inside, 1, 9)] if inside is not None else [])  # 11 double, 9 bool
     inputs = ["p", *(["payload_kg"] if "payload" in uses else []), *(["temp_c"] if "temperature" in uses else [])]
@@ -119,12 +119,12 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     )
 
 
-def _into_base(graph: Graph, stated: Value, file: MachineFile) -> Value:
+def _into_base(graph: Graph, stated: Node, file: MachineFile) -> Node:
     (frame,) = target_frames(file, make_table(np.zeros((1, 3))))
     return stated if frame.source == "base" else stated @ frame.rotation.T + frame.origin[None]
 
 
-def _network(graph: Graph, network: GaussianRbf, place: Value) -> tuple[Value, Value]:
+def _network(graph: Graph, network: GaussianRbf, place: Node) -> tuple[Node, Node]:
     """The network's step (n, 3) mm and whether a row is in its domain (n, 1)."""
     domain = network.domain
     x = (place - network.input_mean.numpy()[None]) / network.input_scale.numpy()[None]
@@ -147,7 +147,7 @@ def _half(domain: Any) -> np.ndarray:
     return np.asarray(0.5 * (domain.high - domain.low) + domain.room)
 
 
-def _settle(graph: Graph, file: MachineFile, steady: Any, asked: Value, payload: Value, warmth: Value) -> Value:
+def _settle(graph: Graph, file: MachineFile, steady: Any, asked: Node, payload: Node, warmth: Node) -> Node:
     """The closed inverse with the errors of the round before, round after round, (n, 3) mm."""
     mechanism = build_mechanism(file.machine)
     assert isinstance(mechanism, ThreePtt)
@@ -168,7 +168,7 @@ def _settle(graph: Graph, file: MachineFile, steady: Any, asked: Value, payload:
     return q
 
 
-def _raise(mechanism: ThreePtt, p: Vector, seen: Place | None) -> Value:
+def _raise(mechanism: ThreePtt, p: Vector, seen: Place | None) -> Node:
     foot, rail, link = mechanism.foot.numpy(), mechanism.rail.numpy(), mechanism.link.numpy()
     reach: list[Any] = [p[axis] - foot[None, :, axis] for axis in range(3)]
     length: Any = link[None]

@@ -7,9 +7,10 @@ import numpy as np
 from nets import RbfTraining
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.rest import Space
-from ptt.correct.training.train import Progress, Protocol, fit_physics, hold_out, learn_rest, sound
+from ptt.correct.training.train import Protocol, fit_physics, hold_out, learn_rest, sound
 from ptt.judge.evaluate import Evaluation
 from ptt.model.model import Model
+from ptt.progress import Progress
 from ptt.run.problem import Problem
 from ptt.run.same_pose import count_places
 

@@ -1,6 +1,6 @@
 """Held-out errors of physics and network: neither fit nor choice of settings has seen the rows that are judged."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +11,10 @@ from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest
 from ptt.fitting.solve import rms
 from ptt.model.model import Model
+from ptt.progress import Progress
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
-Progress = Callable[[str, int, int], None]
 Figures = dict[str, float]
 
 

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nets import RbfSettings, RbfTraining, muted
-from ptt.correct.training.nested import Figures, HeldOut, Progress, better_space, hold_out
+from ptt.correct.training.nested import Figures, HeldOut, better_space, hold_out
 from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
 from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, random_protocol
 from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_rest, rest_of, spaces_of
 from ptt.fitting.solve import rms
 from ptt.model.model import Model
+from ptt.progress import Progress
 from ptt.run.problem import Problem
 
 __all__ = [

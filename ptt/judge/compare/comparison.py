@@ -1,6 +1,6 @@
 """A run held against a model as it is: how large the error is, what of it is noise, where it is, what it depends on."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.judge.compare.lack_of_fit import LackOfFit, lack_of_fit_of
 from ptt.model.model import Model
+from ptt.progress import Progress
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -21,8 +22,6 @@ NO_NEWS = 0.05  # share of the error beyond noise below which there is nothing t
 SURE = 3.0  # standard deviations
 UM = 1e3  # um per mm
 URAD = 1e6  # urad per rad
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

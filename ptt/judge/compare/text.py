@@ -6,7 +6,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ptt.dependence.where import Part, WorstRow
+from ptt.dependence.where import PartError, WorstRow
 from ptt.judge.compare.comparison import UM, Comparison, figures, one_figure
 
 SHOWN_ROWS = 5
@@ -141,7 +141,7 @@ def _places(result: Comparison) -> list[str]:
     return lines
 
 
-def _parts(parts: tuple[Part, ...]) -> str:
+def _parts(parts: tuple[PartError, ...]) -> str:
     return ", ".join(f"{part.label} {1e3 * part.rms:.0f} um" for part in parts)
 
 

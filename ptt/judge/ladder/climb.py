@@ -1,6 +1,6 @@
 """Add, refit, watch the error fall: errors after each step, on training rows and on rows that no parameter saw."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ from ptt.fitting.report import FitReport, report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, hold, residual_of, rms
 from ptt.model.model import Model, Term
+from ptt.progress import Progress
 from ptt.record import Record
 from ptt.run.holdout import folds, pose_groups
 from ptt.run.noise import Noise
@@ -25,8 +26,6 @@ FOLDS = 5
 CHANCE = 2.0  # standard errors by which the held-out error must fall before it counts as fallen
 FRAME_ROWS = 4  # readings of a frame that must stay visible for its hidden ones to be judged
 GIVEN, REFIT = "as given", "refit"
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ OFF_SCALE = 10.0  # usual sizes from which a value is worth a second look: the d
 
 
 @dataclass(frozen=True)
-class Value:
+class CauseValue:
     """One number of a finding.
 
     Attributes:
@@ -44,7 +44,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Cause:
     """One cause.
 
     Attributes:
@@ -64,7 +64,7 @@ class Finding:
     effect: str
     words: str
     cause: str
-    values: tuple[Value, ...]
+    values: tuple[CauseValue, ...]
     cure: str
     probability: float
     tie: str
@@ -99,7 +99,7 @@ class Card(Record):
     left_um: float
     noise_um: float
     noise_from: str
-    findings: tuple[Finding, ...]
+    findings: tuple[Cause, ...]
     measure_next: tuple[str, ...]
 
 
@@ -130,7 +130,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
     )
 
 
-def _title(found: Diagnosis, findings: Sequence[Finding]) -> str:
+def _title(found: Diagnosis, findings: Sequence[Cause]) -> str:
     if found.verdict == "nothing-missing":
         return "Nothing is missing"
     if found.verdict == "unknown":
@@ -161,12 +161,12 @@ def _words(found: Diagnosis) -> str:
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
 
 
-def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Problem) -> Finding:
+def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Problem) -> Cause:
     term = next(term for term in found.model.terms if term.effect.key == one.effect)
     told = sparsest([term], problem, found.noise)[0]
     words = sentence(told, problem.view)
     values = tuple(_value(part, noun_of(told, problem)) for part in _said(told, problem)[:VALUES])
-    return Finding(
+    return Cause(
         effect=one.effect,
         words=pretty(f"{words[:1].upper()}{words[1:]}."),
         cause=card_of(term.effect).cause,
@@ -194,9 +194,9 @@ def _said(told: Told, problem: Problem) -> list[Said]:
     return worth_saying(parts) or sorted(parts, key=lambda part: -part.worth)[:1]
 
 
-def _value(part: Said, noun: str) -> Value:
+def _value(part: Said, noun: str) -> CauseValue:
     who = part.who or (f"{noun} {part.joint}" if part.joint else "machine")
     error = None if part.error != part.error else float(part.error)
     verb = {"s": "s", "es": "es", "is_": "is", "has": "has"}
     text = part.text.format(what=sizes_in_words([part]), **verb)
-    return Value(who, part.joint, pretty(text), float(part.size), error, pretty(part.unit), float(part.worth))
+    return CauseValue(who, part.joint, pretty(text), float(part.size), error, pretty(part.unit), float(part.worth))

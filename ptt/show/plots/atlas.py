@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
+from ptt.effects.base import family
 from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.card import TELLING, Card
 from ptt.effects.case import usual_theta
@@ -110,7 +111,7 @@ def effect_sign(effect: Effect, theta: Tensor, view: View, card: Card) -> Sign:
     """
     error = predict([(effect, theta)], view).reading - view.p
     if card.residual == "joint":
-        linear = float(view.travel_limits.abs().max()) > 10.0
+        linear = family(view) == "three-ptt"
         residual = (torch.linalg.pinv(view.jacobian) @ error[..., None])[:, 0, 0] * (UM if linear else 1e6)
         unit, name = ("um", "J e of slider 1") if linear else ("urad", "J e of joint 1")
     else:
@@ -176,7 +177,7 @@ def _travel_since_reversal(view: View) -> Tensor:
 
 
 def _label(name: str, view: View) -> str:
-    mm = float(view.travel_limits.abs().max()) > 10.0
+    mm = family(view) == "three-ptt"
     text = TELLING[name].replace("mm or rad", "mm" if mm else "rad").replace("mm/s or rad/s", "mm/s" if mm else "rad/s")
     text = text.replace("N or N mm", "N" if mm else "N mm")
     return text.replace("joint", "slider 1" if mm else "joint 1").replace("command", "height" if mm else "angle")

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from ptt.judge.compare.comparison import AXES, Comparison, Progress
+from ptt.judge.compare.comparison import AXES, Comparison
+from ptt.progress import Progress
 from ptt.run.problem import Problem
 from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, save, thinned
 from ptt.show.plots.depends import draw_dependences

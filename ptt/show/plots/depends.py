@@ -21,7 +21,7 @@ BINS = 12
 
 
 @dataclass(frozen=True)
-class Pair:
+class Panel:
     """One panel: which residual against which variable.
 
     Attributes:
@@ -63,7 +63,7 @@ def draw_dependences(result: Comparison, problem: Problem) -> Figure:
     return figure
 
 
-def telling_pairs(result: Comparison, contexts: dict[str, np.ndarray]) -> list[Pair]:
+def telling_pairs(result: Comparison, contexts: dict[str, np.ndarray]) -> list[Panel]:
     """The pairs worth a panel: each variable once, with the residual that follows it best.
 
     Args:
@@ -73,20 +73,20 @@ def telling_pairs(result: Comparison, contexts: dict[str, np.ndarray]) -> list[P
     Returns:
         At most six.
     """
-    chosen: dict[str, Pair] = {}
+    chosen: dict[str, Panel] = {}
     for item in result.depends_on:
         if item.on in contexts and item.on not in chosen:
-            chosen[item.on] = Pair(item.residual, item.on, item)
+            chosen[item.on] = Panel(item.residual, item.on, item)
     if chosen:
         return list(chosen.values())[:MOST]
     names = [*result.joint] or list(AXES)
     own = [
-        Pair(name, on, None)
+        Panel(name, on, None)
         for prefix in ("b", "q", "direction")
         for index, name in enumerate(names)
         if (on := f"{prefix}{index + 1}") in contexts
     ]
-    return own[:MOST] or [Pair("x", next(iter(contexts)), None)]
+    return own[:MOST] or [Panel("x", next(iter(contexts)), None)]
 
 
 def variable_label(name: str, problem: Problem) -> str:
@@ -118,7 +118,7 @@ def variable_label(name: str, problem: Problem) -> str:
     return f"angle of joint {name[1:]} [rad]" if serial else f"height of slider {name[1:]} [mm]"
 
 
-def _draw_pair(panel: Axes, pair: Pair, result: Comparison, problem: Problem, contexts: dict[str, np.ndarray]) -> None:
+def _draw_pair(panel: Axes, pair: Panel, result: Comparison, problem: Problem, contexts: dict[str, np.ndarray]) -> None:
     error, unit = _error_of(pair.residual, result)
     found, values, label = pair.found, contexts[pair.on], variable_label(pair.on, problem)
     rows = np.flatnonzero(result.kept & np.isfinite(values) & np.isfinite(error))

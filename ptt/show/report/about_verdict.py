@@ -7,7 +7,7 @@ from ptt.effects.cards import card_of
 from ptt.effects.registry import parse_key
 from ptt.show.report.about_error import depends_grid
 from ptt.show.report.blocks import Block, Lines, Section, Words, grid, side_by_side
-from ptt.show.report.contents import Contents, Look
+from ptt.show.report.contents import Contents, ModelLook
 from ptt.show.report.numbers import chance, percent, plus_minus, um
 
 NOTE = (
@@ -24,7 +24,7 @@ def verdict_section(contents: Contents) -> Section:
     return Section("verdict", "What is missing", tuple(blocks))
 
 
-def _of(look: Look, what: str, contents: Contents) -> list[Block]:
+def _of(look: ModelLook, what: str, contents: Contents) -> list[Block]:
     found, known = look.diagnosis, contents.known
     if found is None:
         return [Words(f"No verdict on {what}: {look.why_not}.", "lack")]

@@ -14,7 +14,7 @@ from ptt.show.card.picture import draw_scene
 from ptt.show.card.result import card_of_diagnosis
 from ptt.show.card.scene import usual_times
 from ptt.show.card.words import how_sure, length
-from ptt.show.report.contents import Contents, Look
+from ptt.show.report.contents import Contents, ModelLook
 
 DPI = 130
 
@@ -68,7 +68,7 @@ def top_card(contents: Contents, say: Callable[[str], str]) -> TopCard | None:
     return TopCard(card, bar_html(card, say), how_sure(card["probability"]), picture, caption, more)
 
 
-def _leading(contents: Contents) -> Look | None:
+def _leading(contents: Contents) -> ModelLook | None:
     """The model's own diagnosis where it finds something, else the drawing's, which led to the model."""
     given, drawing = contents.given, contents.drawing
     if given.diagnosis is not None and (contents.bare or given.diagnosis.suggested or drawing.diagnosis is None):
@@ -76,7 +76,7 @@ def _leading(contents: Contents) -> Look | None:
     return drawing if drawing.diagnosis is not None else None
 
 
-def _picture(look: Look, card: dict[str, Any], contents: Contents) -> tuple[bytes | None, str]:
+def _picture(look: ModelLook, card: dict[str, Any], contents: Contents) -> tuple[bytes | None, str]:
     found, problem = look.diagnosis, contents.problem
     rows = np.flatnonzero(problem.used)
     if found is None or not len(rows):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ptt.judge.history import Entry
 from ptt.model.model import Model
-from ptt.show.report.source import Source
+from ptt.show.report.source import MadeOf
 
 DRAWING = "drawing.toml"
 FLAGS = {"also": "--also", "targets": "--targets", "map": "--map", "effects": "--effects"}
@@ -20,7 +20,7 @@ class Command:
     tells: str
 
 
-def commands_of(source: Source, model: Model, network: bool) -> tuple[Command, ...]:
+def commands_of(source: MadeOf, model: Model, network: bool) -> tuple[Command, ...]:
     """The commands that give a report's figures again.
 
     Args:
@@ -61,7 +61,7 @@ def commands_of(source: Source, model: Model, network: bool) -> tuple[Command, .
     return (*steps, Command(iso, "ISO 9283 figures"), Command(shlex.join(whole), "this report"))
 
 
-def options_of(source: Source, without: Sequence[str] = ()) -> list[str]:
+def options_of(source: MadeOf, without: Sequence[str] = ()) -> list[str]:
     """The options that say how the runs are read.
 
     Args:

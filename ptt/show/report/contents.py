@@ -26,24 +26,24 @@ from ptt.judge.ladder.climb import Ladder, climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model, read_model
+from ptt.progress import Progress
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
 from ptt.run.taken import set_up
 from ptt.show.report.commands import Command, commands_of
 from ptt.show.report.facts import RunFacts, facts_of
 from ptt.show.report.network import NetworkFacts, network_facts
-from ptt.show.report.source import Source, shown_table
+from ptt.show.report.source import MadeOf, shown_table
 from ptt.version import __version__
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
 NOTHING_TO_JUDGE = "the model has no effects and no network: there is no after to hold against the before"
 
-Progress = Callable[[str, int, int], None]
 Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
-class Look:
+class ModelLook:
     """A run held against one model.
 
     Attributes:
@@ -82,12 +82,12 @@ class Contents:
     """
 
     date: str
-    source: Source
+    source: MadeOf
     facts: RunFacts
     problem: Problem
     known: Library
-    drawing: Look
-    given: Look
+    drawing: ModelLook
+    given: ModelLook
     ladders: tuple[tuple[Entry, ...], ...]
     refit: Ladder | None
     evaluation: dict[str, Evaluation]
@@ -133,7 +133,7 @@ class Contents:
 def gather(
     table: Table,
     machine: MachineFile | Compensator,
-    source: Source | None = None,
+    source: MadeOf | None = None,
     *,
     known: Library | None = None,
     problem: Problem | None = None,
@@ -155,7 +155,7 @@ def gather(
     Raises:
         InputError: run and machine cannot be brought together.
     """
-    tell, source, known = progress or (lambda what, done, of: None), source or Source(), known or library()
+    tell, source, known = progress or (lambda what, done, of: None), source or MadeOf(), known or library()
     compensator = machine if isinstance(machine, Compensator) else Compensator(read_model(machine, known), None, {})
     model, shown = compensator.model, shown_table(table, source)
     problem = replace(problem or build_problem(model.file, table), table=shown)
@@ -192,7 +192,7 @@ def gather(
     )
 
 
-def _aside(look: Look) -> dict[str, list[str]]:
+def _aside(look: ModelLook) -> dict[str, list[str]]:
     """Effects of other runs, as the verbs tell them."""
     return {"other_runs": [term.effect.key for term in look.model.aside]}
 
@@ -220,15 +220,15 @@ def with_network(model: Compensator, trained: Compensator, where: str) -> Compen
     return replace(model, network=trained.network, notes=trained.notes)
 
 
-def _look(model: Model, problem: Problem, known: Library, source: Source) -> Look:
+def _look(model: Model, problem: Problem, known: Library, source: MadeOf) -> ModelLook:
     why: dict[str, str] = {}
     noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
     diagnose = choose_diagnosis(problem.table.rows)
     found = _unless("diagnose", why, lambda: diagnose(model, problem, known), source)
-    return Look(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
+    return ModelLook(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
 
 
-def _unless(what: str, why: dict[str, str], action: Callable[[], Found], source: Source) -> Found | None:
+def _unless(what: str, why: dict[str, str], action: Callable[[], Found], source: MadeOf) -> Found | None:
     """A result, or the note why the run does not give one."""
     try:
         return action()

@@ -10,15 +10,16 @@ from ptt.correct.training.compensator import Compensator
 from ptt.effects.registry import Library
 from ptt.files import write_text
 from ptt.machine import MachineFile
+from ptt.progress import Progress
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 from ptt.show.card.words import length, value_in_words
 from ptt.show.report.card import top_card
-from ptt.show.report.contents import Contents, Progress, gather
+from ptt.show.report.contents import Contents, gather
 from ptt.show.report.interactive import interactive_parts
 from ptt.show.report.pictures import data_uri, draw_pictures
 from ptt.show.report.sections import sections_of
-from ptt.show.report.source import Source
+from ptt.show.report.source import MadeOf
 from ptt.show.report.words import Say, words_of
 
 BAR = files("ptt.show.card").joinpath("style.css").read_text(encoding="utf-8")
@@ -28,7 +29,7 @@ def write_report(
     out: str | Path,
     table: Table,
     machine: MachineFile | Compensator,
-    source: Source | None = None,
+    source: MadeOf | None = None,
     *,
     known: Library | None = None,
     problem: Problem | None = None,

@@ -9,7 +9,7 @@ from ptt.correct.training.rest import inputs_of
 from ptt.errors import ModelError
 from ptt.record import Record
 from ptt.run.problem import Problem
-from ptt.show.report.source import Source
+from ptt.show.report.source import MadeOf
 
 AXES = ("x", "y", "z")
 
@@ -43,7 +43,7 @@ class NetworkFacts(Record):
     largest_um: float
 
 
-def network_facts(compensator: Compensator, problem: Problem, source: Source) -> NetworkFacts:
+def network_facts(compensator: Compensator, problem: Problem, source: MadeOf) -> NetworkFacts:
     """Gather what a network does.
 
     Args:

@@ -5,10 +5,11 @@ from pathlib import Path
 from ptt.correct.training.compensator import Compensator, load_compensator
 from ptt.door.opened import Opened
 from ptt.door.options import Reading
-from ptt.door.result import Progress, unwatched
+from ptt.door.result import unwatched
+from ptt.progress import Progress
 from ptt.show.report.contents import Contents, with_network
 from ptt.show.report.html import write_report
-from ptt.show.report.source import Source, source_of
+from ptt.show.report.source import MadeOf, source_of
 
 
 def report_run(
@@ -61,7 +62,7 @@ def _with_network(opened: Opened, folder: Path | None) -> Compensator:
     return with_network(opened.compensator, load_compensator(folder, opened.library), str(folder))
 
 
-def _source(run: Path, model: Path, compensator: Path | None, reading: Reading) -> Source:
+def _source(run: Path, model: Path, compensator: Path | None, reading: Reading) -> MadeOf:
     trained = compensator or (model if model.is_dir() else None)
     given = {
         "model": [model],

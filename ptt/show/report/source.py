@@ -27,7 +27,7 @@ class InputFile(Record):
 
 
 @dataclass(frozen=True)
-class Source:
+class MadeOf:
     """What a report was made of.
 
     Attributes:
@@ -53,7 +53,7 @@ class Source:
         return text
 
 
-def source_of(paths: Mapping[str, Sequence[Path]], settings: Sequence[str] = ()) -> Source:
+def source_of(paths: Mapping[str, Sequence[Path]], settings: Sequence[str] = ()) -> MadeOf:
     """Hash the files and find the shortest names that tell them apart.
 
     Args:
@@ -73,7 +73,7 @@ def source_of(paths: Mapping[str, Sequence[Path]], settings: Sequence[str] = ())
         shown = [f"{short[str(path)]}/{part.name}" for part in inner] or [short[str(path)]]
         files += [InputFile(role, name, sha256(part)) for name, part in zip(shown, inner or [path], strict=True)]
     differing = {path: name for path, name in short.items() if path != name}
-    return Source(tuple(dict.fromkeys(files)), names, tuple(settings), differing)
+    return MadeOf(tuple(dict.fromkeys(files)), names, tuple(settings), differing)
 
 
 def short_names(paths: Sequence[PurePath]) -> list[str]:
@@ -95,7 +95,7 @@ def short_names(paths: Sequence[PurePath]) -> list[str]:
     return names
 
 
-def shown_table(table: Table, source: Source) -> Table:
+def shown_table(table: Table, source: MadeOf) -> Table:
     """The same rows with the short names of their files in source, run labels and findings.
 
     Args:

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ptt.progress import Progress
 from ptt.show.studio.jobs_again import again
 from ptt.show.studio.jobs_export import export, formats
 from ptt.show.studio.jobs_files import columns, describe, mend, peek
 from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effect
 from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
-from ptt.show.studio.outcomes import Progress
 from ptt.show.studio.results import SEAL, Changed, Compared, Learned, Predicted, Source, Trained
 
 if TYPE_CHECKING:

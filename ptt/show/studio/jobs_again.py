@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.errors import PttError
+from ptt.progress import Progress
 from ptt.show.studio.opening import open_both, place_of
-from ptt.show.studio.outcomes import Progress
 from ptt.show.studio.results import Source
 
 if TYPE_CHECKING:

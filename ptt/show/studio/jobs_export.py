@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ptt.progress import Progress
 from ptt.show.studio.opening import place_of
-from ptt.show.studio.outcomes import Progress
 from ptt.show.studio.results import Source
 
 FOLDER = "export"

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ptt.progress import Progress
 from ptt.show.studio.opening import place_of
-from ptt.show.studio.outcomes import Progress
 from ptt.show.studio.results import ANSWERS, COLUMNS, MENDED, Source
 
 SAMPLE = 6  # rows of the preview

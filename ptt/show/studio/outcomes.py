@@ -1,9 +1,7 @@
 """What may come of a job beside its result, and how it tells where it is."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
-
-Progress = Callable[[str, int, int], None]
 
 
 class JobCancelledError(Exception):

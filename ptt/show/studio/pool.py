@@ -12,7 +12,8 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
-from ptt.show.studio.outcomes import JobFailedError, Progress, QuestionError, SetupFoundError
+from ptt.progress import Progress
+from ptt.show.studio.outcomes import JobFailedError, QuestionError, SetupFoundError
 from ptt.show.studio.verbs import Run
 from ptt.show.studio.worker import serve
 

@@ -47,7 +47,7 @@ int ptt_correct(const double nominal[PTT_JOINTS], const ptt_context *context, pt
 
 
 @dataclass(frozen=True)
-class Source:
+class CSource:
     """C of a model.
 
     Attributes:
@@ -61,7 +61,7 @@ class Source:
     parts: Parts
 
 
-def source_of(compensator: "Compensator", head: list[str]) -> Source:
+def source_of(compensator: "Compensator", head: list[str]) -> CSource:
     """Write the C of a model.
 
     Args:
@@ -94,7 +94,7 @@ def source_of(compensator: "Compensator", head: list[str]) -> Source:
         ARM_BODY * arm,
     ]
     comment = comment_of(head)
-    return Source(comment + header, comment + "\n".join(part for part in body if part), parts)
+    return CSource(comment + header, comment + "\n".join(part for part in body if part), parts)
 
 
 def _includes(compensator: "Compensator") -> str:
