@@ -21,8 +21,6 @@ from ptt.run.table import Table, table_to_frame
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEGS = (1, 2, 3)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulated(Result):
@@ -32,21 +30,23 @@ class Simulated(Result):
         result: readings, and where tool and sliders really were.
         cycles: how often the targets were visited.
         given: whether the commands were given, not the controller's own.
+        joints: b1.. in mm or q1.. in rad.
         notes: what was found on the way, a line each.
     """
 
     result: RunResult
     cycles: int
     given: bool
+    joints: tuple[str, ...] = ("b1", "b2", "b3")
     notes: tuple[str, ...] = ()
     _written: list[str] = field(default_factory=list)
 
     @property
     def truth(self) -> pd.DataFrame:
-        """Where tool and sliders really were, mm, and which readings are grossly wrong."""
+        """Where tool (mm) and sliders (mm) or joints (rad) really were, and which readings are grossly wrong."""
         frame = self.result.frame[["name", "role", "repeat"]].copy()
         frame[["x_true", "y_true", "z_true"]] = self.result.truth
-        frame[["b1_true", "b2_true", "b3_true"]] = self.result.slider_actual
+        frame[[f"{joint}_true" for joint in self.joints]] = self.result.slider_actual
         return frame.assign(outlier=self.result.outlier)
 
     def to_frame(self) -> pd.DataFrame:
@@ -147,7 +147,7 @@ def simulate_path(
     """
     wanted = read_rows(targets, machine.machine, reading, "targets", ask=ask, note=note)
     notes = []
-    if sliders is None and _holds_commands(wanted):
+    if sliders is None and _holds_commands(wanted, machine.sent):
         sliders = targets
         notes.append(f"driven by the commands {wanted.joint_prefix}1.. in {targets}, as with --sliders {targets}")
         note(notes[0])
@@ -155,7 +155,7 @@ def simulate_path(
     if sliders is not None:
         sent = _sliders(sliders, wanted, read_rows(sliders, machine.machine, reading, "sliders", ask=ask, note=note))
     result = run_rig(machine, _commands(wanted), sliders=sent, noise=noise, seed=seed)
-    return Simulated(result, machine.conditions.cycles, sent is not None, tuple(notes))
+    return Simulated(result, machine.conditions.cycles, sent is not None, tuple(machine.sent), tuple(notes))
 
 
 def _rig(rig: Rig | str | Path) -> Rig:
@@ -174,14 +174,14 @@ def _commands(table: Table) -> pd.DataFrame:
     return frame
 
 
-def _holds_commands(table: Table) -> bool:
+def _holds_commands(table: Table, joints: list[str]) -> bool:
     """Whether commands to send stand beside the targets, as `ptt predict` writes them."""
     beside = {title.strip().lower() for title in table.understood.ignored}
-    return {f"{table.joint_prefix}{joint}" for joint in LEGS} <= beside
+    return {*joints} <= beside
 
 
 def _sliders(path: Path, wanted: Table, sent: Table) -> pd.DataFrame:
-    """Columns b1..b3, refused where they were made for other targets."""
+    """Columns b1.. or q1.., refused where they were made for other targets."""
     if sent.rows != wanted.rows:
         fix = f"predict the commands from {wanted.source}"
         raise TableError(f"{sent.rows} rows for {wanted.rows} targets of {wanted.source}", where=str(path), fix=fix)
@@ -190,4 +190,4 @@ def _sliders(path: Path, wanted: Table, sent: Table) -> pd.DataFrame:
         row = int(np.argmax(apart))
         fix = f"predict the commands from {wanted.source}"
         raise TableError(f"made for another target than {wanted.place(row)}", where=sent.place(row), fix=fix)
-    return pd.DataFrame(sent.command, columns=[f"b{leg}" for leg in LEGS])
+    return pd.DataFrame(sent.command, columns=[f"{sent.joint_prefix}{joint + 1}" for joint in range(sent.joints)])

@@ -11,7 +11,7 @@ import tomlkit
 
 from ptt.errors import InputError, shown
 from ptt.files import parse_toml, read_text
-from ptt.machine import MachineFile, ThreePttSpec, format_machine, load_machine, parse_machine
+from ptt.machine import MachineFile, SerialSpec, ThreePttSpec, format_machine, load_machine, parse_machine
 from ptt.rig import odd_schema, schema
 from ptt.rig.odd_schema import Odd
 
@@ -29,6 +29,7 @@ class Rig:
         thermal: temperatures and growth.
         geometry: faults of rails, links, joints and platform.
         structure: bending of the column.
+        arm: faults of a serial arm, which has none of drive, thermal, geometry, structure and odd.
         odd: faults that are no effect of the library.
         tracker: metrology.
         source: the file's name for messages.
@@ -42,20 +43,34 @@ class Rig:
     thermal: schema.Thermal
     geometry: schema.Geometry
     structure: schema.Structure
+    arm: schema.Arm
     odd: tuple[Odd, ...]
     tracker: schema.Tracker
     source: str = field(compare=False)
 
     @property
     def spec(self) -> ThreePttSpec:
-        """The drawing, which is a 3-PTT."""
+        """The drawing of a 3-PTT."""
         if not isinstance(self.machine.machine, ThreePttSpec):
-            raise InputError(
-                "the virtual machine simulates the 3-PTT only",
-                where=self.source,
-                fix='use a machine of kind "three-ptt"',
-            )
+            what = "this needs a 3-PTT, the rig is a serial arm"
+            raise InputError(what, where=self.source, fix='use a machine of kind "three-ptt"')
         return self.machine.machine
+
+    @property
+    def serial(self) -> SerialSpec | None:
+        """The drawing of a serial arm; None for a 3-PTT."""
+        return self.machine.machine if isinstance(self.machine.machine, SerialSpec) else None
+
+    @property
+    def sent(self) -> list[str]:
+        """Columns of commands that were corrected: b1.. or q1.., one for each joint."""
+        spec = self.machine.machine
+        return [f"{spec.letter}{joint + 1}" for joint in range(spec.joints)]
+
+    @property
+    def commanded(self) -> list[str]:
+        """Columns of joint commands in a run: mm for sliders, rad for an arm."""
+        return [f"{joint}_cmd{'' if self.serial is None else '_rad'}" for joint in self.sent]
 
 
 class _Document(schema.Section):
@@ -67,11 +82,13 @@ class _Document(schema.Section):
     thermal: schema.Thermal = schema.Thermal()
     geometry: schema.Geometry = schema.Geometry()
     structure: schema.Structure = schema.Structure()
+    arm: schema.Arm = schema.Arm()
     odd: tuple[Odd, ...] = ()
     tracker: schema.Tracker = schema.Tracker()
 
 
-SECTIONS = ("conditions", "controller", "drive", "thermal", "geometry", "structure", "odd", "tracker")
+SECTIONS = ("conditions", "controller", "drive", "thermal", "geometry", "structure", "arm", "odd", "tracker")
+SLIDERS_ONLY = ("controller", "drive", "thermal", "geometry", "structure", "odd")
 
 
 def load_rig(path: str | Path) -> Rig:
@@ -171,7 +188,42 @@ def _check(rig: Rig) -> None:
             words = f"{what}_row and {what}_time_s are both given"
             place = f"{rig.source} key {type(section).__name__.lower()}"
             raise InputError(words, where=place, fix="keep one of them")
-    _ = rig.spec
+    _check_kind(rig)
+
+
+def _check_kind(rig: Rig) -> None:
+    """Refuse faults of the other mechanism, and lists that do not fit the arm."""
+    foreign = ("arm",) if rig.serial is None else SLIDERS_ONLY
+    empty = _Document(machine="")
+    for name in foreign:
+        if getattr(rig, name) != getattr(empty, name):
+            own = "; a serial arm has its faults under [arm]" if rig.serial else ""
+            kind = f"the machine is of kind {rig.machine.machine.kind!r}"
+            raise InputError(
+                f"{kind}, which has no such faults{own}", where=f"{rig.source} key {name}", fix="remove it"
+            )
+    if rig.serial is None:
+        return
+    if rig.tracker.datum_every:
+        raise InputError(
+            "an arm has no datum pose to visit",
+            where=f"{rig.source} key tracker.datum_every",
+            fix="put the pose into the targets with role 'datum'",
+        )
+    if rig.conditions.moving:
+        what = "an arm is read at standstill only"
+        raise InputError(what, where=f"{rig.source} key conditions.moving", fix="remove it")
+    joints = len(rig.serial.joint)
+    for key, value in rig.arm:
+        if isinstance(value, tuple) and key != "reflector_mm" and len(value) not in (0, joints):
+            raise InputError(
+                f"{len(value)} values for an arm of {joints} joints",
+                where=f"{rig.source} key arm.{key}",
+                fix="give one value per joint, 0 for a sound one",
+            )
+    if bool(rig.arm.com_mm) and not rig.arm.mass_kg:
+        what = "centres of mass without masses"
+        raise InputError(what, where=f"{rig.source} key arm.com_mm", fix="give arm.mass_kg, too")
 
 
 def _explain(error: pydantic.ValidationError, where: str) -> InputError:

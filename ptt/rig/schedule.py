@@ -10,8 +10,6 @@ from ptt.rig.nominal import Array
 from ptt.rig.rig import Rig
 
 TARGET = ["x_cmd", "y_cmd", "z_cmd"]
-COMMAND = ["b1_cmd", "b2_cmd", "b3_cmd"]
-SLIDER = ["b1", "b2", "b3"]
 DATUM, HOLD = -1, -2  # in `origin`: rows that no row of the targets stands for
 
 
@@ -22,7 +20,7 @@ class Schedule:
     Attributes:
         origin: (n,) int, row of the targets, DATUM for a datum visit, HOLD where the machine stands still.
         target: (n, 3) mm, NaN where only sliders are commanded.
-        command: (n, 3) mm, sliders to send, NaN where the controller computes them from the target.
+        command: (n, k) mm or rad, joints to send, NaN where the controller computes them from the target.
         name: (n,) str.
         role: (n,) str, pose, base or datum.
         run: (n,) int.
@@ -60,7 +58,7 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, wh
     Args:
         rig: conditions and tracker say how often what is repeated.
         commands: the targets, columns as in a targets file.
-        sliders: columns b1, b2, b3 to send instead, a row per row of `commands` or per row and cycle.
+        sliders: columns b1.. or q1.. to send instead, a row per row of `commands` or per row and cycle.
         where: the targets file for messages.
 
     Returns:
@@ -69,7 +67,7 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, wh
     Raises:
         TableError: columns missing, sliders of another length, an unknown base reflector.
     """
-    table = _tidy(commands, where)
+    table = _tidy(commands, rig.commanded, where)
     origin, cycle = _layout(rig, table)
     pose = origin >= 0
     row = np.where(pose, origin, 0)
@@ -78,9 +76,9 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, wh
     held = role == "base"
     name = _name_base(rig, name, origin, held, where)
     target = np.where(pose[:, None], table[TARGET].to_numpy(float)[row], np.asarray(rig.tracker.datum_mm))
-    command = np.where(pose[:, None], table[COMMAND].to_numpy(float)[row], np.nan)
+    command = np.where(pose[:, None], table[rig.commanded].to_numpy(float)[row], np.nan)
     if sliders is not None:
-        command = _send(sliders, command, pose, held, len(table), where)
+        command = _send(sliders, rig.sent, command, pose, held, len(table), where)
     target, command = _hold(target, held), _hold(command, held)
     conditions = rig.conditions
     return Schedule(
@@ -117,12 +115,12 @@ def tell_time(rig: Rig, schedule: Schedule, tool: Array) -> Array:
     return np.cumsum(step + conditions.pause_s * (np.diff(schedule.repeat, prepend=schedule.repeat[0]) != 0))
 
 
-def _tidy(commands: pd.DataFrame, where: str) -> pd.DataFrame:
+def _tidy(commands: pd.DataFrame, joints: list[str], where: str) -> pd.DataFrame:
     """A copy with every column this module reads."""
     table = commands.reset_index(drop=True).copy()
     if table.empty:
         raise TableError("has no rows", where=where, fix="give at least one target")
-    for group in (TARGET, COMMAND):
+    for group in (TARGET, joints):
         present = [column in table for column in group]
         if any(present) and not all(present):
             missing = group[present.index(False)]
@@ -135,13 +133,13 @@ def _tidy(commands: pd.DataFrame, where: str) -> pd.DataFrame:
     for column in ("payload_kg", "feed_mm_s"):
         table[column] = _numbers(table, [column], where)[:, 0] if column in table else np.nan
     table["read"] = _numbers(table, ["read"], where)[:, 0] if "read" in table else 1.0
-    numbers = {"target": _numbers(table, TARGET, where), "command": _numbers(table, COMMAND, where)}
-    table[TARGET], table[COMMAND] = numbers["target"], numbers["command"]
+    numbers = {"target": _numbers(table, TARGET, where), "command": _numbers(table, joints, where)}
+    table[TARGET], table[joints] = numbers["target"], numbers["command"]
     known = np.isfinite(numbers["target"]).all(1) | np.isfinite(numbers["command"]).all(1)
     lost = ~(known | (table["role"] == "base").to_numpy())
     if lost.any():
         raise TableError(
-            f"row {int(np.argmax(lost)) + 1} has neither x_cmd, y_cmd, z_cmd nor b1_cmd, b2_cmd, b3_cmd",
+            f"row {int(np.argmax(lost)) + 1} has neither x_cmd, y_cmd, z_cmd nor {', '.join(joints)}",
             where=where,
             fix="fill in one of the two",
         )
@@ -204,12 +202,14 @@ def _name_base(rig: Rig, name: Array, origin: Array, held: Array, where: str) ->
     return named.astype(str)
 
 
-def _send(sliders: pd.DataFrame, command: Array, pose: Array, held: Array, rows: int, where: str) -> Array:
-    """Commands with those of the targets' rows replaced by sliders that are given, (n, 3) mm."""
-    missing = [column for column in SLIDER if column not in sliders]
+def _send(
+    sliders: pd.DataFrame, joints: list[str], command: Array, pose: Array, held: Array, rows: int, where: str
+) -> Array:
+    """Commands with those of the targets' rows replaced by joints that are given, (n, k) mm or rad."""
+    missing = [column for column in joints if column not in sliders]
     if missing:
-        raise TableError(f"column {missing[0]} is missing", where="sliders", fix="give b1, b2, b3")
-    values, moves = _numbers(sliders, SLIDER, "sliders"), pose | ~held
+        raise TableError(f"column {missing[0]} is missing", where="sliders", fix=f"give {', '.join(joints)}")
+    values, moves = _numbers(sliders, joints, "sliders"), pose | ~held
     if len(values) == int(moves.sum()):  # datum visits among them
         pose = moves
     poses = int(pose.sum())
@@ -221,7 +221,9 @@ def _send(sliders: pd.DataFrame, command: Array, pose: Array, held: Array, rows:
     lost = ~held[pose] & ~np.isfinite(given).all(1)
     if lost.any():
         place = f"sliders row {int(np.argmax(lost)) % len(values) + 1}"
-        raise TableError("has no b1, b2, b3 to send", where=place, fix="leave the row out of sliders and targets")
+        raise TableError(
+            f"has no {', '.join(joints)} to send", where=place, fix="leave the row out of sliders and targets"
+        )
     command = command.copy()
     command[pose] = given
     return command

@@ -136,6 +136,28 @@ class Geometry(Section):
     clearance_um: PerLeg = ZERO
 
 
+PerJoint = tuple[float, ...]
+PerJointUp = tuple[NonNegativeFloat, ...]
+
+
+class Arm(Section):
+    """Faults of a serial arm; a list has one value per joint, an empty one stands for zeros."""
+
+    backlash_mrad: PerJointUp = ()
+    compliance_nrad_per_nmm: PerJointUp = ()
+    turn_urad: PerJoint = ()
+    turn_phase_rad: PerJoint = ()
+    turn_harmonic: Annotated[int, Field(ge=1, le=1000)] = 1
+    link_a_mm: PerJoint = ()
+    link_alpha_mrad: PerJoint = ()
+    link_d_mm: PerJoint = ()
+    link_theta_mrad: PerJoint = ()
+    growth_um_per_m_k: float = 0.0
+    mass_kg: PerJointUp = ()
+    com_mm: tuple[Triple, ...] = ()
+    reflector_mm: Triple = ZERO
+
+
 class Structure(Section):
     """The column that carries the sliders: a cantilever that the payload bends."""
 

@@ -70,9 +70,7 @@ class ArmRig:
         Returns:
             (n, 3) mm in tracker coordinates.
         """
-        joint = self._driven(np.asarray(q, dtype=float))
-        growth = 1.0 + self.faults.growth * (np.asarray(temperature) - self.spec.reference_temp_c)
-        place = np.stack([self._settled(*row) for row in zip(joint, payload, growth, strict=True)])
+        place = self.tip(self.settle(q, payload, temperature)[1])
         turned = place @ self.tracker[:3, :3].T + self.tracker[:3, 3]
         return turned + self.sigma_mm * np.random.default_rng(seed).standard_normal(turned.shape)
 
@@ -90,14 +88,33 @@ class ArmRig:
             (n, 3, 3), the target's axes in tracker coordinates.
         """
         random = np.random.default_rng(seed)
-        joint = self._driven(np.asarray(q, dtype=float))
+        tools = self.settle(q, payload, temperature)[1][:, :3, :3]
+        wrong = [rigid(random.normal(0.0, sigma_rad, 3), np.zeros(3))[:3, :3] for _ in tools]
+        return self.tracker[:3, :3] @ tools @ np.stack(wrong)
+
+    def settle(self, q: Array, payload: Array, temperature: Array) -> tuple[Array, Array]:
+        """Where joints and last link come to rest after each command.
+
+        Args:
+            q: (n, k) rad, in travel order.
+            payload: (n,) kg at the tool point.
+            temperature: (n,) deg C.
+
+        Returns:
+            Joint values (n, k) rad, and the frame that the last link carries, (n, 4, 4), in the base frame.
+        """
+        driven = self._driven(np.asarray(q, dtype=float))
         growth = 1.0 + self.faults.growth * (np.asarray(temperature) - self.spec.reference_temp_c)
-        turns = np.empty((len(joint), 3, 3))
-        for row in range(len(joint)):
-            at = self._yielded(joint[row], payload[row], growth[row])
-            tool = self._frames(at, growth[row])[-1][:3, :3]
-            turns[row] = self.tracker[:3, :3] @ tool @ rigid(random.normal(0.0, sigma_rad, 3), np.zeros(3))[:3, :3]
-        return turns
+        joint = np.stack([self._yielded(*row) for row in zip(driven, payload, growth, strict=True)])
+        return joint, np.stack([self._frames(*row)[-1] for row in zip(joint, growth, strict=True)])
+
+    def tool(self, frame: Array) -> Array:
+        """Place of the drawing's tool point on last links at rest, (n, 3) mm in the base frame."""
+        return np.asarray(frame[:, :3, :3] @ np.asarray(self.spec.tool_mm) + frame[:, :3, 3])
+
+    def tip(self, frame: Array) -> Array:
+        """Place of the reflector on last links at rest, (n, 3) mm in the base frame."""
+        return self.tool(frame) + frame[:, :3, :3] @ self.reflector_mm
 
     def _driven(self, q: Array) -> Array:
         """Joint values behind uneven rings and play."""
@@ -111,12 +128,6 @@ class ArmRig:
         for row in range(1, len(q)):
             follower[row] = np.clip(follower[row - 1], q[row] - half, q[row] + half)
         return follower + uneven
-
-    def _settled(self, joint: Array, payload: float, growth: float) -> Array:
-        """Where the reflector comes to rest, (3,) mm in the base frame."""
-        at = self._yielded(joint, payload, growth)
-        tip = np.append(np.asarray(self.spec.tool_mm) + self.reflector_mm, 1.0)
-        return np.asarray((self._frames(at, growth)[-1] @ tip)[:3])
 
     def _yielded(self, joint: Array, payload: float, growth: float) -> Array:
         """Joint values under load, (k,) rad."""

@@ -8,14 +8,18 @@ import pandas as pd
 
 from ptt.errors import InputError, WorkspaceError
 from ptt.files import write_text
+from ptt.machine import SerialSpec
 from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, follow_warmth
+from ptt.rig.arm_faults import arm_faults, tool_on_drawing, within_limits
 from ptt.rig.loaded import load_platform, nominal_tool
 from ptt.rig.nominal import Array, Drawing, draw_machine, nominal_sliders
 from ptt.rig.odd_state import look_at_run
 from ptt.rig.platform import carried, small_rotation
 from ptt.rig.rig import Rig
-from ptt.rig.schedule import COMMAND, TARGET, Schedule, plan_rows, tell_time
+from ptt.rig.schedule import TARGET, Schedule, plan_rows, tell_time
+from ptt.rig.serial_arm import ArmRig
+from ptt.rig.thermal import room_temperature
 
 MOST_ROWS = 20_000_000  # of one run: a year of readings, one a second and a half
 
@@ -28,10 +32,10 @@ class RunResult:
         frame: the tracker CSV as a table, n rows in travel order.
         truth: (n, 3) mm, where the measured reflector really was, base frame, less its offset on the drawing, which
             tracker software takes off.
-        slider_actual: (n, 3) mm, where the sliders really were.
-        rotation: (n, 3) rad, small parasitic rotation of the platform.
-        force: (n, 3) N, force of each link along its rail, upwards.
-        screw_temp: (n, 3) degrees Celsius.
+        slider_actual: (n, k) mm or rad, where the sliders or joints really were.
+        rotation: (n, 3) rad, small parasitic rotation of the platform; zero for an arm.
+        force: (n, 3) N, force of each link along its rail, upwards; (n, 0) for an arm.
+        screw_temp: (n, 3) degrees Celsius; (n, 0) for an arm.
         outlier: (n,) bool, grossly wrong readings.
     """
 
@@ -56,10 +60,10 @@ def simulate(
 
     Args:
         rig: the machine, its faults, the conditions.
-        commands: n targets, columns x_cmd, y_cmd, z_cmd and/or b1_cmd, b2_cmd, b3_cmd, optionally name, role,
-            payload_kg, feed_mm_s, read (0: passed without a reading); others are left aside.
-        sliders: columns b1, b2, b3 to send instead of the controller's own, in the order of `commands` (every cycle
-            alike) or of all cycles; the targets stay.
+        commands: n targets, columns x_cmd, y_cmd, z_cmd and/or b1_cmd, b2_cmd, b3_cmd (of an arm always q1_cmd_rad..),
+            optionally name, role, payload_kg, feed_mm_s, read (0: passed without a reading); others are left aside.
+        sliders: columns b1, b2, b3 (mm; of an arm q1.., rad) to send instead of the controller's own, in the order of
+            `commands` (every cycle alike) or of all cycles; the targets stay.
         noise: False leaves out everything random.
         seed: of the noise of this run, the rig's own by default; the machine stays the same one.
 
@@ -71,6 +75,8 @@ def simulate(
         WorkspaceError: targets or commands out of reach.
     """
     _require_rows(rig, len(commands))
+    if rig.serial is not None:
+        return _simulate_arm(rig, rig.serial, commands, sliders, noise=noise, seed=rig.seed if seed is None else seed)
     drawing = draw_machine(rig.spec)
     schedule = plan_rows(rig, commands, sliders)
     tool, command = _settle(rig, drawing, schedule)
@@ -93,7 +99,7 @@ def simulate(
     reading = tracker.read_points(
         rig.tracker, seen + strange.sight, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
     )
-    groups = [(TARGET, schedule.target), (COMMAND, command)]
+    groups = [(TARGET, schedule.target), (rig.commanded, command)]
     if rig.conditions.report_direction:
         groups.append((["dir1", "dir2", "dir3"], motion.travel_direction(path.slider)[path.last]))
     if rig.conditions.report_force:
@@ -104,6 +110,35 @@ def simulate(
         groups.append((["x_std", "y_std", "z_std"], reading.std))
     frame = _tabulate(rig, schedule, time, warmth.sensor, groups)
     return RunResult(frame, seen, slider, small_rotation(pose), force, warmth.screw, reading.outlier)
+
+
+def _simulate_arm(
+    rig: Rig, spec: SerialSpec, commands: pd.DataFrame, sliders: pd.DataFrame | None, *, noise: bool, seed: int
+) -> RunResult:
+    """The same for a serial arm: joints, load and warmth by `serial_arm`, rows and readings by the same modules."""
+    schedule = plan_rows(rig, commands, sliders)
+    asked = schedule if sliders is None else plan_rows(rig, commands, None)
+    _refuse(rig, schedule, np.isfinite(asked.command), f"has no {', '.join(rig.commanded)}: an arm needs its posture")
+    for sent in (asked, schedule):
+        _refuse(rig, sent, within_limits(spec, sent.command), "takes a joint out of its limits")
+    blind = ~np.isfinite(schedule.target).all(1)
+    tool = np.where(blind[:, None], tool_on_drawing(spec, asked.command), schedule.target)
+    time = tell_time(rig, schedule, tool)
+    air = room_temperature(rig.conditions.room, time)
+    arm = ArmRig(spec, arm_faults(rig.arm, spec), np.asarray(rig.arm.reflector_mm), np.eye(4), 0.0)
+    joint, frame = arm.settle(schedule.command, schedule.payload, air)
+    truth, reflector = (
+        _see_base(rig, schedule, points, exact=not noise) for points in (arm.tool(frame), arm.tip(frame))
+    )
+    reading = tracker.read_points(
+        rig.tracker, reflector, time, schedule.run, seed=seed, setup_seed=rig.seed, noise=noise
+    )
+    measured = np.where(schedule.read[:, None], reading.measured, np.nan)
+    groups = [(TARGET, tool), (rig.commanded, schedule.command), (["x_meas", "y_meas", "z_meas"], measured)]
+    if rig.tracker.report_std:
+        groups.append((["x_std", "y_std", "z_std"], reading.std))
+    table, none = _tabulate(rig, schedule, time, air, groups), np.zeros((schedule.rows, 0))
+    return RunResult(table, truth, joint, np.zeros((schedule.rows, 3)), none, none, reading.outlier)
 
 
 def write_run(frame: pd.DataFrame, path: str | Path) -> None:
@@ -141,7 +176,7 @@ def _settle(rig: Rig, drawing: Drawing, schedule: Schedule) -> tuple[Array, Arra
 
 
 def _refuse(rig: Rig, schedule: Schedule, good: Array, what: str) -> None:
-    """Refuse rows of the targets for which a slider is not `good` (n, 3)."""
+    """Refuse rows of the targets for which a joint is not `good` (n, k)."""
     rows = np.unique(schedule.origin[~good.all(axis=1)])
     if len(rows):
         more = f", and so do {len(rows) - 1} more rows" if len(rows) > 1 else ""
@@ -180,7 +215,7 @@ def _tabulate(
         "feed_mm_s": schedule.feed,
     }
     for names, values in groups:
-        if names in (TARGET, COMMAND):  # a base reflector is neither wanted nor sent anywhere
+        if names in (TARGET, rig.commanded):  # a base reflector is neither wanted nor sent anywhere
             values = np.where(schedule.held[:, None], np.nan, values)
         columns |= {name: values[:, number] for number, name in enumerate(names)}
     return pd.DataFrame(columns)

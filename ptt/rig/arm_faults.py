@@ -1,0 +1,69 @@
+"""[arm] of a RIG.toml <-> the faults of the virtual arm; what its drawing alone says."""
+
+from typing import Any
+
+import numpy as np
+
+from ptt.machine import SerialSpec
+from ptt.rig.nominal import Array
+from ptt.rig.schema import Arm
+from ptt.rig.serial_arm import ArmFaults, ArmRig
+
+MILLI, MICRO, NANO = 1e-3, 1e-6, 1e-9
+SLACK = 1e-6  # rad: a limit in degrees, written in radians with six digits, is still within
+LINK = (("link_a_mm", 1.0), ("link_alpha_mrad", MILLI), ("link_d_mm", 1.0), ("link_theta_mrad", MILLI))
+
+
+def arm_faults(arm: Arm, spec: SerialSpec) -> ArmFaults:
+    """What is wrong with an arm, in the units of the virtual arm.
+
+    Args:
+        arm: the section of the file; an empty list stands for zeros.
+        spec: the drawing, of k joints.
+
+    Returns:
+        The faults.
+    """
+    joints = len(spec.joint)
+    size, phase = (_full(values, joints) for values in (arm.turn_urad, arm.turn_phase_rad))
+    wobble = np.zeros((joints, arm.turn_harmonic if size.any() else 0, 2))
+    if size.any():
+        wobble[:, -1] = MICRO * size[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    centre = np.asarray(arm.com_mm) if arm.com_mm else np.zeros((joints, 3))
+    return ArmFaults(
+        link=np.stack([unit * _full(getattr(arm, key), joints) for key, unit in LINK], axis=1),
+        gap=MILLI * _full(arm.backlash_mrad, joints),
+        compliance=NANO * _full(arm.compliance_nrad_per_nmm, joints),
+        growth=MICRO * arm.growth_um_per_m_k,
+        wobble=wobble,
+        mass=np.column_stack([arm.mass_kg, centre]) if arm.mass_kg else None,
+    )
+
+
+def arm_values(faults: ArmFaults) -> dict[str, Any]:
+    """Keys and values of [arm] for what is not zero; the inverse of `arm_faults` but for uneven turns."""
+    lists = {key: faults.link[:, column] / unit for column, (key, unit) in enumerate(LINK)}
+    lists |= {"backlash_mrad": faults.gap / MILLI, "compliance_nrad_per_nmm": faults.compliance / NANO}
+    values: dict[str, Any] = {key: found.tolist() for key, found in lists.items() if found.any()}
+    if faults.growth:
+        values["growth_um_per_m_k"] = faults.growth / MICRO
+    if faults.mass is not None:
+        values |= {"mass_kg": faults.mass[:, 0].tolist(), "com_mm": faults.mass[:, 1:].tolist()}
+    return values
+
+
+def tool_on_drawing(spec: SerialSpec, q: Array) -> Array:
+    """Tool point of the drawing at joint commands (n, k) rad, (n, 3) mm in the base frame."""
+    sound = ArmRig(spec, ArmFaults.none(len(spec.joint)), np.zeros(3), np.eye(4), 0.0)
+    return sound.tool(sound.settle(q, np.zeros(len(q)), np.full(len(q), spec.reference_temp_c))[1])
+
+
+def within_limits(spec: SerialSpec, q: Array) -> Array:
+    """Whether joints (n, k) rad lie within the drawing's limits, (n, k) bool."""
+    ends = [(-np.inf, np.inf) if joint.limits_deg is None else np.radians(joint.limits_deg) for joint in spec.joint]
+    low, high = np.array(ends).T
+    return np.asarray((q >= low - SLACK) & (q <= high + SLACK))
+
+
+def _full(values: tuple[float, ...], joints: int) -> Array:
+    return np.asarray(values, dtype=float) if values else np.zeros(joints)
