@@ -14,7 +14,7 @@ from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import improve, search
+from ptt.diagnosis.search import PLAIN, improve, search, without
 from ptt.diagnosis.steps import BESIDE
 from ptt.diagnosis.system import RowSystem
 from ptt.diagnosis.turn import best_moments, gross_beside
@@ -121,7 +121,7 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell) -> Weigh
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             state = improve(scorer, state)
-        state = _unfolded(scorer, _known_first(scorer, state), changes)
+        state = _fewest(scorer, _unfolded(scorer, _known_first(scorer, state), changes), changes)
         found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own)
         if turn == TURNS - 1:
             break
@@ -148,7 +148,8 @@ def moved_by(found: Weighed) -> np.ndarray:
 def _known_first(scorer: Scorer, state: State) -> State:
     """The best set without anything new, unless the one with it is worth clearly more.
 
-    What is known of the machine is itself only approximate: what the rest of it leaves must not be called new.
+    What is known of the machine is itself only approximate: what the rest of it leaves must not be called new. A name
+    that takes the place of changes is no rest of them: it only says more than they do.
     """
     atoms = scorer.system.atoms
 
@@ -160,7 +161,19 @@ def _known_first(scorer: Scorer, state: State) -> State:
     start = scorer.score([key for key in state.keys if known(key)], state.memory)
     ends = [improve(scorer, one, lambda atom: known(atom.key)) for one in (start, scorer.score((), WHITE))]
     best = max(ends, key=lambda other: other.total)
-    return best if state.total < best.total + BESIDE else state
+    named = all(atoms[key].effect for key in state.keys)
+    instead = named and sum(map(_is_told, state.keys)) < sum(map(_is_told, best.keys))
+    return best if state.total < best.total + (PLAIN if instead else BESIDE) else state
+
+
+def _fewest(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
+    """The same with one value in the place of a whole effect that does no better: a tie goes to the fewer values."""
+    for whole in [change for change in changes if change.whole and change.key in state.keys]:
+        rest, own = without(state, whole.key), [c for c in changes if c.effect.key == whole.effect.key and not c.whole]
+        singles = [scorer.score((*rest, one.key), state.memory) for one in own if one.key not in rest]
+        best = max(singles, key=lambda other: other.total, default=state)
+        state = best if best.total > state.total - PLAIN else state
+    return state
 
 
 def _unfolded(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
@@ -180,8 +193,12 @@ def _unfolded(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
     return state
 
 
+def _is_told(key: str) -> bool:
+    return key.startswith(PREFIX)
+
+
 def _is_change(atom: Atom) -> bool:
-    return atom.key.startswith(PREFIX)
+    return _is_told(atom.key)
 
 
 def _of_set_up(effect: Effect | None) -> bool:
