@@ -117,3 +117,12 @@ def test_nothing_lags_where_the_clock_shows_that_the_machine_stood(moving, lags)
     assert table.feed_mm_s is not None and len(np.unique(table.feed_mm_s)) > 1
     view = build_problem(bench_machine(), table).view
     assert ("speed" in view.varies) is lags and bool(view.velocity.abs().max() > 0.0) is lags
+
+
+@pytest.mark.parametrize(("protocol", "moving"), [("volume", False), ("path", False), ("speed", True)])
+def test_without_a_feed_the_clock_alone_shows_whether_the_machine_stood(protocol, moving):
+    drawn = draw_rig("none", 33, bench_machine(), protocol, rows=90)
+    conditions = drawn.rig.conditions.model_copy(update={"moving": moving, "dwell_s": 4.0})
+    table = table_of(simulate(replace(drawn.rig, conditions=conditions), drawn.targets).frame, drawn.absent)
+    view = build_problem(bench_machine(), replace(table, feed_mm_s=None)).view
+    assert ("speed" in view.varies) is moving and bool(view.velocity.abs().max() > 0.0) is moving

@@ -130,7 +130,7 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
     monkeypatch.setattr(steps, "noise_left", lambda *_: SimpleNamespace(total=scatter))
-    for name, answer in (("share_of", 0.5), ("_ties", ()), ("_in_order", ["e"] if sure else [])):
+    for name, answer in (("share_of", 0.5), ("ties", ()), ("_in_order", ["e"] if sure else [])):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     named, unproven = steps.name_steps(scorer, scorer.score("eu", WHITE))
     assert [step.key for step in named] == ([] if sure is None else ["e"]) and bool(unproven) is not bool(named)

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.again.before import look_back
+from ptt.again.beside import sure_beside
 from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
+from ptt.again.weigh import weigh
 from ptt.challenge.truth import table_of
 from ptt.commands import main as commands
 from ptt.effects import library
@@ -31,6 +34,11 @@ MACHINE = {"kind": "three-ptt", "base_radius_mm": 200, "platform_radius_mm": 100
 DATE = "2026-03-15T10:00:00+00:00"
 GAPS, LINKS = (0.03, 0.02, 0.045), (0.08, -0.05, 0.0)
 SIGMA = 0.004
+WOUND = {
+    "drive": {"backlash_mm": (0.0, 0.0, 0.0), "windup_um": (9.6, 2.1, 5.9), "windup_length_mm": (1.1, 1.1, 1.1),
+              "homing_mm": (-0.27, 0.0, 0.0)},
+    "geometry": {"link_mm": (0.0, 0.0, 0.0)},
+}  # fmt: skip
 
 
 def run_of(seed: int, rows: int = 80, **sections: dict) -> Problem:
@@ -50,11 +58,19 @@ def run_of(seed: int, rows: int = 80, **sections: dict) -> Problem:
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """The model of a first run, as its file keeps it."""
-    first = run_of(1)
-    folder = tmp_path_factory.mktemp("solved")
+    return solve(run_of(1), ("backlash", "link-length"), tmp_path_factory.mktemp("solved"))
+
+
+@pytest.fixture(scope="module")
+def wound(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """The model of a machine whose drives wind up, one of whose sliders was homed wrongly."""
+    return solve(run_of(1, 100, **WOUND), ("windup", "homing-offset"), tmp_path_factory.mktemp("wound"))
+
+
+def solve(first: Problem, effects: tuple[str, ...], folder: Path) -> SimpleNamespace:
     write_table(first.table, folder / "first.csv")
     known = library()
-    ladder = climb(Model(first.file), first, [known["backlash"](), known["link-length"]()])
+    ladder = climb(Model(first.file), first, [known[name]() for name in effects])
     file = record(ladder, "add", [folder / "first.csv"], date=DATE)
     save_machine(file, folder / "solved.toml")
     save_machine(first.file, folder / "drawing.toml")
@@ -115,6 +131,36 @@ def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_i
     found = look(solved, run_of(5, 90, drive={"backlash_mm": (0.03, 0.09, 0.045), "turn_um": (0.0, 0.0, 25.0)}))
     assert found.verdict == "new" and found.to_dict()["suggested"] == [["once-per-rev"]]
     assert [(item.moved.effect, item.moved.joint) for item in found.changed] == [("backlash", 2)]
+
+
+def test_play_that_is_new_is_no_greater_windup_and_no_change_stays_beside_it_in_vain(wound: SimpleNamespace) -> None:
+    """Of the grown windup and the new play neither is worth 25 nats more: the readings decide."""
+    problem = run_of(3, 300, drive={**WOUND["drive"], "backlash_mm": (0.0, 0.04, 0.0)}, geometry=WOUND["geometry"])
+    found = look(wound, problem)
+    assert found.verdict == "new" and not found.changed and found.suggested[0][0] == "backlash"
+    model, _ = for_runs(wound.model, problem)
+    weighed = weigh(look_back(model, problem), problem, library(), str)
+    vain = weighed.scorer.score([*weighed.state.keys, "changed: windup height_mm 2"], weighed.state.memory)
+    assert found.new is not None
+    sure = sure_beside(replace(weighed, state=vain), found.new, problem, library(), str)
+    assert sure.state.keys == weighed.state.keys and sure.before.model.keys == weighed.before.model.keys
+
+
+def test_one_value_is_named_alone_where_its_whole_effect_would_do_as_well(wound: SimpleNamespace) -> None:
+    moved = {**WOUND["drive"], "homing_mm": (-0.40, 0.0, 0.0)}
+    found = look(wound, run_of(5, drive=moved, geometry=WOUND["geometry"]))
+    (change,) = found.changed
+    assert (change.moved.name, change.repaired) == ("offset_mm 1", False)
+    assert change.moved.now - change.moved.before == pytest.approx(-0.13, abs=4.0 * change.moved.std)
+    assert "homing-offset as a whole" in change.indistinguishable_from
+
+
+def test_the_evidence_for_a_change_is_enough_whatever_hidden_readings_say(wound, monkeypatch) -> None:
+    """What was uncertain then foretells hidden readings as well as a change does, only not as probably."""
+    monkeypatch.setattr("ptt.diagnosis.steps.held_out", lambda scorer, keys: 1.0)
+    moved = {**WOUND["drive"], "homing_mm": (-0.40, 0.0, 0.0)}
+    found = look(wound, run_of(5, drive=moved, geometry=WOUND["geometry"]))
+    assert found.verdict == "changed" and [item.moved.name for item in found.changed] == ["offset_mm 1"]
 
 
 def test_warmth_is_new_physics_and_no_changed_drawing(solved: SimpleNamespace) -> None:

@@ -1,21 +1,22 @@
 """Recheck: has a machine changed since its model was fitted, and in what?"""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ptt.again.before import look_back
+from ptt.again.beside import sure_beside
 from ptt.again.changes import PREFIX, Change
 from ptt.again.contexts import context_notes
 from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
-from ptt.again.news import look_for_news
+from ptt.again.news import News, look_for_news
 from ptt.again.result import Changed, Recheck, Verdict
 from ptt.again.supposed import model_at
 from ptt.again.weigh import Weighed, moved_by, weigh
 from ptt.again.words import explain, say_change, say_whole
 from ptt.diagnosis.noise import noise_after
-from ptt.diagnosis.steps import Step, name_steps
+from ptt.diagnosis.steps import name_steps, ties
 from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
@@ -59,13 +60,16 @@ def recheck(
         problem = take(problem, sample_stretches(problem, SAMPLE))
     before = look_back(model, problem)
     found = weigh(before, problem, known, tell)
-    now = model_at(before, _stands(found))
-    news = look_for_news(found, now, problem, known, tell, seed)
-    steps, _ = name_steps(found.scorer, found.state)
-    named = {step.key: step for step in steps if step.key.startswith(PREFIX)}
+    now, news = _with_news(found, problem, known, tell, seed)
+    if news.diagnosis is not None and found.changed:
+        sure = sure_beside(found, news.diagnosis, problem, known, tell)
+        if sure is not found:
+            then = _with_news(sure, problem, known, tell, seed)
+            if then[1].diagnosis is not None:  # else what was new had needed the changes
+                found, (now, news) = sure, then
     made = {"before": made_by(found, before.values), "now": made_by(found, before.values + _stands(found))}
     cured = {key for key, size in made["now"].items() if size < GONE * made["before"][key]}
-    changed = _changed(found, named, problem, cured)
+    changed = _changed(found, problem, cured)
     verdict: Verdict = "new" if news.diagnosis is not None else "changed" if changed else "same"
     result = Recheck(
         verdict=verdict,
@@ -83,6 +87,12 @@ def recheck(
         model=replace(model, terms=_merged(model, now)),
     )
     return replace(result, words=explain(result))
+
+
+def _with_news(found: Weighed, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Model, News]:
+    """The model with its values as the run has them, and what is new beside it."""
+    now = model_at(found.before, _stands(found))
+    return now, look_for_news(found, now, problem, known, tell, seed)
 
 
 def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
@@ -105,24 +115,37 @@ def _merged(model: Model, now: Model) -> tuple[Term, ...]:
     return tuple(replace(t, theta=own[t.effect.key].theta) if t.effect.key in own else t for t in model.terms)
 
 
-def _changed(found: Weighed, named: Mapping[str, Step], problem: Problem, cured: set[str]) -> tuple[Changed, ...]:
+def _named(found: Weighed) -> tuple[Change, ...]:
+    """Changes that may be named: beside unknown physics those that an effect would have to be as well.
+
+    Elsewhere their evidence is enough. Whether they foretell hidden readings says nothing of them: what was uncertain
+    then can do their work, only not as probably.
+    """
+    if all(found.system.atoms[key].effect for key in found.state.keys):
+        return found.changed
+    named = {step.key for step in name_steps(found.scorer, found.state)[0]}
+    return tuple(change for change in found.changed if change.key in named)
+
+
+def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[Changed, ...]:
     """What has changed, value by value, the surest first."""
-    changes = [change for change in found.changed if change.key in named]
+    changes = _named(found)
     if not changes:
         return ()
     values, rows, at = moved_of(found, changes), list[Changed](), 0
     for change in changes:
-        ties = tuple(name.removeprefix(PREFIX) for name in named[change.key].others if name != change.key)
+        others = ties(found.scorer, found.state, change.key)
+        alike = tuple(name.removeprefix(PREFIX) for name in others if name != change.key)
         own = values[at : at + len(change.names)]
         at += len(own)
-        rows += _rows_of(change, own, ties, problem, found.before.since, change.effect.key in cured)
+        rows += _rows_of(change, own, alike, problem, found.before.since, change.effect.key in cured)
     return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
 
 
 def _rows_of(
     change: Change,
     values: Sequence[Moved],
-    ties: tuple[str, ...],
+    alike: tuple[str, ...],
     problem: Problem,
     since: str | None,
     gone: bool,
@@ -133,9 +156,9 @@ def _rows_of(
     clear = clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
         words = say_whole(change.effect, change.at, values, problem.view, since)
-        return [Changed(value, gone or is_repaired(value), ties, words) for value, _ in clear]
+        return [Changed(value, gone or is_repaired(value), alike, words) for value, _ in clear]
     return [
-        Changed(value, cured, ties, say_change(change.effect, int(place), value, problem.view, since, cured))
+        Changed(value, cured, alike, say_change(change.effect, int(place), value, problem.view, since, cured))
         for value, place in clear
         for cured in [gone or is_repaired(value)]
     ]

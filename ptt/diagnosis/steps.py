@@ -68,7 +68,7 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
     for index, key in enumerate(order):
         after = held_out(scorer, tuple(order[: index + 1]))
         sure = float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE))) if odd else 1.0
-        steps.append(Step(key, worth[key], _ties(scorer, state, key), share_of(scorer, key), before, after, sure))
+        steps.append(Step(key, worth[key], ties(scorer, state, key), share_of(scorer, key), before, after, sure))
         before = after
     return tuple(steps), tuple(key for key in clear if key not in named and worth[key] > BESIDE)
 
@@ -166,8 +166,17 @@ def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
     return order
 
 
-def _ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
-    """Other effects that would do as well in the place of one, best first."""
+def ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
+    """Other effects that would do as well in the place of one.
+
+    Args:
+        scorer: of the system.
+        state: the best set.
+        key: of an effect in it.
+
+    Returns:
+        Their names, best first.
+    """
     atoms, less = scorer.system.atoms, _less(scorer, state, key)
     own = atoms[key].name
 
