@@ -11,6 +11,7 @@ import torch
 
 from ptt.again.before import look_back
 from ptt.again.beside import sure_beside
+from ptt.again.news import _objects
 from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
 from ptt.again.weigh import weigh
@@ -161,6 +162,20 @@ def test_the_evidence_for_a_change_is_enough_whatever_hidden_readings_say(wound,
     moved = {**WOUND["drive"], "homing_mm": (-0.40, 0.0, 0.0)}
     found = look(wound, run_of(5, drive=moved, geometry=WOUND["geometry"]))
     assert found.verdict == "changed" and [item.moved.name for item in found.changed] == ["offset_mm 1"]
+
+
+@pytest.mark.parametrize(("left", "objects"), [(4.0, False), (6.0, True)])
+def test_no_more_than_a_machine_that_has_not_changed_would_show_is_nothing_new(solved, monkeypatch, left, objects):
+    """Errors that poses have to themselves may be of values that the old run left uncertain there."""
+    problem = run_of(2, 60)
+    model, _ = for_runs(solved.model, problem)
+    found = weigh(look_back(model, problem), problem, library(), str)
+    found = replace(found, state=replace(found.state, memory=replace(found.state.memory, pose=0.3)))
+    found = replace(found, before=replace(found.before, left=0.0))
+    assert problem.noise is not None
+    half = replace(problem.noise, covariance=problem.noise.covariance / 4.0)
+    monkeypatch.setattr("ptt.again.news.errors_of", lambda found: {"left": left, "expected": 5.0})
+    assert _objects(found, problem.with_noise(half), str, 0) is objects
 
 
 def test_warmth_is_new_physics_and_no_changed_drawing(solved: SimpleNamespace) -> None:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ptt.again.figures import errors_of
 from ptt.again.weigh import Weighed
 from ptt.again.words import on_date
 from ptt.diagnosis.noise import noise_left, wanders_beyond
@@ -75,10 +76,13 @@ def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:
 
 
 def _objects(found: Weighed, problem: Problem, tell: Tell, seed: int) -> bool:
-    """Whether what is left is more than noise and more than the model left then."""
+    """Whether what is left is more than noise, and more than a machine that has not changed would show."""
     system, state = found.system, found.state
-    after = noise_left(system, state).total
-    if problem.noise is not None and 1e3 * np.sqrt(max(after**2 - problem.noise.total**2, 0.0)) <= found.before.left:
+    after, errors = noise_left(system, state).total, errors_of(found)
+    if problem.noise is not None and (
+        1e3 * np.sqrt(max(after**2 - problem.noise.total**2, 0.0)) <= found.before.left
+        or errors["left"] <= errors["expected"]
+    ):
         return False
     if state.memory.pose > 0.0 or wanders_beyond(system, state):
         return True
