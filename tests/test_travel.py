@@ -1,9 +1,14 @@
+from pathlib import Path
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ptt.machine import load_machine
 from ptt.run.backlash.reversal import travel_direction
+from ptt.run.table import make_table
 from ptt.run.travel import arrival_direction, run_starts
+from ptt.run.view import build_view
 
 
 def test_a_joint_that_stands_through_a_run_does_not_arrive_as_the_next_run_moves():
@@ -24,3 +29,10 @@ def test_without_turns_the_order_of_the_commands_decides(heights, data):
     run = np.sort(data.draw(st.lists(st.integers(0, 2), min_size=len(q), max_size=len(q))))
     starts = run_starts(run)
     np.testing.assert_array_equal(arrival_direction(q, q, starts), travel_direction(q, starts))
+
+
+def test_one_pose_at_a_told_feed_stands_still():
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
+    for feed in (50.0, None):
+        view = build_view(file, make_table([[0.0, 0.0, 5.0]], feed_mm_s=feed))
+        assert view.velocity.tolist() == [[0.0, 0.0, 0.0]]

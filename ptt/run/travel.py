@@ -124,6 +124,8 @@ def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) ->
 
 def _velocity(q: np.ndarray, p: np.ndarray, starts: np.ndarray, table: "Table") -> np.ndarray:
     """Velocity at each row: along smooth stretches that of a cubic spline, at corners the mean of both sides."""
+    if len(q) < 2:
+        return np.zeros_like(q)
     moved = np.diff(p, axis=0)
     length = np.linalg.norm(moved, axis=1)
     if table.feed_mm_s is not None and np.nanmax(table.feed_mm_s) > 0:
