@@ -15,11 +15,13 @@ import numpy as np
 import pandas as pd
 
 from ptt.challenge.cases import draw, plan
+from ptt.challenge.truth import READINGS
 from ptt.errors import InputError
 from ptt.files import parse_json, read_text, write_text
 from ptt.machine import ControllerSpec, MachineFile, format_machine, parse_machine
 from ptt.rig import format_rig, parse_rig, simulate, write_run
 from ptt.rig.draw import DrawnRig, Level, draw_rig
+from ptt.rig.draw_serial import ARM_LEVELS, draw_serial
 
 MACHINE, RUN, TARGETS, SEAL = "machine.toml", "run.csv", "targets.csv", "sealed.json"
 Asked = Literal["single", "multi", "unknown", "none", "any"]
@@ -27,8 +29,8 @@ LEVELS: tuple[Level, ...] = get_args(Level)
 ROWS = 300
 LEAST_ROWS = 24
 MOST_SEED = 2**31
-DIGITS = {"time_s": 3, "temp_c": 3, **{f"{axis}_meas": 4 for axis in "xyz"}, **{f"b{leg}_cmd": 6 for leg in (1, 2, 3)}}
-HIDDEN_FROM_TARGETS = ["b1_cmd", "b2_cmd", "b3_cmd", "x_meas", "y_meas", "z_meas"]
+DIGITS = {"time_s": 3, "temp_c": 3, **{f"{axis}_meas": 4 for axis in "xyz"}}
+MM_DIGITS, RAD_DIGITS = 6, 9  # of joint commands: a nanometre at the tool of either machine
 NOTE = (
     "The hidden faults, packed so that nobody reads them by accident. This is no cryptography: anyone who wants to can "
     "unpack it. `ptt challenge reveal` does, and scores your model."
@@ -107,7 +109,7 @@ def new_challenge(
         level: 'single', 'multi' (two to four), 'unknown' (a fault outside the library), 'none', or 'any' of them.
         seed: of everything; None draws one that nobody knows.
         rows: about how many.
-        machine: the drawing; None takes the bench.
+        machine: the drawing, of a 3-PTT or an arm (which no 'unknown' is drawn for); None takes the bench.
         foreign: draw the machine, its path and its tracker's noise, too, and hide any fault there is.
 
     Returns:
@@ -133,13 +135,17 @@ def new_challenge(
     if foreign:
         case = plan(draw_level(level, seed), 1, seed, rows=rows)[0]
         return write_challenge(place, draw(case)[0], level)
-    drawn = draw_rig(draw_level(level, seed), seed, _bare(machine or bench()), rows=rows)
+    file = _bare(machine or bench())
+    if file.machine.kind == "serial":
+        drawn = draw_serial(draw_level(level, seed, ARM_LEVELS), seed, file, rows=rows)
+    else:
+        drawn = draw_rig(draw_level(level, seed), seed, file, rows=rows)
     return write_challenge(place, drawn, level)
 
 
-def draw_level(level: Asked, seed: int) -> Level:
+def draw_level(level: Asked, seed: int, levels: tuple[Level, ...] = LEVELS) -> Level:
     """The level itself, or, where any will do, the one that the seed chooses."""
-    return LEVELS[np.random.default_rng([seed, 31]).integers(len(LEVELS))] if level == "any" else level
+    return levels[np.random.default_rng([seed, 31]).integers(len(levels))] if level == "any" else level
 
 
 def write_challenge(folder: str | Path, drawn: DrawnRig, level: str) -> Challenge:
@@ -154,10 +160,14 @@ def write_challenge(folder: str | Path, drawn: DrawnRig, level: str) -> Challeng
         Where everything is.
     """
     place = Path(folder)
-    frame = simulate(drawn.rig, drawn.targets).frame.round(DIGITS).drop(columns=[*drawn.absent])
-    write_text(place / MACHINE, format_machine(drawn.rig.machine))
+    rig = drawn.rig
+    digits = dict.fromkeys(rig.commanded, MM_DIGITS if rig.serial is None else RAD_DIGITS)
+    frame = simulate(rig, drawn.targets).frame.round(DIGITS | digits).drop(columns=[*drawn.absent])
+    # An arm reaches a place in many postures: its commands are part of what is wanted.
+    hidden = [*READINGS, *(rig.commanded if rig.serial is None else ())]
+    write_text(place / MACHINE, format_machine(rig.machine))
     write_run(frame, place / RUN)
-    write_run(frame[frame["role"] != "base"].drop(columns=HIDDEN_FROM_TARGETS), place / TARGETS)
+    write_run(frame[frame["role"] != "base"].drop(columns=hidden), place / TARGETS)
     write_text(place / SEAL, seal(drawn, level))
     return Challenge(place, level, len(frame))
 

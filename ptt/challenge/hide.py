@@ -59,7 +59,7 @@ def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterab
         The rig without them.
     """
     for name in names:
-        section = FAULTS[name].section
+        section = FAULTS[name].section if rig.serial is None else "arm"
         if section == "odd":
             fault = _ODD.validate_python(dict(truth[name]))
             rig = replace(rig, odd=tuple(item for item in rig.odd if item != fault))
@@ -68,6 +68,11 @@ def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterab
         update = {key: type(present).model_fields[key].default for key in _settle(truth[name], 0)}
         rig = replace(rig, **{section: present.model_copy(update=update)})
     return rig
+
+
+def called(rig: Rig, name: str) -> str:
+    """What the library calls a fault of a rig; those of an arm have no other name."""
+    return FAULTS[name].called if rig.serial is None else name
 
 
 def _put(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:

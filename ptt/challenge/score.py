@@ -191,7 +191,7 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
             return ToolError(_error(before, drawn), None)
-        sent = pd.DataFrame(commands.q, columns=["b1", "b2", "b3"])
+        sent = pd.DataFrame(commands.q, columns=drawn.rig.sent)
         after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn)
     except WorkspaceError:
         after = None

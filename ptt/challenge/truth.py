@@ -1,5 +1,6 @@
 """The truth of a rig: what each hidden fault does to the readings, and what a choice of effects leaves of it."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +10,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from ptt.challenge.hide import FAULTS, clear_faults
+from ptt.challenge.hide import called, clear_faults
 from ptt.effects import Library
 from ptt.effects.metrology import rigid_basis
 from ptt.effects.registry import make_effect, parse_key
@@ -27,6 +28,7 @@ UNSEEN = 25.0  # sum of squares in noise units, over a whole run, below which no
 MICRO = 1e3  # um per mm
 READINGS = ["x_meas", "y_meas", "z_meas"]
 CONTEXT = ("time_s", "payload_kg", "temp_c", "feed_mm_s", "repeat")
+JOINT = re.compile(r"b\d+_cmd|q\d+_cmd_rad")
 GROUPS = {
     "std": ["x_std", "y_std", "z_std"],
     "direction": ["dir1", "dir2", "dir3"],
@@ -131,7 +133,7 @@ def find_truth(drawn: DrawnRig, known: Library) -> Truth:
     noise = reading_noise(drawn.rig, whole.truth)
     table = table_of(whole.frame)
     problem = build_problem(drawn.rig.machine, table).with_noise(noise)
-    faults = [_fault(key, drawn, problem, noise, library_has=FAULTS[key].called in known) for key in drawn.truth]
+    faults = [_fault(key, drawn, problem, noise, library_has=called(drawn.rig, key) in known) for key in drawn.truth]
     return Truth(drawn, known, noise, problem, tuple(sorted(faults, key=lambda fault: -fault.size)))
 
 
@@ -175,13 +177,15 @@ def table_of(frame: pd.DataFrame, absent: Iterable[str] = ()) -> Table:
     context = {name: _numbers(frame, name) for name in CONTEXT if name not in {*absent}}
     groups = {key: names for key, names in GROUPS.items() if names[0] in frame}
     context |= {key: _numbers(frame, names) for key, names in groups.items()}
+    joints = [str(title) for title in frame if JOINT.fullmatch(str(title))]
     table = make_table(
         _numbers(frame, ["x_cmd", "y_cmd", "z_cmd"]),
-        _numbers(frame, ["b1_cmd", "b2_cmd", "b3_cmd"]),
+        _numbers(frame, joints),
         _numbers(frame, READINGS),
         name=frame["name"].to_numpy(str),
         role=frame["role"].to_numpy(str),
         run=codes,
+        joint_prefix=joints[0][0],
         **context,
     )
     return table.replace(run_label=tuple(str(label) for label in labels))
@@ -235,7 +239,7 @@ def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library
     signature = np.full_like(problem.table.measured, np.nan)
     signature[poses] = off_set_up(drawn.rig, shift, problem.table.target[poses], problem.table.run[poses])
     size = rms_length(signature[poses])
-    return Fault(FAULTS[key].called, drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has)
+    return Fault(called(drawn.rig, key), drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has)
 
 
 def _numbers(frame: pd.DataFrame, columns: str | list[str]) -> np.ndarray:

@@ -37,7 +37,7 @@ def new(
     ] = None,
     rows: Annotated[int, typer.Option("--rows", help="About how many readings.")] = 300,
     machine: Annotated[
-        Path | None, typer.Option("--machine", metavar="M.toml", help="Drawing; else the bench.")
+        Path | None, typer.Option("--machine", metavar="M.toml", help="Drawing, of an arm too; else the bench.")
     ] = None,
     foreign: Annotated[
         bool, typer.Option("--foreign", help="A machine, a path and a tracker drawn by the seed instead of the bench.")

@@ -78,8 +78,7 @@ def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigm
     faults = draw_faults(fault, len(spec.joint), random)
     if fault == "weight":
         spec, faults = unweighed(spec), replace(faults, mass=draw_masses(spec, random))
-    low, high = np.array([_range(joint.limits_deg) for joint in spec.joint]).T
-    q = random.uniform(low, high, (rows, len(spec.joint)))
+    q = random.uniform(*joint_ranges(spec), (rows, len(spec.joint)))
     place = np.arange(rows)
     frame = rigid(random.uniform(-0.5, 0.5, 3), random.uniform(-800.0, 800.0, 3))
     rig = ArmRig(spec, faults, random.uniform(-30.0, 30.0, 3), frame, sigma_mm)
@@ -144,6 +143,12 @@ def unweighed(spec: SerialSpec) -> SerialSpec:
     """The drawing without masses."""
     links = tuple(link.model_copy(update={"mass_kg": None, "com_mm": None}) for link in spec.joint)
     return spec.model_copy(update={"joint": links})
+
+
+def joint_ranges(spec: SerialSpec) -> tuple[Array, Array]:
+    """Least and greatest value of each joint in a drawn run, (k,) rad each."""
+    low, high = np.array([_range(joint.limits_deg) for joint in spec.joint]).T
+    return low, high
 
 
 def _log(random: np.random.Generator, low: float, high: float, count: int) -> Array:
