@@ -374,11 +374,20 @@ def test_the_sample_of_an_arm_is_what_its_script_writes_and_is_opened(tmp_path: 
 
 def test_a_fresh_challenge_can_be_read_and_its_seal_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    run, machine = jobs.challenge("single", 3, silent)
-    again = jobs.challenge("single", 4, silent)  # a second one takes the place of the first
+    run, machine = jobs.challenge("single", 3, None, silent)
+    again = jobs.challenge("single", 4, None, silent)  # a second one takes the place of the first
     assert again == (run, machine)
     text = (tmp_path / machine).read_text()
     assert jobs.look(Source(run), text, silent).rows > 100
+    assert "hidden (single" in jobs.reveal(text, silent)["text"]
+
+
+def test_a_challenge_of_an_arm_is_drawn_and_opened_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    drawing = str((DATA.parent / "arm" / "machine.toml").resolve())
+    monkeypatch.chdir(tmp_path)
+    run, machine = jobs.challenge("single", 5, drawing, silent)
+    text = (tmp_path / machine).read_text()
+    assert jobs.look(Source(run), text, silent).serial and 'kind = "serial"' in text
     assert "hidden (single" in jobs.reveal(text, silent)["text"]
 
 

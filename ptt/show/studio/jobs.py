@@ -220,14 +220,16 @@ def report(source: Source, model: str, archive: bytes | None, tell: Progress) ->
     return out.read_bytes()
 
 
-def challenge(level: str, seed: int | None, tell: Progress) -> tuple[str, str]:
+def challenge(level: str, seed: int | None, machine: str | None, tell: Progress) -> tuple[str, str]:
     """As `ptt challenge new`; where the run and the machine are. The seal lies in the session's folder."""
     from ptt.challenge.challenge import new_challenge
+    from ptt.machine import load_machine
 
     tell("drawing a machine and measuring it", 0, 0)
     for file in Path("challenge").glob("*"):
         file.unlink()
-    made = new_challenge("challenge", level, seed=seed).to_dict()  # type: ignore[arg-type]
+    drawing = None if machine is None else load_machine(machine)
+    made = new_challenge("challenge", level, seed=seed, machine=drawing).to_dict()  # type: ignore[arg-type]
     Path(made["sealed"]).replace(SEAL)
     return made["run"], made["machine"]
 

@@ -133,9 +133,13 @@ def _build_more(studio: Studio, go: Go) -> None:
                 )
         with ui.element("div").classes("st-tools"):
             level = ui.select(LEVELS, value="single", label="Challenge").props("dense outlined").classes("w-72")
-            ui.button("Draw a fresh challenge", on_click=lambda: _take_challenge(studio, go, level.value)).props(
-                "no-caps outline"
-            )
+            arm = sample_files(ARM)
+            kinds = {"": "of a 3-PTT", **({} if arm is None else {str(arm[1]): "of a serial arm"})}
+            kind = ui.select(kinds, value="", label="Machine").props("dense outlined").classes("w-40")
+            ui.button(
+                "Draw a fresh challenge",
+                on_click=lambda: _take_challenge(studio, go, level.value, kind.value or None),
+            ).props("no-caps outline")
         ui.label("A challenge is a machine with sealed faults. Finish opens the seal.").classes("st-note")
     build_recent(studio)
 
@@ -214,8 +218,8 @@ async def _take_sample(studio: Studio, go: Go, name: str) -> None:
     await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"), lambda: go("Result"))
 
 
-async def _take_challenge(studio: Studio, go: Go, level: str) -> None:
-    made = await studio.work("drawing a machine and measuring it", "challenge", level, None)
+async def _take_challenge(studio: Studio, go: Go, level: str, arm: str | None = None) -> None:
+    made = await studio.work("drawing a machine and measuring it", "challenge", level, None, arm)
     if made is not None:
         run, machine = (studio.folder / name for name in made)
         kept = keep(studio.folder, run.name, run.read_bytes())
