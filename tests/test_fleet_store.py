@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from ptt.commands.main import app
 from ptt.errors import InputError
 from ptt.files import sha256
-from ptt.fleet.database import transaction
+from ptt.fleet.database import rows, transaction
 from ptt.fleet.queue import claim, keep, next_task, waiting
 from ptt.fleet.readings import columns_to_table, read_columns, write_readings
 from ptt.fleet.run import run_all
@@ -107,6 +107,16 @@ def test_a_machine_needs_a_drawing_once_and_keeps_it(tmp_path):
     other.write_text(MACHINE.read_text().replace("300.0", "301.0"))
     with pytest.raises(InputError, match="is not the drawing"):
         add_machine(store, "a", other)
+
+
+def test_a_name_that_is_no_text_is_refused_and_nothing_kept(tmp_path):
+    store = create_store(tmp_path / "store")
+    with pytest.raises(InputError, match="is no UTF-8"):
+        add_machine(store, "mill \udcff", MACHINE)
+    with transaction(store.file) as connection:
+        assert not rows(connection, "SELECT 1 FROM machines")
+        with pytest.raises(InputError, match="is no UTF-8"):
+            rows(connection, "SELECT 1 FROM machines WHERE machine = ?", "mill \udcff")
 
 
 def test_a_folder_that_holds_something_else_is_not_made_a_store(tmp_path):

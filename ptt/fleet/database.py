@@ -3,7 +3,7 @@
 import random
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -97,7 +97,7 @@ def _holder(message: str) -> str:
 
 def rows(connection: "Connection", query: str, *values: Any) -> list[dict[str, Any]]:
     """What a query answers, one dictionary for each row."""
-    answer = connection.execute(query, list(values))
+    answer = connection.execute(query, _kept(values))
     names = [column[0] for column in answer.description or ()]
     return [dict(zip(names, row, strict=True)) for row in answer.fetchall()]
 
@@ -105,4 +105,19 @@ def rows(connection: "Connection", query: str, *values: Any) -> list[dict[str, A
 def insert(connection: "Connection", table: str, **values: Any) -> None:
     """Put one row into a table; its column names are ours, its values are anybody's."""
     marks = ", ".join("?" for _ in values)
-    connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({marks})", list(values.values()))
+    connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({marks})", _kept(values.values()))
+
+
+def _kept(values: Iterable[Any]) -> list[Any]:
+    """Values as the database takes them; a name that came as bytes of no encoding is none.
+
+    Raises:
+        InputError: a text that is no UTF-8.
+    """
+    found = list(values)
+    for text in (value for value in found if isinstance(value, str)):
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise InputError(f"{shown(repr(text))} is no UTF-8", fix="write or rename it in plain letters") from None
+    return found
