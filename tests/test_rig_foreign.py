@@ -17,7 +17,7 @@ from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.loaded import nominal_tool
 from ptt.rig.nominal import draw_machine, nominal_sliders
 from ptt.rig.paths import CURVES, NINE, PATHS, draw_plan, make_path
-from ptt.rig.schedule import COMMAND, TARGET
+from ptt.rig.schedule import TARGET
 from ptt.rig.schema import Tracker
 from ptt.rig.tracker import read_points
 
@@ -185,7 +185,7 @@ def test_the_library_has_the_same_drawing(seed: int) -> None:
     frame = simulate(drawn.rig, drawn.targets, noise=False).frame
     poses = frame[frame["role"] != "base"]
     mechanism = ThreePtt.from_spec(drawn.rig.spec)
-    tool = mechanism.forward(torch.tensor(poses[COMMAND].to_numpy(float))).numpy()
+    tool = mechanism.forward(torch.tensor(poses[["b1_cmd", "b2_cmd", "b3_cmd"]].to_numpy(float))).numpy()
     np.testing.assert_allclose(tool, poses[TARGET].to_numpy(float), atol=1e-8)
 
 
