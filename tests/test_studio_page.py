@@ -317,7 +317,7 @@ def test_two_tabs_are_two_sessions_and_a_reload_keeps_place_and_steps(
 
 
 def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: Server):
-    load_sample(page)
+    open_files(page, DATA.parent / "experiment1.csv", DATA.parent / "machine.toml")  # takes long enough to be stopped
     expect(page.get_by_text(re.compile("finding what is missing: (how|which)"))).to_be_visible(timeout=WAIT)
     before = server.workers()
     page.get_by_role("button", name="Cancel").click()
@@ -329,7 +329,9 @@ def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: S
     expect(page.get_by_text(re.compile(r"^\d+ picked readings"))).to_be_visible(timeout=WAIT)
     show(page, "Result")
     page.get_by_role("button", name="Find what is missing").click()
-    expect(page.get_by_text("One cause found")).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile("finding what is missing: (how|which)"))).to_be_visible(timeout=WAIT)
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("finding what is missing: stopped")).to_be_visible(timeout=WAIT)
 
 
 def test_no_click_on_add_is_lost_and_the_keyboard_undoes(page: Page):
