@@ -82,6 +82,16 @@ class Atom:
         return scale[self.columns] if self.turn is None else self.turn.scale
 
 
+def is_effect(atom: Atom) -> bool:
+    """Whether an atom is a named effect."""
+    return atom.effect is not None
+
+
+def is_block(atom: Atom) -> bool:
+    """Whether an atom is a block of unknown physics."""
+    return atom.block is not None
+
+
 def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
     """Nats against one effect out of those that the data can test, in one of its shapes."""
     each = EFFECT_ODDS + float(np.log(max(effects, 1)))

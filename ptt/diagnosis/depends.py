@@ -7,6 +7,7 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES, context_views, residual_views
 from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence, depends_on
+from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
@@ -73,7 +74,7 @@ def with_suspect(scorer: Scorer, state: State) -> State:
         The set with one more block; as it is where no block would add anything.
     """
     plain = scorer.score(state.keys, WHITE, state.scales)
-    blocks = scorer.screen(plain, lambda atom: atom.block is not None)
+    blocks = scorer.screen(plain, is_block)
     if not blocks:
         return state
     best = blocks[0]

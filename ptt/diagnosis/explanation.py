@@ -6,7 +6,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 import torch
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_effect
 from ptt.diagnosis.find import Found
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.probability import Probability
@@ -157,7 +157,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
     taken = {atoms[step.key].name for step in named}
     before = held_out(scorer, ()) * 1e3
     result: list[Candidate] = []
-    for gain in scorer.screen(nothing, lambda atom: atom.effect is not None):
+    for gain in scorer.screen(nothing, is_effect):
         atom = atoms[gain.key]
         if atom.name in taken or gain.nats <= 0.0 or len(result) == MOST_SHOWN:
             continue

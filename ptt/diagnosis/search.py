@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_block, is_effect
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.screen import Allowed, Gain
@@ -34,7 +34,7 @@ def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
         return improve(scorer, scorer.score(start, WHITE))
     nothing = scorer.score((), WHITE)
     # Blocks only open that search: to swap them among themselves before effects may come in is lost time.
-    opened = improve(scorer, nothing, _is_effect), improve(scorer, nothing, _is_block, swaps=False)
+    opened = improve(scorer, nothing, is_effect), improve(scorer, nothing, is_block, swaps=False)
     ends = [improve(scorer, state) for state in opened]
     if ends[0].keys != ends[1].keys:
         ends.append(improve(scorer, nothing))
@@ -158,14 +158,6 @@ def _wanders(atom: Atom) -> bool:
     return atom.block is not None and "time" in atom.block.on
 
 
-def _is_effect(atom: Atom) -> bool:
-    return atom.effect is not None
-
-
-def _is_block(atom: Atom) -> bool:
-    return atom.effect is None
-
-
 def added(scorer: Scorer, state: State, gain: Gain) -> State:
     """A state with what the screen proposes, its variances learned on from there."""
     return scorer.score((*state.keys, gain.key), state.memory, {**state.scales, gain.key: gain.scales})
@@ -175,7 +167,7 @@ def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     """One more atom, one less."""
     found = [gain for gain in scorer.screen(state, allowed) if gain.nats > SEEN]
     lead = found[:TRIED]
-    lead += [gain for gain in found if _is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
+    lead += [gain for gain in found if is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
     moves = [added(scorer, state, gain) for gain in lead]
     weak = [key for key in loose(scorer, state) if state.worth(key) < SAFE]
     return moves + [scorer.score(without(state, key), state.memory, state.scales) for key in weak]

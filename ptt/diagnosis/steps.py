@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_block
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_left
 from ptt.diagnosis.score import Scorer, State
@@ -56,7 +56,7 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
         do not foretell hidden ones, so that they cannot be what is there.
     """
     atoms = scorer.system.atoms
-    odd = any(_is_block(atoms[key]) for key in state.keys)
+    odd = any(is_block(atoms[key]) for key in state.keys)
     worth = {key: state.total - _less(scorer, state, key).total for key in loose(scorer, state) if atoms[key].effect}
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
@@ -79,12 +79,8 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
     Whatever is missing, some effect takes a part of it: a name says more only where the unknown would not do as well.
     """
     less = _less(scorer, state, key)
-    unknown = scorer.screen(less, _is_block)[:MOST_UNKNOWN]
+    unknown = scorer.screen(less, is_block)[:MOST_UNKNOWN]
     return max((added(scorer, less, gain).total for gain in unknown), default=-np.inf)
-
-
-def _is_block(atom: Atom) -> bool:
-    return atom.block is not None
 
 
 def _foretells(scorer: Scorer, keys: Sequence[str], key: str, chance: float = 0.0) -> bool:
