@@ -18,9 +18,9 @@ $(VENV)/.run-ready: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet $(CONSTRAINTS) --editable .
 	touch $@
 
-$(VENV)/.test-ready: pyproject.toml peers.txt $(VENV)/.run-ready
+$(VENV)/.test-ready: pyproject.toml tests/peers.txt $(VENV)/.run-ready
 	$(BIN)/python -m pip install --quiet $(CONSTRAINTS) --editable '.[test]'
-	$(BIN)/python -m pip install --quiet --no-deps -r peers.txt || echo 'without peers: tests beside them skip'
+	$(BIN)/python -m pip install --quiet --no-deps -r tests/peers.txt || echo 'without peers: tests beside them skip'
 	touch $@
 
 demo: $(VENV)/.run-ready

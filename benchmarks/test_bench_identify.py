@@ -1,6 +1,6 @@
 """Identification of an arm, 100 poses and 24 Denavit-Hartenberg parameters, beside pybotics on the same readings.
 
-The peer comes by `pip install --no-deps -r peers.txt`.
+The peer comes by `pip install --no-deps -r tests/peers.txt`.
 """
 
 import time
