@@ -58,14 +58,13 @@ def measure(command: list[str], cores: list[int]) -> dict[str, float | str]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     start, peak = time.perf_counter(), 0.0
     pinned = (lambda: os.sched_setaffinity(0, cores)) if cores else None
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, preexec_fn=pinned
-    ) as run:
-        while run.poll() is None:
-            peak = max(peak, sum(map(_share, _family(run.pid))))
-            time.sleep(0.1)
-        assert run.stdout is not None
-        text = run.stdout.read()
+    with tempfile.TemporaryFile("w+") as said:  # a pipe that nobody reads while it runs would stop it
+        with subprocess.Popen(command, stdout=said, stderr=subprocess.DEVNULL, text=True, preexec_fn=pinned) as run:
+            while run.poll() is None:
+                peak = max(peak, sum(map(_share, _family(run.pid))))
+                time.sleep(0.1)
+        said.seek(0)
+        text = said.read()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return {"wall_s": time.perf_counter() - start, "cpu_s": cpu, "peak_gb": peak, "text": text}

@@ -2,8 +2,9 @@
 
     python benchmarks/verbs.py [--rows 1000000] [--keep FOLDER] [--only compare report] [--cores 0]
 
-The runs are those of `million.py`, a second one of the same machine for `recheck` and `evaluate`. Each verb prints one
-line as soon as it has ended; `report` comes last, because it takes longest.
+The runs are those of `million.py`, a second one of the same machine for `recheck` and whatever holds two runs beside
+each other. Each verb prints one line as soon as it has ended; `report` comes last, because it takes longest. `fit` and
+most that follow it need the model that `add` writes; `fleet` makes a store of both runs and works on them.
 """
 
 import argparse
@@ -16,6 +17,13 @@ from million import MACHINE, make_run, measure
 
 EFFECTS = ("backlash", "once-per-rev", "screw-growth")
 GOAL_GB = 4.0
+RIG = """machine = "{machine}"
+seed = 7
+[conditions]
+dwell_s = 1.0
+[drive]
+backlash_mm = [0.04, 0.05, 0.03]
+"""
 
 
 def commands(folder: Path, rows: int) -> dict[str, list[str]]:
@@ -25,15 +33,30 @@ def commands(folder: Path, rows: int) -> dict[str, list[str]]:
         if not path.exists():
             make_run(path, rows, seed)
     run, again, drawing = str(one), str(two), str(MACHINE)
+    (folder / "rig.toml").write_text(RIG.format(machine=MACHINE))
+    store, targets, comp = str(folder / "store"), str(folder / "targets.csv"), str(folder / "compensator")
     return {
+        "check": ["check", run, "--model", drawing],
         "compare": ["compare", run, "--model", drawing],
+        "compare, plots": ["compare", run, "--model", drawing, "--plots", str(folder / "plots")],
+        "compare two": ["compare", run, "--after", again, "--model", drawing],
+        "iso": ["iso", run, "--model", drawing],
         "diagnose": ["diagnose", run, "--model", drawing],
         "add": ["add", run, *EFFECTS, "--model", drawing, "--out", solved],
         "fit": ["fit", run, "--model", solved, "--out", str(folder / "fit.toml")],
+        "remove": ["remove", run, EFFECTS[-1], "--model", solved, "--out", str(folder / "removed.toml")],
         "recheck": ["recheck", again, "--model", solved],
         "evaluate": ["evaluate", run, "--model", solved],
         "evaluate two": ["evaluate", run, again],
         "predict": ["predict", run, "--model", solved, "--out", str(folder / "sliders.csv")],
+        "train": ["train", run, "--machine", solved, "--out", comp],
+        "predict, trained": ["predict", run, "--model", comp, "--out", str(folder / "sliders.csv")],
+        "simulate": ["simulate", str(folder / "rig.toml"), run, "--out", str(folder / "simulated.csv")],
+        "export": ["export", "--model", solved, "--to", "table", "--out", str(folder / "table"), "--run", run],
+        "plan": ["plan", drawing, "--rows", str(rows), "--out", targets],
+        "fleet init": ["fleet", "init", store],
+        "fleet add": ["fleet", "add", store, "one", run, again, "--model", drawing],
+        "fleet run": ["fleet", "run", store],
         "report": ["report", run, "--model", solved, "--out", str(folder / "report.html")],
     }
 

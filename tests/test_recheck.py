@@ -105,6 +105,18 @@ def test_only_the_value_that_changed_is_named_with_its_side_unit_and_true_size(s
     np.testing.assert_allclose(found.model.terms[0].theta.numpy()[1], 0.045, atol=0.004)
 
 
+def test_what_the_last_fit_could_not_test_is_as_uncertain_as_before(solved: SimpleNamespace, monkeypatch) -> None:
+    """A model refitted to a run that cannot test its play: the play is not known any better for that."""
+    with monkeypatch.context() as now:
+        now.setattr(type(library()["backlash"]()), "needs", lambda self, view: "both directions of arrival")
+        ladder = climb(solved.model, run_of(5), [])
+    again = read_model(parse_machine(format_machine(record(ladder, "fit", [solved.folder / "first.csv"]))))
+    prior = look_back(again, run_of(2))
+    stated = next(t.std.numpy() for t in solved.model.terms if t.effect.name == "backlash")
+    play = [place for place, name in enumerate(prior.layout.names) if name.startswith("backlash gap")]
+    np.testing.assert_allclose(prior.std[play] * prior.layout.scale[play], stated, rtol=1e-3)
+
+
 def test_of_a_long_run_stretches_are_looked_at_and_the_change_is_the_same(solved, monkeypatch) -> None:
     problem = run_of(3, drive={"backlash_mm": (0.03, 0.045, 0.045)})
     monkeypatch.setattr("ptt.again.recheck.WHOLE", 60)

@@ -104,13 +104,16 @@ def _uncertainty(
     model: Model, terms: tuple[Term, ...], layout: Layout, scale: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
     """Factor of the covariance of all values in usual sizes, (w, r); what it had to be put together from."""
-    kept = kept_covariance(model)
+    kept, names = kept_covariance(model), layout.names[: len(scale)]
+    std = torch.cat([_stated(term) for term in terms]).numpy()[layout.columns()]
     if kept is not None:
-        rows = kept.rows(layout.names[: len(scale)]) / scale[:, None]
+        # What the last fit held, because its run could not test it, is as uncertain as it was before.
+        told = kept.rows(names)
+        held = np.linalg.norm(told, axis=1) < LEAST * std
+        rows = np.hstack([told, np.diag(np.where(held, std, 0.0))]) / scale[:, None]
         ways, size, _ = np.linalg.svd(rows, full_matrices=False)
         some = size > LEAST * size.max(initial=0.0)
         return ways[:, some] * size[some], []
-    std = torch.cat([_stated(term) for term in terms]).numpy()[layout.columns()]
     note = "the model keeps no covariance of its values as they are: each is taken to be as uncertain as it says"
     return np.diag(np.where(np.isfinite(std), std / scale, 1.0)), [note]
 

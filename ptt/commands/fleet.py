@@ -29,6 +29,9 @@ LogModel = Annotated[Path, typer.Option("--model", metavar="M.toml", help="The m
 LogOut = Annotated[Path, typer.Option("--out", metavar="M2.toml", help="The refitted model.")]
 Again = Annotated[bool, typer.Option("--again", help="Try runs once more that failed.")]
 Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The page.")]
+WhichRun = Annotated[
+    str | None, typer.Argument(metavar="[RUN]", help="File name, date or SHA-256 of the run; the last one by default.")
+]
 OneMachine = Annotated[str | None, typer.Argument(metavar="[MACHINE]", help="One machine alone, run by run.")]
 
 
@@ -91,6 +94,17 @@ def run(
 
             done = run_on_workers(opened, scheduler, workers, tell)
     show(done.to_dict(), str(done), json)
+
+
+@app.command()
+def accept(store: StorePath, machine: Machine, run: WhichRun = None, json: Json = False) -> None:
+    """Take the model fitted to a run as the machine's from that run on, after a repair or a change that stays."""
+    from ptt.fleet.accept import accept as take
+    from ptt.fleet.store import open_store
+
+    with progress() as tell:
+        found = take(open_store(store), machine, run, lambda what: tell(what, 0, 0))
+    show(found.to_dict(), str(found), json)
 
 
 @app.command()

@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.errors import InputError
 from ptt.fleet.alarms import MONTH, Alarm, Names, of_movement, unlike, unlike_alarm
-from ptt.fleet.past import RUNS, Past, of_runs, past_of
+from ptt.fleet.past import RUNS, Past, of_runs, past_of, unsettled
 from ptt.fleet.store import Store, shown
 from ptt.fleet.trends import Moves, Series, movements
 from ptt.record import Record
@@ -43,6 +43,20 @@ class Standing:
         return next((past for past in reversed(self.past) if past.verdict is not None), None)
 
     @property
+    def verdict(self) -> str:
+        """Of the last run; 'accepted' where what it showed was accepted since, 'waiting' before any was worked on."""
+        if self.last is None:
+            return "waiting"
+        return "accepted" if self.last.accepted else str(self.last.verdict)
+
+    @property
+    def error_um(self) -> float | None:
+        """What the last run misses with the machine's model."""
+        if self.last is None:
+            return None
+        return self.last.error_um if self.last.left_um is None else self.last.left_um
+
+    @property
     def waiting(self) -> int:
         """Runs that nobody worked on yet."""
         return sum(past.verdict is None for past in self.past)
@@ -55,8 +69,8 @@ class Standing:
             "runs": len(self.past),
             "waiting": self.waiting,
             "last": self.past[-1].date.isoformat() if self.past else None,
-            "verdict": last.verdict if last else None,
-            "error_um": last.error_um if last else None,
+            "verdict": self.verdict if last else None,
+            "error_um": self.error_um,
             "expected_um": last.expected_um if last else None,
             "noise_um": last.noise_um if last else None,
             "words": last.words if last else "",
@@ -101,14 +115,10 @@ class Overview(Record):
         width = max([7, *(len(shown(machine.machine)) for machine in self.machines)])
         lines = [f"{'machine':<{width}}  runs  last        verdict           error um  alarms"]
         for machine in self.machines:
-            last = machine.last
             day = machine.past[-1].date.date().isoformat() if machine.past else "-"
-            error = "-" if last is None or last.error_um is None else f"{last.error_um:.1f}"
-            verdict = "waiting" if last is None else last.verdict
-            lines.append(
-                f"{shown(machine.machine):<{width}}  {len(machine.past):>4}  {day:<10}  {verdict:<16}  {error:>8}  "
-                f"{len(machine.alarms) or ''}".rstrip()
-            )
+            error = "-" if machine.error_um is None else f"{machine.error_um:.1f}"
+            name, runs, alarms = shown(machine.machine), len(machine.past), len(machine.alarms) or ""
+            lines.append(f"{name:<{width}}  {runs:>4}  {day:<10}  {machine.verdict:<16}  {error:>8}  {alarms}".rstrip())
         waiting = sum(machine.waiting for machine in self.machines)
         told = [f"{shown(machine.machine)}: {alarm.words}" for machine in self.machines for alarm in machine.alarms]
         lines += ["", *told] if told else []
@@ -154,7 +164,7 @@ def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Sta
         alarms = [of_movement(movement, moves, names, series.days) for movement in moves.movements]
         sound = tuple(alarm for alarm in alarms if alarm is not None)
         standing = Standing(name, drawing, past, sound, names, series.days, moves)
-    return Standing(**{**vars(standing), "alarms": (*of_runs(past), *standing.alarms)})
+    return Standing(**{**vars(standing), "alarms": unsettled((*of_runs(past), *standing.alarms), past)})
 
 
 def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
@@ -191,11 +201,10 @@ def _last_values(
 ) -> dict[tuple[str, str, str, str], dict[str, tuple[float, float]]]:
     found: dict[tuple[str, str, str, str], dict[str, tuple[float, float]]] = {}
     for standing in standings:
-        last = standing.last
-        if standing.drawing != drawing or last is None:
+        if standing.drawing != drawing:
             continue
-        if last.error_um is not None:
-            found.setdefault(("error", "", "the error left", "um"), {})[standing.machine] = (last.error_um, 0.0)
+        if standing.error_um is not None:
+            found.setdefault(("error", "", "the error left", "um"), {})[standing.machine] = (standing.error_um, 0.0)
         if standing.moves is None:
             continue
         for place, name in enumerate(standing.names.names):

@@ -7,15 +7,18 @@ from datetime import datetime
 from typing import Any
 
 from ptt.effects.phrases import listed
+from ptt.fleet.accept import errors_of
 from ptt.fleet.alarms import Alarm
 from ptt.record import Record
 
 RUNS = """
 SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count, outcomes.* EXCLUDE (run, machine),
-    fits.* EXCLUDE (run), rechecks.result->'suggested' AS suggested
+    fits.* EXCLUDE (run), rechecks.result->'suggested' AS suggested, accepted.toml AS accepted
 FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run) LEFT JOIN rechecks USING (run)
+    LEFT JOIN (SELECT run, toml FROM models WHERE made = 'accepted') accepted USING (run)
 ORDER BY runs.machine, runs.date, runs.place"""
 HEADS = {"new": "something that the model does not know", "setup": "the set-up is mistaken", "failed": "not usable"}
+ONCE = ("jump", "new")
 WHATS = {"new": "new physics", "setup": "set-up", "failed": "run"}
 
 
@@ -34,6 +37,8 @@ class Past(Record):
         noise_um: the noise floor.
         words: what was said of it.
         added: effects that were new in it and belong to the model since.
+        accepted: whether the model fitted to it was accepted, and is the machine's from it on.
+        left_um: what that model leaves of it; None where none was accepted.
     """
 
     run: str
@@ -46,14 +51,19 @@ class Past(Record):
     noise_um: float | None
     words: str
     added: tuple[str, ...] = ()
+    accepted: bool = False
+    left_um: float | None = None
 
 
 def past_of(row: Mapping[str, Any]) -> Past:
     """A run as the store has it, a row of `RUNS`."""
     suggested = json.loads(row["suggested"] or "[]") if row["verdict"] == "new" else []
+    accepted = row["accepted"]
+    left = None if accepted is None else errors_of(accepted)[0]["after"]
     return Past(
         row["run"], row["file"], row["date"], row["row_count"], row["verdict"], row["error_um"], row["expected_um"],
         row["noise_um"], row["words"] or "", tuple(str(step[0]) for step in suggested),
+        accepted is not None, left,
     )  # fmt: skip
 
 
@@ -68,12 +78,18 @@ def of_runs(past: Sequence[Past]) -> list[Alarm]:
     """
     done = [each for each in past if each.verdict is not None]
     alarms = [_came(each) for each in done if each.added]
-    if done and done[-1].verdict in HEADS and not done[-1].added:
+    if done and done[-1].verdict in HEADS and not (done[-1].added or done[-1].accepted):
         last = done[-1]
         day, verdict = last.date.date().isoformat(), str(last.verdict)
         words = f"run of {day}: {HEADS[verdict]}: {last.words.splitlines()[0] if last.words else ''}"
         alarms.append(Alarm(WHATS[verdict], "", verdict, words, when=day))  # type: ignore[arg-type]
     return alarms
+
+
+def unsettled(alarms: Sequence[Alarm], past: Sequence[Past]) -> tuple[Alarm, ...]:
+    """Alarms without what happened once, a jump or new physics, up to a run whose model somebody accepted."""
+    accepted = max((each.date.date().isoformat() for each in past if each.accepted), default="")
+    return tuple(each for each in alarms if each.trend not in ONCE or (each.when or "") > accepted)
 
 
 def _came(run: Past) -> Alarm:

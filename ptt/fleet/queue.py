@@ -3,13 +3,14 @@
 import json
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 from ptt.fleet.database import insert, rows, transaction
+from ptt.fleet.models import drawing_of, let_wait, model_at
 from ptt.fleet.owner import alive
 from ptt.fleet.readings import read_columns
 from ptt.fleet.store import Store
@@ -24,9 +25,6 @@ WHERE outcomes.run IS NULL GROUP BY runs.machine ORDER BY first, runs.machine"""
 NEXT = """
 SELECT runs.* FROM runs LEFT JOIN outcomes USING (run)
 WHERE outcomes.run IS NULL AND runs.machine = ? AND NOT list_contains(?, runs.run) ORDER BY date, place LIMIT 1"""
-MODEL = """
-SELECT made, toml FROM models LEFT JOIN runs USING (run)
-WHERE models.machine = ? AND made IN ('given', 'solved') ORDER BY made, runs.date DESC, runs.place DESC"""
 
 
 def waiting(store: Store) -> dict[str, int]:
@@ -47,15 +45,23 @@ def claim(store: Store, owner: str) -> str | None:
         The machine; None where all that waits is taken.
     """
     with transaction(store.file) as connection:
-        taken = {row["machine"]: row["owner"] for row in rows(connection, "SELECT * FROM claims")}
-        for row in rows(connection, WAITING):
-            machine = row["machine"]
-            if machine in taken and (taken[machine] == owner or alive(store.workers, taken[machine])):
-                continue
-            connection.execute("DELETE FROM claims WHERE machine = ?", [machine])
-            insert(connection, "claims", machine=machine, owner=owner, since=_now())
-            return str(machine)
-    return None
+        machines = [str(row["machine"]) for row in rows(connection, WAITING)]
+        return next((machine for machine in machines if _take(store, connection, owner, machine)), None)
+
+
+def claim_one(store: Store, owner: str, machine: str) -> bool:
+    """Take one machine, whether runs of it wait or not; False where somebody else works on it."""
+    with transaction(store.file) as connection:
+        return _take(store, connection, owner, machine)
+
+
+def _take(store: Store, connection: "Connection", owner: str, machine: str) -> bool:
+    taken = rows(connection, "SELECT owner FROM claims WHERE machine = ?", machine)
+    if taken and (taken[0]["owner"] == owner or alive(store.workers, taken[0]["owner"])):
+        return False
+    connection.execute("DELETE FROM claims WHERE machine = ?", [machine])
+    insert(connection, "claims", machine=machine, owner=owner, since=_now())
+    return True
 
 
 def release(store: Store, owner: str, machine: str | None = None) -> None:
@@ -78,15 +84,17 @@ def next_task(store: Store, machine: str, besides: Sequence[str] = ()) -> Task |
     """
     with transaction(store.file, read_only=True) as connection:
         found = rows(connection, NEXT, machine, list(besides))
-        models = rows(connection, MODEL, machine)
-    if not found:
-        return None
-    run = found[0]
-    drawing = next(row["toml"] for row in models if row["made"] == "given")
-    solved = next((row["toml"] for row in models if row["made"] == "solved"), None)
+        if not found:
+            return None
+        drawing, held = drawing_of(connection, machine), model_at(connection, machine, found[0]["run"])
+    return task_of(store, found[0], drawing, None if held is None else held[1])
+
+
+def task_of(store: Store, run: Mapping[str, Any], drawing: str, solved: str | None) -> Task:
+    """A run, as the store has it, with the model that it is held against."""
     columns = read_columns(store.folder / run["readings"])
     return Task(
-        run["run"], machine, run["date"].isoformat(), run["file"], columns, drawing, solved, run["ordered"],
+        run["run"], run["machine"], run["date"].isoformat(), run["file"], columns, drawing, solved, run["ordered"],
         run["units_said"],
     )  # fmt: skip
 
@@ -125,9 +133,7 @@ def again(store: Store, verdict: str = "failed") -> int:
     """
     with transaction(store.file) as connection:
         found = [row["run"] for row in rows(connection, "SELECT run FROM outcomes WHERE verdict = ?", verdict)]
-        for table in ("outcomes", "checks", "diagnoses", "rechecks", "parameters", "fits"):
-            connection.execute(f"DELETE FROM {table} WHERE list_contains(?, run)", [found])
-        connection.execute("DELETE FROM models WHERE list_contains(?, run)", [found])
+        let_wait(connection, found)
     return len(found)
 
 

@@ -22,6 +22,9 @@ def format_machine(machine: Standing) -> str:
             "       -" if value is None else f"{value:8.1f}" for value in (past.error_um, past.noise_um)
         )
         lines.append(f"{past.date.date().isoformat()}  {past.verdict or 'waiting':<16}  {figures}  {shown(past.file)}")
+        if past.accepted:
+            error = "" if past.left_um is None else f"{past.left_um:.1f}"
+            lines.append(f"{'':<10}  {'accepted':<16}  {error:>8}  {'':>8}  its model holds from here on")
     if machine.moves is not None:
         lines += ["", f"{'value':<44}  {'first':>16}  {'last':>16}"]
         plain = [place for place, label in enumerate(machine.names.labels) if "." not in label.rpartition(" ")[2]]
@@ -44,7 +47,3 @@ def format_machine(machine: Standing) -> str:
     if last is not None and last.words:
         lines += ["", f"the run of {last.date.date().isoformat()}:", last.words]
     return "\n".join(lines)
-
-
-def _figure(value: float, error: float, unit: str) -> str:
-    return amount(value, unit, error) if np.isfinite(error) else "-"  # that run's model had no such value

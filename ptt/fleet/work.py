@@ -46,6 +46,20 @@ def work(task: Task, tell: Tell | None = None) -> Outcome:
     return replace(outcome, seconds=time.perf_counter() - start)
 
 
+def refit(task: Task) -> str:
+    """The model that a run is held against, fitted to it instead.
+
+    Args:
+        task: the run.
+
+    Returns:
+        The machine.toml, with its history.
+    """
+    table, _ = read_task(task)
+    opened = open_task(task, table)
+    return _add(opened.model, opened, [], task)[0]
+
+
 def _work(task: Task, tell: Tell) -> Outcome:
     tell("check")
     table, check = read_task(task)

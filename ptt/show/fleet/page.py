@@ -11,7 +11,8 @@ from ptt.fleet.overview import Overview, Standing
 from ptt.show.fleet.pictures import draw_fleet, draw_machine
 from ptt.show.report.pictures import data_uri
 
-VERDICTS = ("failed", "setup", "new", "unknown", "changed", "missing", "same", "nothing-missing", "waiting")
+VERDICTS = ("failed", "setup", "new", "unknown", "changed", "missing", "accepted", "same", "nothing-missing",
+            "waiting")  # fmt: skip
 
 
 def write_page(overview: Overview, out: str | Path) -> None:
@@ -34,12 +35,11 @@ def render(overview: Overview) -> str:
         lstrip_blocks=True,
     )  # fmt: skip
     machines = sorted(overview.machines, key=_urgency)
-    verdicts = [verdict_of(machine) for machine in machines]
+    verdicts = [machine.verdict for machine in machines]
     return environment.get_template("fleet.html").render(
         machines=machines,
         counts=[(verdict, verdicts.count(verdict)) for verdict in VERDICTS if verdict in verdicts],
         runs=sum(len(machine.past) for machine in machines),
-        verdict_of=verdict_of,
         fleet=[data_uri(png) for png in draw_fleet(machines)],
         pictures={machine.machine: data_uri(png) for machine in machines if (png := draw_machine(machine)) is not None},
         style=Markup(environment.loader.get_source(environment, "fleet.css")[0]),  # type: ignore[union-attr]
@@ -47,12 +47,7 @@ def render(overview: Overview) -> str:
     )
 
 
-def verdict_of(machine: Standing) -> str:
-    """The last verdict, or that the machine waits."""
-    return machine.last.verdict or "waiting" if machine.last else "waiting"
-
-
 def _urgency(machine: Standing) -> tuple[int, int, str]:
     """Machines that somebody should look at first come first."""
-    return (-len(machine.alarms), VERDICTS.index(verdict_of(machine)) if verdict_of(machine) in VERDICTS else 0,
-            machine.machine)  # fmt: skip
+    place = VERDICTS.index(machine.verdict) if machine.verdict in VERDICTS else 0
+    return (-len(machine.alarms), place, machine.machine)

@@ -80,6 +80,9 @@ def _draw_error(panel: Axes, machine: Standing) -> None:
     noise = [(_day(past.date), past.noise_um) for past in machine.past if past.noise_um is not None]
     if noise:
         panel.plot([day for day, _ in noise], [each for _, each in noise], "--", color=DARK, label="noise")
+    accepted = [(_day(past.date), past.left_um) for past in machine.past if past.left_um is not None]
+    if accepted:
+        panel.plot(*zip(*accepted, strict=True), "D", color=ORANGE, label="with the model accepted then")
     panel.set_ylim(bottom=0.0)
     panel.set_ylabel("um")
     panel.legend(fontsize=8, frameon=False)

@@ -1,0 +1,176 @@
+"""A repair or a change is accepted: the model fitted to a run is the machine's from that run on."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ptt.errors import InputError, PosesError
+from ptt.fleet.database import rows, transaction
+from ptt.fleet.models import accept_model, drawing_of, model_at
+from ptt.fleet.owner import owner
+from ptt.fleet.queue import claim_one, release, task_of
+from ptt.fleet.store import Store, shown
+from ptt.fleet.task import Task
+from ptt.judge.history import read_entries
+from ptt.machine import parse_machine
+from ptt.record import Record
+
+Tell = Callable[[str], None]
+Work = Callable[[Task], str]
+RUNS = """
+SELECT runs.*, outcomes.verdict FROM runs LEFT JOIN outcomes USING (run) WHERE runs.machine = ? ORDER BY date, place"""
+MADE = "SELECT made, toml FROM models WHERE machine = ? AND run = ? AND made IN ('solved', 'accepted') ORDER BY made"
+ENOUGH = 6  # signs of a SHA-256 that somebody may name a run by
+
+
+@dataclass(frozen=True)
+class Accepted(Record):
+    """A model that was taken as its machine's.
+
+    Attributes:
+        machine: its name.
+        run: SHA-256 of the run that it was fitted to.
+        file: name of the run's file.
+        date: from which on it holds, ISO 8601.
+        new: whether it was not the machine's model already.
+        error_um: of that run 'before', with the model that held until then, and 'after'; held-out rows 'heldout'.
+        noise_um: the noise floor of that run.
+        waiting: later runs that wait to be held against it.
+    """
+
+    machine: str
+    run: str
+    file: str
+    date: str
+    new: bool
+    error_um: dict[str, float | None]
+    noise_um: float | None
+    waiting: int
+
+    def __str__(self) -> str:
+        """Two or three lines."""
+        day, name = self.date[:10], shown(self.machine)
+        if not self.new:
+            return f"{name}: the model of {day} ({shown(self.file)}) is the machine's from that day on already"
+        lines = [f"{name}: the model fitted to the run of {day} ({shown(self.file)}) is the machine's from that day on"]
+        if self.error_um["before"] is not None:
+            lines.append(
+                f"error of that run {self.error_um['before']:.1f} um with the model until then, "
+                f"{self.error_um['after']:.1f} um now; noise {self.noise_um:.1f} um"
+            )
+        if self.waiting:
+            lines.append(
+                f"{self.waiting} later run{'s' if self.waiting > 1 else ''} to be held against it: ptt fleet run"
+            )
+        return "\n".join(lines)
+
+
+def accept(
+    store: Store, machine: str, which: str | None = None, tell: Tell | None = None, work: Work | None = None
+) -> Accepted:
+    """Fit a machine's model to one of its runs, and hold later runs against that.
+
+    What the run cannot test (an effect of loads, where it has one load) stays as it was. The models before stay in the
+    store. The same run accepted twice is accepted once.
+
+    Args:
+        store: the store.
+        machine: its name.
+        which: the run: file name, date or beginning of its SHA-256; None for the last.
+        tell: told what is being done.
+        work: what fits the model; None for `ptt.fleet.work.refit`.
+
+    Returns:
+        What was accepted.
+
+    Raises:
+        InputError: no such machine or run, the run was not worked on yet, or another process works on the machine.
+        PosesError: the run cannot be used, or nothing was ever fitted to the machine.
+    """
+    run = _chosen(store, machine, which)
+    with owner(store.workers) as name:
+        if not claim_one(store, name, machine):
+            what = f"another `ptt fleet run` works on '{shown(machine)}'"
+            raise InputError(what, where=str(store.folder), fix="accept when it is done")
+        try:
+            return _already(store, run) or _accept(store, run, tell or (lambda what: None), work or _refit())
+        finally:
+            release(store, name)
+
+
+def _accept(store: Store, run: dict[str, Any], tell: Tell, work: Work) -> Accepted:
+    with transaction(store.file, read_only=True) as connection:
+        held = model_at(connection, run["machine"], run["run"])
+        drawing = drawing_of(connection, run["machine"])
+    if held is None or not parse_machine(held[1], run["machine"]).effect:
+        raise PosesError(f"nothing was ever fitted to '{shown(run['machine'])}', so there is nothing to refit")
+    tell("refit")
+    text = work(task_of(store, run, drawing, held[1]))
+    with transaction(store.file) as connection:
+        later = accept_model(connection, run["machine"], run["run"], text)
+    return _told(run, text, new=True, waiting=len(later))
+
+
+def _already(store: Store, run: dict[str, Any]) -> Accepted | None:
+    """The run, where its model is the machine's from it on as it is."""
+    with transaction(store.file, read_only=True) as connection:
+        made = rows(connection, MADE, run["machine"], run["run"])
+    return _told(run, made[0]["toml"], new=False, waiting=0) if made else None
+
+
+def _told(run: dict[str, Any], text: str, *, new: bool, waiting: int) -> Accepted:
+    error, noise = errors_of(text)
+    return Accepted(run["machine"], run["run"], run["file"], run["date"].isoformat(), new, error, noise, waiting)
+
+
+def errors_of(text: str) -> tuple[dict[str, float | None], float | None]:
+    """What the last step of a model says of the run that it was fitted to, um: errors, and the noise floor."""
+    entries = read_entries(parse_machine(text, ""))
+    if not entries:
+        return {"before": None, "after": None, "heldout": None}, None
+    last = entries[-1]
+    error = {"before": last.before_um, "after": last.after_um, "heldout": last.heldout_after_um}
+    return {key: float(value["total"]) for key, value in error.items()}, float(last.noise_um["total"])
+
+
+def _chosen(store: Store, machine: str, which: str | None) -> dict[str, Any]:
+    """The run that is meant.
+
+    Raises:
+        InputError: none, several, or one that was not worked on.
+        PosesError: one that could not be used.
+    """
+    runs = store.ask(RUNS, machine)
+    if not runs and not store.ask("SELECT 1 FROM machines WHERE machine = ?", machine):
+        raise InputError(f"no machine '{shown(machine)}'", where=str(store.folder), fix="`ptt fleet show` lists them")
+    found = runs[-1:] if which is None else [run for run in runs if _is_meant(run, which)]
+    if len(found) != 1:
+        what = f"{'no run' if not found else f'{len(found)} runs'} of '{shown(machine)}'{_called(which)}"
+        raise InputError(what, where=str(store.folder), fix=f"name one by its file: {_listed(found or runs)}")
+    run = found[0]
+    if run["verdict"] is None:
+        raise InputError(
+            f"{shown(run['file'])} was not worked on yet", fix="`ptt fleet run` first, or name another run"
+        )
+    if run["verdict"] in ("setup", "failed"):
+        raise PosesError(f"{shown(run['file'])} cannot be used ({run['verdict']}); name another run")
+    return run
+
+
+def _is_meant(run: dict[str, Any], which: str) -> bool:
+    day = run["date"].isoformat()
+    return which in (run["file"], day, day[:10]) or (len(which) >= ENOUGH and run["run"].startswith(which.lower()))
+
+
+def _called(which: str | None) -> str:
+    return "" if which is None else f" is called '{shown(which)}'"
+
+
+def _listed(runs: Sequence[dict[str, Any]]) -> str:
+    return ", ".join(shown(run["file"]) for run in runs[-6:]) or "it has none"
+
+
+def _refit() -> Work:
+    from ptt.fleet.work import refit
+
+    return refit

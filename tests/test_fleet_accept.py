@@ -1,0 +1,192 @@
+"""A repair or a change is accepted: later runs of the virtual machine are held against the model fitted to it."""
+
+import json
+import shutil
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ptt.commands.main import app
+from ptt.effects import library
+from ptt.fleet.alarms import Alarm
+from ptt.fleet.overview import overview
+from ptt.fleet.past import Past, unsettled
+from ptt.fleet.queue import claim_one, keep, next_task
+from ptt.fleet.run import run_all
+from ptt.fleet.runs import open_task, read_task
+from ptt.fleet.store import Store, add_machine, add_run, create_store, open_store
+from ptt.fleet.task import Outcome, Task
+from ptt.fleet.work import work
+from ptt.judge.history import record
+from ptt.judge.ladder.climb import climb
+from ptt.machine import format_machine, parse_machine
+from ptt.model.model import read_model
+from ptt.rig import parse_rig, simulate, write_run
+from ptt.rig.nominal import draw_machine
+from ptt.rig.targets import make_volume
+from ptt.run.table import read_table
+from ptt.show.fleet.page import render
+
+DRAWING = """[machine]
+kind = "three-ptt"
+base_radius_mm = 200.0
+platform_radius_mm = 100.0
+link_length_mm = 300.0
+slider_travel_mm = [150.0, 420.0]
+screw_lead_mm = 5.0
+[tracker]
+frame = "fitted"
+sigma_mm = 0.004
+"""
+GAPS, WORN = [0.03, 0.02, 0.045], [0.03, 0.055, 0.045]
+EFFECTS = ("backlash", "link-length")
+
+
+def measure(folder: Path, day: str, gaps: list[float]) -> Path:
+    """A run of the machine on a day: its play is given, path, tracker's place and noise are the day's own."""
+    seed = int(day.replace("-", ""))
+    random = np.random.default_rng(seed)
+    tracker = {"white_mm": 0.004, "translation_mm": random.uniform(-1, 1, 3).tolist()}
+    machine = parse_machine(DRAWING, "drawing").machine.model_dump(mode="json", exclude_none=True)
+    faults = {"drive": {"backlash_mm": gaps}, "geometry": {"link_mm": [0.08, -0.05, 0.0]}, "tracker": tracker}
+    rig = parse_rig({"machine": machine, "seed": seed, **faults})
+    path = folder / f"mill-{day}.csv"
+    write_run(simulate(rig, make_volume(draw_machine(rig.spec), 70, seed)).frame, path)
+    return path
+
+
+def put(store: Store, path: Path) -> None:
+    add_run(store, "mill", path, read_table(path), None, ordered=False, units_said=False)
+
+
+def first(task: Task, tell) -> Outcome:
+    """What a diagnosis ends with, without its search: the effects that the machine has, fitted to its first run."""
+    if task.solved is not None:
+        return work(task, tell)
+    opened = open_task(task, read_task(task)[0])
+    ladder = climb(opened.model, opened.problem, [library()[name]() for name in EFFECTS])
+    text = format_machine(record(ladder, "add", [{"file": task.file, "sha256": task.run}], date=task.date))
+    return Outcome(task.run, task.machine, "diagnosis", "missing", "", 0.0, 7.0, None, 7.0, solved=text)
+
+
+@pytest.fixture(scope="module")
+def spring(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of a mill whose slider 2 wears between March and April, and stays so."""
+    folder = tmp_path_factory.mktemp("spring")
+    store = create_store(folder / "plant")
+    (folder / "drawing.toml").write_text(DRAWING)
+    add_machine(store, "mill", folder / "drawing.toml")
+    for day, gaps in (("2026-03-05", GAPS), ("2026-04-05", WORN), ("2026-05-05", WORN)):
+        put(store, measure(folder, day, gaps))
+    run_all(store, work=first)
+    return store.folder
+
+
+@pytest.fixture
+def plant(spring: Path, tmp_path: Path) -> Store:
+    """A copy of that store for one test."""
+    shutil.copytree(spring, tmp_path / "plant")
+    return open_store(tmp_path / "plant")
+
+
+def invoke(*args: object):
+    return CliRunner().invoke(app, ["fleet", *(str(each) for each in args)])
+
+
+def test_after_a_change_is_accepted_later_runs_are_the_same_and_nothing_is_lost(plant: Store, tmp_path: Path) -> None:
+    (before,) = overview(plant).machines
+    assert [past.verdict for past in before.past] == ["missing", "changed", "changed"]
+    models = plant.ask("SELECT run, made, toml FROM models WHERE made IN ('given', 'solved')")
+    told = json.loads(invoke("accept", plant.folder, "mill", "mill-2026-04-05.csv", "--json").stdout)
+    assert told["new"] and told["date"][:10] == "2026-04-05" and told["waiting"] == 1
+    assert told["error_um"]["before"] > 1.5 * told["error_um"]["after"]
+    assert told["error_um"]["after"] < 1.2 * told["noise_um"]
+    run_all(plant, work=work)
+    (after,) = overview(plant).machines
+    assert [past.verdict for past in after.past] == ["missing", "changed", "same"]  # what April showed stays written
+    assert after.error_um < 8.0 < before.error_um
+    assert all(row in plant.ask("SELECT run, made, toml FROM models") for row in models)
+    gap = read_model(parse_machine(next_model(plant), "mill")).terms[0].theta.numpy()
+    np.testing.assert_allclose(gap, WORN, atol=0.004)  # the virtual machine's own play
+
+
+def next_model(store: Store) -> str:
+    return str(store.ask("SELECT toml FROM models WHERE made = 'accepted'")[0]["toml"])
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Accept without the fit: the model stays what it was."""
+    monkeypatch.setattr("ptt.fleet.work.refit", lambda task: task.solved + "# once more\n")
+
+
+def test_the_same_accept_twice_is_one(plant: Store, quick: None) -> None:
+    assert invoke("accept", plant.folder, "mill").exit_code == 0
+    before = plant.ask("SELECT * FROM models ORDER BY ALL"), plant.ask("SELECT * FROM outcomes ORDER BY ALL")
+    again = invoke("accept", plant.folder, "mill", "2026-05-05")
+    assert again.exit_code == 0 and "already" in again.stdout
+    assert before == (plant.ask("SELECT * FROM models ORDER BY ALL"), plant.ask("SELECT * FROM outcomes ORDER BY ALL"))
+    first_run = invoke("accept", plant.folder, "mill", "mill-2026-03-05.csv", "--json")
+    assert json.loads(first_run.stdout)["new"] is False  # the diagnosis of March made the model then
+
+
+def test_a_run_that_cannot_be_meant_is_refused_and_changes_nothing(
+    plant: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(plant, measure(tmp_path, "2026-06-05", GAPS))
+    waits = invoke("accept", plant.folder, "mill")
+    assert waits.exit_code == 2 and "was not worked on yet; `ptt fleet run` first" in waits.stderr
+    assert "no machine 'press'" in invoke("accept", plant.folder, "press").stderr
+    assert "name one by its file: mill-2026-03-05.csv" in invoke("accept", plant.folder, "mill", "may").stderr
+    claim_one(plant, "somebody", "mill")
+    monkeypatch.setattr("ptt.fleet.queue.alive", lambda folder, name: True)
+    busy = invoke("accept", plant.folder, "mill", "2026-05-05")
+    assert busy.exit_code == 2 and "another `ptt fleet run` works on 'mill'" in busy.stderr
+    assert not plant.ask("SELECT 1 FROM models WHERE made = 'accepted'")
+
+
+def test_show_and_report_tell_what_was_accepted(plant: Store, quick: None) -> None:
+    assert overview(plant).machines[0].verdict == "changed"
+    invoke("accept", plant.folder, "mill")
+    (after,) = overview(plant).machines
+    assert after.verdict == after.to_dict()["verdict"] == "accepted"
+    assert after.to_dict()["history"][-1]["verdict"] == "changed" and after.to_dict()["history"][-1]["accepted"]
+    assert "its model holds from here on" in invoke("show", plant.folder, "mill").stdout
+    assert "is accepted: " in render(overview(plant))
+
+
+def test_a_machine_on_which_nothing_was_ever_found_has_nothing_to_refit(tmp_path: Path, plant: Store) -> None:
+    (tmp_path / "drawing.toml").write_text(DRAWING)
+    add_machine(plant, "press", tmp_path / "drawing.toml")
+    for day, solved in (("2026-03-06", DRAWING), ("2026-04-06", None)):
+        path = measure(tmp_path, day, GAPS)
+        add_run(plant, "press", path, read_table(path), None, ordered=False, units_said=False)
+        keep(plant, Outcome(next_task(plant, "press").run, "press", "recheck", "same", "", 0.0, solved=solved))
+    refused = invoke("accept", plant.folder, "press")
+    assert refused.exit_code == 3 and "nothing was ever fitted to 'press'" in refused.stderr
+
+
+def test_a_run_that_is_added_late_is_held_against_the_model_of_its_time(
+    plant: Store, quick: None, tmp_path: Path
+) -> None:
+    invoke("accept", plant.folder, "mill", "2026-05-05")
+    accepted = next_model(plant)
+    early, late = measure(tmp_path, "2026-03-20", GAPS), measure(tmp_path, "2026-06-20", WORN)
+    put(plant, early)
+    task = next_task(plant, "mill")
+    assert task.solved == accepted.removesuffix("# once more\n")
+    keep(plant, Outcome(task.run, "mill", "recheck", "same", "", 0.0))
+    put(plant, late)
+    assert next_task(plant, "mill").solved == accepted
+
+
+def test_what_happened_before_an_accepted_run_alarms_no_more_but_a_drift_does() -> None:
+    kinds = (("jump", "2026-04-05"), ("jump", "2026-06-05"), ("new", "2026-05-05"), ("drift", None))
+    alarms = [Alarm("backlash", "gap_mm 2", kind, kind, when=day) for kind, day in kinds]
+    runs = [Past("", "", datetime(2026, month, 5), 80, "changed", 20.0, 5.0, 5.0, "") for month in (4, 5)]
+    assert unsettled(alarms, runs) == tuple(alarms)
+    assert unsettled(alarms, [runs[0], replace(runs[1], accepted=True)]) == (alarms[1], alarms[3])
