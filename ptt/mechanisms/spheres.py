@@ -12,7 +12,8 @@ def meet_spheres(centre: Tensor, radius: Tensor, side: float) -> Tensor:
     """Point at given distances from three centres.
 
     Source: trilateration; the point is split into its parts along two edges of the centres' triangle and along its
-    normal n = (c_2 - c_1) x (c_3 - c_1).
+    normal n = (c_2 - c_1) x (c_3 - c_1). Written out by components: a stacked cross product keeps torch.compile from
+    using vector registers and makes a pose cost fifteen times as much.
 
     Args:
         centre: (3, 3, n) mm, axes sphere, xyz, row.
@@ -22,18 +23,22 @@ def meet_spheres(centre: Tensor, radius: Tensor, side: float) -> Tensor:
     Returns:
         (3, n) mm, NaN where the spheres do not meet.
     """
-    first = centre[0]
-    edge2, edge3 = centre[1] - first, centre[2] - first
-    normal = torch.linalg.cross(edge2, edge3, dim=0)
-    d22, d23, d33 = dot(edge2, edge2, 0), dot(edge2, edge3, 0), dot(edge3, edge3, 0)
-    area2 = dot(normal, normal, 0)
-    square = radius * radius
-    along2 = 0.5 * (d22 + (square[0] - square[1]))
-    along3 = 0.5 * (d33 + (square[0] - square[2]))
+    first, second, third = (sphere.unbind(0) for sphere in centre.unbind(0))
+    edge2 = [b - a for a, b in zip(first, second, strict=True)]
+    edge3 = [b - a for a, b in zip(first, third, strict=True)]
+    (x2, y2, z2), (x3, y3, z3) = edge2, edge3
+    normal = [y2 * z3 - z2 * y3, z2 * x3 - x2 * z3, x2 * y3 - y2 * x3]
+    d22, d23, d33, area2 = (
+        torch.addcmul(torch.addcmul(u[0] * v[0], u[1], v[1]), u[2], v[2])
+        for u, v in ((edge2, edge2), (edge2, edge3), (edge3, edge3), (normal, normal))
+    )
+    one, two, three = (radius * radius).unbind(0)
+    along2, along3 = 0.5 * (d22 + (one - two)), 0.5 * (d33 + (one - three))
     part2 = (along2 * d33 - along3 * d23) / area2
     part3 = (along3 * d22 - along2 * d23) / area2
-    height = side * torch.sqrt((square[0] - part2 * along2 - part3 * along3) / area2)
-    return first + part2 * edge2 + part3 * edge3 + height * normal
+    height = side * torch.sqrt((one - part2 * along2 - part3 * along3) / area2)
+    legs = zip(first, edge2, edge3, normal, strict=True)
+    return torch.stack([a + part2 * e2 + part3 * e3 + height * n for a, e2, e3, n in legs])
 
 
 def dot(left: Tensor, right: Tensor, axis: int) -> Tensor:

@@ -228,7 +228,7 @@ class ThreePtt:
         """`forward` of one block."""
         centre, link, tool = self._spheres(rows_last(q), geometry)
         p = meet_spheres(centre, link, self.side)
-        return torch.stack((p if tool is None else p + tool).unbind(0), -1)
+        return (p if tool is None else p + tool).movedim(0, -1)
 
     def _inverse(self, p: Tensor, geometry: Tensor | None) -> Tensor:
         """`inverse` of one block."""
@@ -237,7 +237,7 @@ class ThreePtt:
         reach = (at if tool is None else at - tool) - foot  # shape: (leg, xyz, n)
         along = dot(reach, columns(self.rail, p.ndim - 1), 1)
         drop = torch.sqrt(torch.addcmul(link * link - dot(reach, reach, 1), along, along))
-        return torch.stack((along + drop if self.above else along - drop).unbind(0), -1)
+        return (along + drop if self.above else along - drop).movedim(0, -1)
 
     def _jacobian(self, q: Tensor, geometry: Tensor | None) -> Tensor:
         """`jacobian` of one block."""
