@@ -17,6 +17,7 @@ from million import MACHINE, make_run, measure
 
 EFFECTS = ("backlash", "once-per-rev", "screw-growth")
 GOAL_GB = 4.0
+WRITTEN = ("sliders.csv", "simulated.csv")
 RIG = """machine = "{machine}"
 seed = 7
 [conditions]
@@ -34,6 +35,7 @@ def commands(folder: Path, rows: int) -> dict[str, list[str]]:
             make_run(path, rows, seed)
     run, again, drawing = str(one), str(two), str(MACHINE)
     (folder / "rig.toml").write_text(RIG.format(machine=MACHINE))
+    sliders, simulated = (folder / path for path in WRITTEN)
     store, targets, comp = str(folder / "store"), str(folder / "targets.csv"), str(folder / "compensator")
     return {
         "check": ["check", run, "--model", drawing],
@@ -48,10 +50,10 @@ def commands(folder: Path, rows: int) -> dict[str, list[str]]:
         "recheck": ["recheck", again, "--model", solved],
         "evaluate": ["evaluate", run, "--model", solved],
         "evaluate two": ["evaluate", run, again],
-        "predict": ["predict", run, "--model", solved, "--out", str(folder / "sliders.csv")],
+        "predict": ["predict", run, "--model", solved, "--out", str(sliders)],
         "train": ["train", run, "--machine", solved, "--out", comp],
-        "predict, trained": ["predict", run, "--model", comp, "--out", str(folder / "sliders.csv")],
-        "simulate": ["simulate", str(folder / "rig.toml"), run, "--out", str(folder / "simulated.csv")],
+        "predict, trained": ["predict", run, "--model", comp, "--out", str(sliders)],
+        "simulate": ["simulate", str(folder / "rig.toml"), run, "--out", str(simulated)],
         "export": ["export", "--model", solved, "--to", "table", "--out", str(folder / "table"), "--run", run],
         "plan": ["plan", drawing, "--rows", str(rows), "--out", targets],
         "fleet init": ["fleet", "init", store],
@@ -76,6 +78,8 @@ def main() -> None:
         for verb, words in commands(folder, own.rows).items():
             if own.only and verb not in own.only:
                 continue
+            for path in WRITTEN:  # they hold readings, which no verb replaces
+                (folder / path).unlink(missing_ok=True)
             seen = measure([sys.executable, "-m", "ptt.commands.main", *words, "--json"], cores)
             told = {key: round(float(seen[key]), 2) for key in ("wall_s", "cpu_s", "peak_gb")}
             sound = told["peak_gb"] < GOAL_GB and str(seen["text"]).startswith("{")

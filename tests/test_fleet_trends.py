@@ -1,5 +1,6 @@
 """What moves over runs: drifts and jumps are named on the value that moves, and on a sound machine nothing is."""
 
+from dataclasses import replace
 from datetime import date, datetime
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 from scipy import stats
 
 from ptt.fleet.alarms import Names, amount, of_movement, unlike
-from ptt.fleet.past import Past, of_runs
-from ptt.fleet.trends import Series, movements
+from ptt.fleet.overview import Standing
+from ptt.fleet.past import Past, of_changes, of_runs
+from ptt.fleet.trends import Moves, Series, movements
+from ptt.fleet.words import format_machine
 
 COUNT, ROWS, DAYS = 5, 120, 30.4
 
@@ -53,6 +56,24 @@ def test_runs_that_scatter_by_more_than_their_rows_say_are_not_drifts():
     random = np.random.default_rng(2)
     worse = [bool(movements(series(random, 8, scatter=0.1)).movements) for _ in range(150)]
     assert sum(worse) <= stats.binom.ppf(0.999, 150, 0.02)
+
+
+@pytest.mark.parametrize("runs", [3, 4, 6])
+def test_one_value_that_is_set_anew_for_each_run_is_no_drift(runs):
+    random, worse = np.random.default_rng(20 + runs), 0
+    for _ in range(60):
+        given = series(random, runs)
+        anew = 0.03 * random.normal(size=runs)  # three stated standard errors
+        score = given.score + given.information[:, :, 4] * anew[:, None]
+        worse += bool(movements(replace(given, score=score)).movements)
+    assert worse <= stats.binom.ppf(0.999, 60, 0.02)
+
+
+def test_a_drift_of_many_standard_errors_is_found_in_five_runs():
+    random = np.random.default_rng(31)
+    found = [movements(series(random, 5, drift=(4, 25 * 0.009 / (4 * DAYS)))).movements for _ in range(40)]
+    named = [bool(each) and (each[0].place, each[0].kind) == (4, "drift") for each in found]
+    assert sum(named) >= 32  # of 60 others 93 in a hundred were
 
 
 @pytest.mark.parametrize("place", [0, 1, 4])
@@ -137,3 +158,20 @@ def test_a_last_run_that_could_not_be_used_or_named_is_an_alarm_until_a_better_o
     assert [alarm.trend for alarm in of_runs([past(1, "missing"), past(2, "new"), past(3, None)])] == ["new"]
     assert [alarm.trend for alarm in of_runs([past(1, "missing"), past(2, "setup")])] == ["setup"]
     assert of_runs([past(1, "missing"), past(2, "setup"), past(3, "same")]) == []
+
+
+def test_what_the_last_run_shows_otherwise_is_an_alarm_before_it_is_a_trend():
+    worn = replace(past(3, "changed"), changed=(("backlash", "gap_mm 2", "Slider 2 loses 45 um"),))
+    (alarm,) = of_changes([past(1, "missing"), worn, past(4, None)], [])
+    assert (alarm.effect, alarm.parameter, alarm.trend, alarm.when) == ("backlash", "gap_mm 2", "changed", "2026-03-05")
+    assert alarm.words == "Slider 2 loses 45 um"
+    assert of_changes([worn], [alarm]) == []  # a trend of the same value says more
+    assert of_changes([replace(worn, accepted=True)], []) == of_changes([worn, past(4, "same")], []) == []
+
+
+def test_a_value_that_no_run_tells_is_shown_as_none():
+    names = Names(("a x 1", "a x 2"), ("x of joint 1", "x of joint 2"), ("rad", "rad"), np.full(2, 1e-4))
+    moves = Moves((), np.array([[1.0, -2e3], [1.1, 3e3]]), np.array([[0.1, 5e3], [0.1, np.inf]]), np.zeros((2, 2)), 1.0)
+    text = format_machine(Standing("arm", "", (past(1, "same"), past(2, "same")), (), names, np.arange(2.0), moves))
+    told, untold = (line.split() for line in text.splitlines() if line.startswith("x of joint"))
+    assert told[4:6] == ["100", "+-"] and untold[4:] == ["-", "-"]

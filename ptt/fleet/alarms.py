@@ -12,7 +12,7 @@ from ptt.effects.phrases import SHOWN, figure
 from ptt.fleet.trends import ALPHA, Movement, Moves
 from ptt.record import Record
 
-Trend = Literal["drift", "jump", "unlike", "new", "setup", "failed"]
+Trend = Literal["drift", "jump", "unlike", "new", "changed", "setup", "failed"]
 MONTH = 30.44  # days
 GONE = 0.2  # share of what a value was below which it is as after a repair
 FAR = 10.0  # times the time watched beyond which a straight line says nothing of a machine any more
@@ -27,7 +27,8 @@ class Alarm(Record):
     Attributes:
         effect: its name; what it is about where it is none.
         parameter: of the effect; '' where it is none.
-        trend: what it does: 'drift', 'jump', 'unlike' its sisters, 'new' physics, 'setup' mistaken, 'failed'.
+        trend: what it does: 'drift', 'jump', 'unlike' its sisters, 'new' physics, 'changed' in the last run,
+            'setup' mistaken, 'failed'.
         words: for a person.
         size: per month (drift) or in all, in `unit`; None where it is no number.
         std: of the size.

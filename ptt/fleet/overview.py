@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.errors import InputError
 from ptt.fleet.alarms import MONTH, Alarm, Names, of_movement, unlike, unlike_alarm
-from ptt.fleet.past import RUNS, Past, of_runs, past_of, unsettled
+from ptt.fleet.past import RUNS, Past, of_changes, of_runs, past_of, unsettled
 from ptt.fleet.store import Store, shown
 from ptt.fleet.trends import Moves, Series, movements
 from ptt.record import Record
@@ -164,7 +164,8 @@ def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Sta
         alarms = [of_movement(movement, moves, names, series.days) for movement in moves.movements]
         sound = tuple(alarm for alarm in alarms if alarm is not None)
         standing = Standing(name, drawing, past, sound, names, series.days, moves)
-    return Standing(**{**vars(standing), "alarms": unsettled((*of_runs(past), *standing.alarms), past)})
+    trends = (*of_runs(past), *standing.alarms)
+    return Standing(**{**vars(standing), "alarms": unsettled((*trends, *of_changes(past, trends)), past)})
 
 
 def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:

@@ -13,7 +13,8 @@ from ptt.record import Record
 
 RUNS = """
 SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count, outcomes.* EXCLUDE (run, machine),
-    fits.* EXCLUDE (run), rechecks.result->'suggested' AS suggested, accepted.toml AS accepted
+    fits.* EXCLUDE (run), rechecks.result->'suggested' AS suggested,
+    rechecks.result->'changed' AS changed, accepted.toml AS accepted
 FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run) LEFT JOIN rechecks USING (run)
     LEFT JOIN (SELECT run, toml FROM models WHERE made = 'accepted') accepted USING (run)
 ORDER BY runs.machine, runs.date, runs.place"""
@@ -39,6 +40,7 @@ class Past(Record):
         added: effects that were new in it and belong to the model since.
         accepted: whether the model fitted to it was accepted, and is the machine's from it on.
         left_um: what that model leaves of it; None where none was accepted.
+        changed: values that had changed, each as effect, parameter and words.
     """
 
     run: str
@@ -53,17 +55,20 @@ class Past(Record):
     added: tuple[str, ...] = ()
     accepted: bool = False
     left_um: float | None = None
+    changed: tuple[tuple[str, str, str], ...] = ()
 
 
 def past_of(row: Mapping[str, Any]) -> Past:
     """A run as the store has it, a row of `RUNS`."""
     suggested = json.loads(row["suggested"] or "[]") if row["verdict"] == "new" else []
+    changed = [(each["effect"], each["parameter"], each["words"]) for each in json.loads(row["changed"] or "[]")]
     accepted = row["accepted"]
     left = None if accepted is None else errors_of(accepted)[0]["after"]
     return Past(
         row["run"], row["file"], row["date"], row["row_count"], row["verdict"], row["error_um"], row["expected_um"],
         row["noise_um"], row["words"] or "", tuple(str(step[0]) for step in suggested),
         accepted is not None, left,
+        tuple(changed),
     )  # fmt: skip
 
 
@@ -84,6 +89,27 @@ def of_runs(past: Sequence[Past]) -> list[Alarm]:
         words = f"run of {day}: {HEADS[verdict]}: {last.words.splitlines()[0] if last.words else ''}"
         alarms.append(Alarm(WHATS[verdict], "", verdict, words, when=day))  # type: ignore[arg-type]
     return alarms
+
+
+def of_changes(past: Sequence[Past], alarms: Sequence[Alarm]) -> list[Alarm]:
+    """What is otherwise in the last run than the model says; a few runs show that before they show a trend.
+
+    Args:
+        past: a machine's runs by date.
+        alarms: that there are; a value that one of them is about is left out.
+
+    Returns:
+        The alarms.
+    """
+    done = [each for each in past if each.verdict is not None]
+    if not done or done[-1].accepted:
+        return []
+    told, day = {(alarm.effect, alarm.parameter) for alarm in alarms}, done[-1].date.date().isoformat()
+    return [
+        Alarm(effect, parameter, "changed", words, when=day)
+        for effect, parameter, words in done[-1].changed
+        if (effect, parameter) not in told
+    ]
 
 
 def unsettled(alarms: Sequence[Alarm], past: Sequence[Past]) -> tuple[Alarm, ...]:

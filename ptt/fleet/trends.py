@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+
+from ptt.fleet.scatter import RIDGE, scatter_of_all, scatter_of_one
 
 ALPHA = 0.01  # chance that a machine on which nothing moves is said to move
 MOST = 8  # movements that are looked for on one machine
-MEDIAN = 0.37  # degrees of freedom that a squared median is worth beside a mean of squares, normal rows
-RIDGE = 1e-9  # of the strongest direction: below it a value is not told by any run
 
 
 @dataclass(frozen=True)
@@ -156,10 +155,9 @@ def _best(series: Series, chosen: Sequence[Course], candidates: Sequence[Course]
         return None
     candidate, score = best
     _, _, after = _solve(series, [*chosen, candidate])  # what it does not take is what it has to be judged by
-    wide, few = max(
-        _scatter(series, after, len(chosen) + 1), _own_scatter(series, after, candidate.place, candidate.course)
-    )
-    return candidate, float(2.0 * (stats.norm.sf(score) if wide <= 1.0 else stats.t.sf(score / wide, few)))
+    every = scatter_of_all(series.information, after, len(chosen) + 1)
+    own = scatter_of_one(series.information, after, candidate.place, candidate.course)
+    return candidate, max(every.chance(score), own.chance(score))
 
 
 def _solve(series: Series, chosen: Sequence[Course]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -198,43 +196,9 @@ def _cross(
     return np.concatenate([levels, sizes])
 
 
-def _scatter(series: Series, rest: np.ndarray, moves: int) -> tuple[float, float]:
-    """By how much more than stated the runs scatter, and the degrees of freedom that tell it.
-
-    Birge's ratio by the median: what moves and is not found yet is in few directions, and must not hide itself.
-    """
-    own = np.einsum("npp->np", series.information)
-    told = own > 0.0
-    rank = sum(_rank(information) for information in series.information)
-    freedom = rank - _rank(series.information.sum(axis=0)) - moves
-    if freedom < 1:
-        return 1.0, np.inf
-    ratio = float(np.median(rest[told] ** 2 / own[told])) / float(stats.chi2.median(1)) * rank / freedom
-    return float(np.sqrt(max(ratio, 1.0))), MEDIAN * freedom
-
-
-def _rank(information: np.ndarray) -> int:
-    """Directions that rows know better than their usual size."""
-    strength = np.linalg.eigvalsh(information)
-    return int((strength > max(1.0, RIDGE * strength[-1])).sum())
-
-
-def _own_scatter(series: Series, rest: np.ndarray, place: int, course: np.ndarray) -> tuple[float, float]:
-    """The same of one value beside its movement: a slider that homes anew for each run scatters more than others."""
-    own = series.information[:, place, place]
-    told = own > 0.0
-    freedom = int(told.sum()) - 2
-    if freedom < 1:
-        return 1.0, np.inf
-    ways = np.stack([np.ones(int(told.sum())), course[told]], axis=1) * np.sqrt(own[told])[:, None]
-    left = rest[told, place] / np.sqrt(own[told])
-    left = left - ways @ np.linalg.lstsq(ways, left, rcond=None)[0]
-    return float(np.sqrt(max((left**2).sum() / freedom, 1.0))), float(freedom)
-
-
 def _told(series: Series, chosen: Sequence[Course], chances: Sequence[float]) -> Moves:
     values, inverse, rest = _solve(series, chosen)
-    scatter, _ = _scatter(series, rest, len(chosen))
+    scatter = scatter_of_all(series.information, rest, len(chosen)).wider
     course = _course(series, values, chosen)
     own = np.einsum("npp->np", series.information)
     count = len(series.names)
@@ -243,7 +207,7 @@ def _told(series: Series, chosen: Sequence[Course], chances: Sequence[float]) ->
         std = np.where(own > 0.0, scatter / np.sqrt(own), np.inf)
     moves = []
     for number, each in enumerate(chosen):
-        wide = max(scatter, _own_scatter(series, rest, each.place, each.course)[0])
+        wide = max(scatter, scatter_of_one(series.information, rest, each.place, each.course).wider)
         error = wide * float(np.sqrt(max(inverse[count + number, count + number], 0.0)))
         size = float(values[count + number])
         moves.append(Movement(each.place, each.kind, each.day, each.before, size, error, chances[number]))

@@ -1,7 +1,6 @@
 """One machine of a fleet as text: run by run, what moves, what somebody should look at."""
 
-import numpy as np
-
+from ptt.fitting.sums import SEEN
 from ptt.fleet.alarms import amount
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
@@ -33,9 +32,7 @@ def format_machine(machine: Standing) -> str:
             usual, unit = float(machine.names.usual[place]), machine.names.units[place]
             values, errors = machine.moves.values[:, place], machine.moves.std[:, place]
             ends = [
-                amount(float(values[row]) * usual, unit, float(errors[row]) * usual)
-                if np.isfinite(errors[row])
-                else "-"
+                amount(float(values[row]) * usual, unit, float(errors[row]) * usual) if errors[row] < SEEN else "-"
                 for row in (0, -1)
             ]
             lines.append(f"{label:<44}  {ends[0]:>16}  {ends[1]:>16}")
