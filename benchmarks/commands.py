@@ -11,12 +11,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import poses as poses_of
 import torch
+from poses import best
 
 from nets import GaussianRbf, measure_domain
 from ptt.correct.compensate import compensate
@@ -28,6 +29,7 @@ from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.model import Model, Term
 from ptt.run.table import make_table
 
@@ -47,7 +49,6 @@ VALUES = {
     "backlash": [0.04, 0.05, 0.03],
 }
 CENTRES = 60
-TRIES = 5
 LOOP = """#define _POSIX_C_SOURCE 199309L
 #include "ptt_model.c"
 #include <stdio.h>
@@ -87,10 +88,13 @@ int main(int count, char **given)
 def main() -> None:
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("--rows", type=int, default=200_000)
-    rows = reader.parse_args().rows
+    reader.add_argument("--linuxcnc", type=Path, help="folder of LinuxCNC's lineardeltakins-common.h")
+    reader.add_argument("--klipper", type=Path, help="folder of Klipper's mathutil.py")
+    given = reader.parse_args()
+    rows = given.rows
     targets = path(rows)
     compensator = machine(targets)
-    table = [*commands(compensator, targets), *poses(rows)]
+    table = [*commands(compensator, targets), *poses(rows, given.linuxcnc, given.klipper)]
     loads = Path("/proc/loadavg").read_text().split()[0] if Path("/proc/loadavg").exists() else "?"
     print(f"{rows} rows, one thread, load {loads}")
     print(f"{'':<58}{'ns':>9}")
@@ -119,16 +123,6 @@ def machine(targets: np.ndarray) -> Compensator:
         domain=measure_domain(scaled),
     )  # fmt: skip
     return Compensator(model, network, {})
-
-
-def best(work: Callable[[], object], rows: int) -> float:
-    """Least seconds a row of several tries."""
-    times = []
-    for _ in range(TRIES):
-        begin = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begin)
-    return min(times) / rows
 
 
 def commands(compensator: Compensator, targets: np.ndarray) -> list[tuple[str, float]]:
@@ -198,10 +192,15 @@ def onnx_row(compensator: Compensator, targets: np.ndarray) -> list[tuple[str, f
     return [("command without reversal, ONNX graph", best(work, len(targets)))]
 
 
-def poses(rows: int) -> list[tuple[str, float]]:
+def poses(rows: int, linuxcnc: Path | None, klipper: Path | None) -> list[poses_of.Row]:
     mechanism = build_mechanism(parse_machine(MACHINE).machine)
-    q = torch.tensor(285.0 + 32.0 * np.random.default_rng(0).uniform(-1.0, 1.0, (rows, 3)))
-    return [("pose, drawing, torch (ptt.mechanisms)", best(lambda: mechanism.forward(q), rows))]
+    assert isinstance(mechanism, ThreePtt)
+    table = [*poses_of.ours(mechanism, rows), *poses_of.textbook(mechanism, rows)]
+    if linuxcnc is not None:
+        compiler = shutil.which("gcc") or sys.exit("no gcc")
+        with tempfile.TemporaryDirectory() as folder:
+            table += poses_of.linuxcnc(mechanism, rows, linuxcnc.absolute(), compiler, Path(folder))
+    return table if klipper is None else table + poses_of.klipper(mechanism, klipper)
 
 
 if __name__ == "__main__":
