@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O3", "-shared", "-fPIC")
+HERE = "-march=native"  # it runs where it is built; not every compiler knows the word
 STATE_BYTES = 64 * 1024  # more than the state of any machine
 CODES = ("ok", "outside the training domain: physics alone", "out of reach", "near singular")
 
@@ -114,9 +115,12 @@ def _build(header: str, body: str) -> ctypes.CDLL:
         (place / "ptt_model.h").write_text(header)
         (place / "ptt_model.c").write_text(body)
         made = place / "ptt_model.so"
-        command = [compiler, *FLAGS, "-o", str(made), "ptt_model.c", "-lm"]
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
-        if done.returncode:
+        for flags in ((*FLAGS, HERE), FLAGS):
+            command = [compiler, *flags, "-o", str(made), "ptt_model.c", "-lm"]
+            done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+            if not done.returncode:
+                break
+        else:
             raise PttError(
                 f"{compiler} fails: {done.stderr.strip().splitlines()[0] if done.stderr else done.returncode}"
             )
