@@ -9,8 +9,9 @@ from scipy.stats import multivariate_normal
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.memory import WHITE, Memory, sums_of_rows, whiten_rows
-from ptt.diagnosis.screen import Basis, Screen
-from ptt.diagnosis.wander import MANY, Clock, Wander
+from ptt.diagnosis.periods import _spectrum
+from ptt.diagnosis.screen import BROAD, Basis, Screen
+from ptt.diagnosis.wander import MANY, Clock, Wander, likelihoods
 from ptt.effects import library
 from ptt.fitting.evidence import learn
 from ptt.fitting.linear import linear_columns
@@ -31,11 +32,12 @@ def evidence(columns: np.ndarray, prior: np.ndarray, values: np.ndarray) -> floa
     return float(-0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * known * np.log((FREEDOM + square) / known))
 
 
-def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set() -> None:
+@pytest.mark.parametrize("width", [4, BROAD + 3])
+def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int) -> None:
     random = np.random.default_rng(5)
-    columns = random.normal(size=(3 * ROWS, 16))
-    columns[:, 9:] += columns[:, 2:9]
-    values = columns @ random.normal(0.0, 0.4, 16) + random.normal(size=3 * ROWS)
+    columns = random.normal(size=(3 * ROWS, 12 + width))
+    columns[:, 9:16] += columns[:, 2:9]
+    values = columns @ random.normal(0.0, 0.4, columns.shape[1]) + random.normal(size=3 * ROWS)
     own, group = np.array([4, 0, 2, 7]), np.array([1, 0, 0, 1])  # not in the order of their groups
     sums = sums_of_rows(columns, values, 0.0)
     part = sums.of(own)
@@ -43,7 +45,7 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set() -> None:
     posterior = learn(part.gram, part.side, part.square, len(values), group, freedom=FREEDOM, start=fixed, floor=fixed,
                       ceiling=fixed)  # fmt: skip
     atoms = tuple(
-        SimpleNamespace(key=str(i), name=str(i), groups=1, effect=None, odds=0.0, columns=np.arange(i, i + 4))
+        SimpleNamespace(key=str(i), name=str(i), groups=1, effect=None, odds=0.0, columns=np.arange(i, i + width))
         for i in (8, 10, 12)
     )
     families = [(atoms, np.array([atom.columns for atom in atoms]))]
@@ -53,8 +55,8 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set() -> None:
     first = screen.best(lambda atom: atom.key == "10")
     assert [gain.key for gain in first] == ["10"] and list(screen.gains) == ["10"]
     for gain in screen.best(lambda atom: True):
-        both = np.concatenate([own, np.arange(int(gain.key), int(gain.key) + 4)])
-        prior = np.concatenate([fixed[group], np.full(4, gain.scales[0])])
+        both = np.concatenate([own, np.arange(int(gain.key), int(gain.key) + width)])
+        prior = np.concatenate([fixed[group], np.full(width, gain.scales[0])])
         np.testing.assert_allclose(gain.nats, evidence(columns[:, both], prior, values) - alone, atol=1e-7)
 
 
@@ -74,6 +76,30 @@ def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, wid
     density = sum(multivariate_normal(cov=covariance).logpdf(column) for column in values[:, :, -1].T)
     mine = -0.5 * np.square(white[:, :, -1]).sum() - log_noise - 12.0 * np.log(2.0 * np.pi)
     np.testing.assert_allclose(mine, density, rtol=1e-10)
+
+
+def test_wanders_are_told_apart_as_their_whole_covariances_do() -> None:
+    random = np.random.default_rng(8)
+    time, starts = np.cumsum(random.uniform(1.0, 4.0, 30)), np.isin(np.arange(30), [0, 17])
+    left, wanders = random.normal(size=(30, 3)), [Wander(0.4, 5.0), Wander(6.0, 5.0), Wander(6.0, 40.0)]
+    run, truth = np.cumsum(starts), []
+    for wander in wanders:
+        apart = np.exp(-np.abs(time[:, None] - time) / wander.constant)
+        covariance = np.eye(30) + wander.share * apart * (run[:, None] == run)
+        square = np.trace(left.T @ np.linalg.solve(covariance, left))  # the white variance at its best is square / 90
+        truth.append(wander.log_prior - 1.5 * np.linalg.slogdet(covariance)[1] - 45.0 * np.log(square))
+    np.testing.assert_allclose(likelihoods(left, wanders, Clock(time, starts)), truth, rtol=1e-10)
+
+
+def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
+    random = np.random.default_rng(9)
+    q, slope, left = random.uniform(5.0, 90.0, 50), random.normal(size=(50, 3)), random.normal(size=(50, 3))
+    frequency, gain = _spectrum(slope, left, q)
+    for place in (0, 7, len(frequency) - 1):
+        phase = 2.0 * np.pi * frequency[place] * q
+        pair = np.stack([slope * np.cos(phase)[:, None], slope * np.sin(phase)[:, None]], axis=2).reshape(-1, 2)
+        rest = np.linalg.lstsq(pair, left.ravel(), rcond=None)[1][0]
+        np.testing.assert_allclose(gain[place], np.square(left).sum() - rest, rtol=1e-9)
 
 
 @pytest.mark.parametrize("rows", [20, 100])

@@ -1,7 +1,7 @@
 """Atoms: everything that may be part of an explanation, each with its columns and its price."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from torch import Tensor
@@ -128,11 +128,14 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         atoms[key] = _effect_atom(
             key, columns, kinds, odds_of_effect(term.effect, len(names), shapes), own.effect, None
         )
+    like: dict[str, Atom] = {}  # of each effect its first shape
     for number, trial in enumerate(linear.trials):
-        kinds = _kinds_of_values(trial.effect, problem, slice(0, len(trial.columns)))
-        odds = odds_of_effect(trial.effect, len(names), trial.trials)
-        key = f"{trial.effect.key}#{number}"
-        atoms[key] = _effect_atom(key, trial.columns, kinds, odds, trial.effect, trial.shape)
+        key, name = f"{trial.effect.key}#{number}", trial.effect.key
+        if name not in like:
+            kinds = _kinds_of_values(trial.effect, problem, slice(0, len(trial.columns)))
+            odds = odds_of_effect(trial.effect, len(names), trial.trials)
+            like[name] = _effect_atom(key, trial.columns, kinds, odds, trial.effect, trial.shape)
+        atoms[key] = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
     return atoms
 
 

@@ -81,6 +81,15 @@ class SumsOfRows(Sums):
     white: np.ndarray = field(kw_only=True)
     there: np.ndarray = field(kw_only=True)
 
+    def of(self, chosen: np.ndarray) -> "Sums":
+        """Normal sums of chosen columns; what these lack is worked out among them alone: most sets lead no further."""
+        gram, lack = self.gram[np.ix_(chosen, chosen)], ~self.there[chosen]
+        if lack.any():
+            own = self.white[:, chosen]
+            gram[lack] = own[:, lack].T @ own
+            gram[:, lack] = gram[lack].T
+        return Sums(gram, self.side[chosen], self.square, self.log_noise)
+
     def _need(self, chosen: np.ndarray) -> None:
         """Work out chosen rows of the gram."""
         lack = chosen[~self.there[chosen]]

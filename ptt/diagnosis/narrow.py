@@ -43,6 +43,8 @@ class Narrowed:
 
     def scale(self, scale: np.ndarray) -> np.ndarray:
         """Sizes of the units of the new columns, (P,); those of turned ones are in their turn."""
+        if not self.turned:
+            return scale
         return np.concatenate([scale[self.place >= 0], *(np.ones(len(self.atoms[k].columns)) for k in self.turned)])
 
 
@@ -58,6 +60,8 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
         The atoms on fewer columns.
     """
     wide = [key for key, atom in atoms.items() if _is_wide(atom)]
+    if not wide:
+        return Narrowed(dict(atoms), np.arange(columns.shape[2]), (), {})
     stays = np.ones(columns.shape[2], dtype=bool)
     for key in wide:
         stays[atoms[key].columns] = False

@@ -64,10 +64,22 @@ def _spectrum(slope: np.ndarray, left: np.ndarray, q: np.ndarray) -> tuple[np.nd
     if span <= 0.0 or most <= COARSEST:
         return np.zeros(0), np.zeros(0)
     frequency = np.arange(COARSEST, most, STEP) / span
-    phase = 2.0 * np.pi * (q - q.min())[:, None] * frequency
-    cosine, sine = np.cos(phase), np.sin(phase)
     along, weight = (slope * left).sum(axis=1), np.square(slope).sum(axis=1)
-    a, b = along @ cosine, along @ sine
-    cc, ss, cs = weight @ cosine**2, weight @ sine**2, weight @ (cosine * sine)
+    one, two = _waves(2.0 * np.pi * (q - q.min()) / span, (along, weight), len(frequency))
+    # Of cosine^2, sine^2 and their product, the waves of twice the frequency tell all.
+    cc, ss, cs = 0.5 * (weight.sum() + two.real), 0.5 * (weight.sum() - two.real), 0.5 * two.imag
+    a, b = one.real, one.imag
     whole = np.maximum(cc * ss - cs**2, 1e-12 * cc * ss + 1e-300)
     return frequency, (a * a * ss - 2.0 * a * b * cs + b * b * cc) / whole
+
+
+def _waves(phase: np.ndarray, values: tuple[np.ndarray, np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sums over rows of v exp(i f phase) and of w exp(2 i f phase) at the frequencies f of a spectrum, (count,) each.
+
+    A frequency is a coarse step and fine ones, so all their waves are products of two, and the sums one of matrices.
+    """
+    fine = int(np.ceil(np.sqrt(count)))
+    near = np.exp(1j * STEP * phase[:, None] * np.arange(fine))
+    far = np.exp(1j * phase[:, None] * (COARSEST + STEP * fine * np.arange(-(-count // fine))))
+    one, two = values
+    return ((far * one[:, None]).T @ near).ravel()[:count], ((far**2 * two[:, None]).T @ near**2).ravel()[:count]

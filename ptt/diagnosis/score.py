@@ -12,7 +12,7 @@ from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.system import System
-from ptt.diagnosis.wander import SHARES, Wander, innovations
+from ptt.diagnosis.wander import SHARES, Wander, likelihoods
 from ptt.fitting.evidence import WIDTH, Posterior, learn
 from ptt.model.model import rival
 
@@ -118,6 +118,11 @@ class Scorer:
         wider.scored, wider.begun = self.scored, self.begun
         wider.known = {where: screen.gains for where, screen in self.screened.items()}
         return wider
+
+    @property
+    def looked_at(self) -> int:
+        """Number of sets that were screened."""
+        return len(self.known.keys() | self.screened.keys())
 
     def score(self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None) -> State:
         """The joint maximum over all variances of a set of atoms."""
@@ -233,14 +238,9 @@ class Scorer:
 
     def _rough_wander(self, left: np.ndarray, constants: np.ndarray) -> tuple[int, int]:
         """Where on the grid the wander of a state's residual lies, its atoms held."""
-
-        def likelihood(share: int, slow: int) -> float:
-            wander = Wander(float(SHARES[share]), float(constants[slow]))
-            white, log_noise = innovations(left, wander, self.system.clock)
-            return wander.log_prior - log_noise - 0.5 * left.size * float(np.log(np.square(white).sum()))
-
         grid = [(i, j) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
-        return max(grid, key=lambda place: likelihood(*place))
+        wanders = [Wander(float(SHARES[i]), float(constants[j])) for i, j in grid]
+        return grid[int(np.argmax(likelihoods(left, wanders, self.system.clock)))]
 
 
 def _odds_against(atoms: Sequence[Atom]) -> float:

@@ -241,8 +241,7 @@ def build_system(
     linear = straightened(linear or linear_columns(fitted, problem, candidates, noise, shapes), fitted, problem)
     assert linear.at is not None
     blocks = unknown_blocks(problem, linear.at.chain, periods, span)
-    some = slice(None) if rows.all() else rows
-    columns = np.concatenate([linear.columns[some], *(whitened(block, noise)[some] for block in blocks)], axis=2)
+    columns = _side_by_side(linear.columns, blocks, noise, rows)
     atoms = atoms_of(linear, fitted, problem, candidates)
     atoms |= atoms_of_blocks(blocks, linear.columns.shape[2], odds_of_block(len(blocks)))
     more = columns.shape[2] - len(linear.scale)
@@ -256,17 +255,34 @@ def build_system(
     )  # fmt: skip
 
 
+def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows: np.ndarray) -> np.ndarray:
+    """Columns that are there already (n, 3, p), and behind them those of blocks, of the rows that count."""
+    some = slice(None) if rows.all() else rows
+    place, width = known.shape[2], sum(block.width for block in blocks)
+    columns = np.empty((int(rows.sum()), 3, place + width))
+    columns[:, :, :place] = known[some]
+    for block in blocks:
+        columns[:, :, place : place + block.width] = whitened(block, noise)[some]
+        place += block.width
+    return columns
+
+
 def straightened(linear: Linear, fitted: FitResult, problem: Problem) -> Linear:
     """The same with the straight parts of curves in sizes that they have over the visited travel."""
     more = np.ones(linear.columns.shape[2])
     for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
         more[linear.present[term.effect.key]] = straight_sizes(term.effect, problem)[free]
+    sizes = {trial.effect.key: trial.effect for trial in linear.trials if any(p.lent for p in trial.effect.parameters)}
+    known = {key: straight_sizes(effect, problem) for key, effect in sizes.items()}
     for trial in linear.trials:
-        more[trial.columns] = straight_sizes(trial.effect, problem)[: len(trial.columns)]
-    if (more == 1.0).all():
+        if trial.effect.key in known:
+            more[trial.columns] = known[trial.effect.key][: len(trial.columns)]
+    other = np.flatnonzero(more != 1.0)
+    if not len(other):
         return linear
-    base = linear.base_columns * more
-    return replace(linear, columns=linear.columns * more, scale=linear.scale * more, base_columns=base)
+    columns, base = linear.columns.copy(), linear.base_columns * more
+    columns[:, :, other] *= more[other]
+    return replace(linear, columns=columns, scale=linear.scale * more, base_columns=base)
 
 
 def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndarray]:

@@ -1,9 +1,11 @@
 """The tracker's wander: noise with a memory, filtered off columns and readings alike, run by run."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg import lapack
 
 SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the white noise
 CONSTANTS = 7  # time constants between the shortest that is told from white noise and half the run
@@ -43,14 +45,15 @@ class Clock:
 
     time: np.ndarray
     starts: np.ndarray
+    _gains: dict[Wander, "Gains"] = field(default_factory=dict, compare=False, repr=False)
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Median time between rows of a run, zero where there is none."""
         steps = np.diff(self.time)[~self.starts[1:]]
         return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
-    @property
+    @cached_property
     def constants(self) -> np.ndarray:
         """Time constants worth trying; none where rows are too few."""
         if len(self.time) < LEAST_STEPS or not self.step:
@@ -58,9 +61,32 @@ class Clock:
         shortest = SHORTEST * self.step
         return np.geomspace(shortest, max(float(np.ptp(self.time)) / 2.0, 2.0 * shortest), CONSTANTS)
 
+    def gains(self, wander: Wander) -> "Gains":
+        """How a filter of the wander weighs the rows; what was worked out once is kept."""
+        if wander not in self._gains:
+            self._gains[wander] = _gains_of(wander, self)
+        return self._gains[wander]
+
     def is_fault(self, wander: Wander | None) -> bool:
         """Whether a wander is more than a tracker does by itself."""
         return wander is not None and wander.share > FAULT and wander.constant > SHORTEST * self.step
+
+
+@dataclass(frozen=True)
+class Gains:
+    """How a filter weighs the rows: the foretold state s follows s_i = keep_(i-1) s_(i-1) + take_(i-1) x_(i-1).
+
+    Attributes:
+        keep: (n - 1,).
+        take: (n - 1,).
+        root: of the variance of each innovation, (n,).
+        log_noise: half the log-determinant of the noise's covariance.
+    """
+
+    keep: np.ndarray
+    take: np.ndarray
+    root: np.ndarray
+    log_noise: float
 
 
 def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
@@ -76,22 +102,41 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
     """
     if wander is None:
         return values, 0.0
-    gain, decay, width = _gains(wander, clock)
+    gains = clock.gains(wander)
     flat = values.reshape(len(values), -1)
-    # The foretold state s follows s_i = decay_i ((1 - gain) s + gain x)_(i-1).
-    keep, take = decay[1:] * (1.0 - gain[:-1]), decay[1:] * gain[:-1]
     foretold = _row_by_row if flat.shape[1] > MANY else _all_rows
-    white = (flat - foretold(flat, keep, take)) / np.sqrt(width)[:, None]
-    return white.reshape(values.shape), 1.5 * float(np.log(width).sum())
+    white = (flat - foretold(flat, gains.keep, gains.take)) / gains.root[:, None]
+    return white.reshape(values.shape), gains.log_noise
+
+
+def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np.ndarray:
+    """How likely each wander makes what is left, its white variance at the best, up to a constant, (w,) nats.
+
+    Args:
+        left: (n, 3) in noise units.
+        wanders: to be compared.
+        clock: of the rows.
+    """
+    gains, count = [clock.gains(wander) for wander in wanders], len(left)
+    # The rows behind each other for every wander: nothing is foretold from one to the next.
+    keep, take = np.zeros((2, len(wanders), count))
+    for index, each in enumerate(gains):
+        keep[index, :-1], take[index, :-1] = each.keep, each.take
+    every = np.broadcast_to(left, (len(wanders), *left.shape))
+    foretold = _all_rows(every.reshape(-1, 3), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
+    square = np.square((every - foretold) / np.array([each.root for each in gains])[:, :, None]).sum(axis=(1, 2))
+    prior = np.array([wander.log_prior for wander in wanders])
+    return prior - np.array([each.log_noise for each in gains]) - 0.5 * left.size * np.log(square)
 
 
 def _all_rows(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
     """The foretold states of a few columns: a bidiagonal system."""
-    bands = np.ones((2, len(flat)))
-    bands[1, :-1] = -keep
-    side = np.zeros_like(flat)
-    side[1:] = take[:, None] * flat[:-1]
-    return np.asarray(linalg.solve_banded((1, 0), bands, side, overwrite_b=True, check_finite=False))
+    side = np.zeros(flat.shape, order="F")
+    if len(flat) > 1:
+        side[1:] = take[:, None] * flat[:-1]
+        # No state decays by less than nothing, so no rows are exchanged.
+        side = lapack.dgtsv(-keep, np.ones(len(flat)), np.zeros(len(flat) - 1), side, overwrite_b=1)[3]
+    return np.asarray(side)
 
 
 def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
@@ -103,15 +148,17 @@ def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndar
     return state
 
 
-def _gains(wander: Wander, clock: Clock) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gain, decay and innovation variance of each row, which depend on the clock alone."""
+def _gains_of(wander: Wander, clock: Clock) -> Gains:
+    """Gains and variances of the innovations, which depend on the clock alone."""
     step = np.maximum(np.diff(clock.time, prepend=clock.time[:1]), 0.0)
     decay = np.where(clock.starts, 0.0, np.exp(-step / wander.constant))
-    gain, width = np.empty(len(step)), np.empty(len(step))
-    variance = wander.share
-    for index, keep in enumerate(decay.tolist()):
-        variance = keep * keep * variance + (1.0 - keep * keep) * wander.share
+    gains, widths, variance, share = list[float](), list[float](), wander.share, wander.share
+    for keep in np.square(decay).tolist():
+        variance = keep * variance + (1.0 - keep) * share
         wide = variance + 1.0
-        gain[index], width[index] = variance / wide, wide
-        variance = variance / wide
-    return gain, decay, width
+        variance /= wide
+        gains.append(variance)
+        widths.append(wide)
+    gain, width = np.array(gains), np.array(widths)
+    keeps, takes = decay[1:] * (1.0 - gain[:-1]), decay[1:] * gain[:-1]
+    return Gains(keeps, takes, np.sqrt(width), 1.5 * float(np.log(width).sum()))

@@ -126,6 +126,15 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, pl
     Returns:
         F, (n, k), between -1 and 1.
     """
+    if entry is not None or length.requires_grad:
+        return _friction(view, length, entry, place)
+    lengths = ("friction", *length.reshape(-1).tolist())  # a search asks for the same few time and again
+    if lengths not in view.kept:
+        view.kept[lengths] = _friction(view, length)
+    return view.kept[lengths]
+
+
+def _friction(view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None) -> Tensor:
     way = waypoints(view)
     q = way.q
     move = torch.diff(q, dim=0, prepend=q[:1])

@@ -138,18 +138,15 @@ class Windup(Effect):
             return wanting
         return "readings at different travel since reversal (some within a few mm of it)"
 
-    def _lengths(self, view: View) -> list[float]:
-        """Travel constants that the data can see: some readings change over, some are done."""
+    def _lengths(self, view: View) -> list[Tensor]:
+        """Travel constants that the data can see, (1,) each: some readings change over, some are done."""
         scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
-        return [
-            length * scale
-            for length in WINDUP_LENGTHS
-            if float((gradual_reversal(view, torch.tensor(length * scale)) - view.direction).abs().mean()) > 0.02
-        ]
+        lengths = [torch.tensor([length * scale], dtype=torch.float64) for length in WINDUP_LENGTHS]
+        return [item for item in lengths if float((gradual_reversal(view, item) - view.direction).abs().mean()) > 0.02]
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """A geometric ladder of travel constants."""
-        return tuple({"length": torch.tensor([length], dtype=torch.float64)} for length in self._lengths(view))
+        return tuple({"length": length} for length in self._lengths(view))
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Constants between the trials on either side; the fit itself goes on from there."""

@@ -113,7 +113,7 @@ def learn(
     """
     groups = int(owner.max(initial=-1)) + 1
     low, high, spread = (np.broadcast_to(np.asarray(item, dtype=float), groups) for item in (floor, ceiling, width))
-    problem = _Problem(gram, side, square, count, freedom, *_sorted(owner), spread, wide)
+    problem = _Problem(gram, side, square, count, freedom, owner, spread, wide)
     at = np.log(np.clip(np.ones(groups) if start is None else start, low, high))
     here = problem.evaluate(at)
     bottom, top = np.log(low), np.log(high)
@@ -141,8 +141,7 @@ class _Point:
 
     value: float
     values: np.ndarray
-    factor: np.ndarray  # Cholesky factor of the matrix scaled to a unit diagonal
-    scale: np.ndarray  # root of the diagonal
+    factor: np.ndarray  # lower Cholesky factor of X^T X + D^-1
     prior: np.ndarray
     left: float
     phi: float
@@ -169,34 +168,33 @@ class _Problem:
     """The sums in an order where every group is a run of columns."""
 
     def __init__(
-        self, gram: np.ndarray, side: np.ndarray, square: float, count: float, freedom: float, order: np.ndarray,
-        group: np.ndarray, spread: np.ndarray, wide: float,
+        self, gram: np.ndarray, side: np.ndarray, square: float, count: float, freedom: float, owner: np.ndarray,
+        spread: np.ndarray, wide: float,
     ) -> None:  # fmt: skip
-        self.order, self.group, self.spread, self.wide = order, group, spread, wide
-        self.gram, self.side, self.square = gram[np.ix_(order, order)], side[order], square
+        self.order, self.group, self.spread, self.wide = np.arange(len(owner)), owner, spread, wide
+        if (owner[1:] < owner[:-1]).any():
+            self.order = np.argsort(owner, kind="stable")
+            gram, side, self.group = gram[np.ix_(self.order, self.order)], side[self.order], owner[self.order]
+        self.gram, self.side, self.square = gram, side, square
         self.count, self.freedom, self.evaluations = count, freedom, 0
-        self.members = (group[:, None] == np.arange(len(spread))).astype(float)  # shape: (P, G)
+        self.members = (self.group[:, None] == np.arange(len(spread))).astype(float)  # shape: (P, G)
         self.size = self.members.sum(axis=0)
+        self.fixed = (len(owner) - self.size.sum()) * np.log(wide)
 
     def evaluate(self, logs: np.ndarray) -> _Point:
         """The evidence at some log variances, (G,)."""
         self.evaluations += 1
         scales = np.exp(logs)
         prior = np.append(scales, self.wide)[self.group]
-        # Scaled to a unit diagonal, whatever the units of the columns.
-        scale = np.sqrt(self.gram.diagonal() + 1.0 / prior)
-        matrix = self.gram / scale
-        matrix /= scale[:, None]
-        np.fill_diagonal(matrix, 1.0)
-        factor = _factor(matrix)
-        values = lapack.dpotrs(factor, self.side / scale, lower=1)[0] / scale if len(scale) else self.side
+        factor = _factor(self.gram, 1.0 / prior)
+        values = lapack.dpotrs(factor, self.side, lower=1)[0] if len(prior) else self.side
         # A quadratic form about its minimum: rounding of the values enters only squared.
         taken = float(values @ (2.0 * self.side - self.gram @ values - values / prior))
         left = max(self.square - taken, ROUNDING * self.square + TINY)
         phi, tail = self._noise(left)
         log_prior = -0.125 * float(((logs / self.spread) ** 2).sum())
-        half = float(np.log(factor.diagonal() * scale).sum()) + 0.5 * float(np.log(prior).sum())
-        return _Point(tail - half + log_prior, values, factor, scale, prior, left, phi, scales, log_prior)
+        half = float(np.log(factor.diagonal()).sum() + 0.5 * (self.size @ logs + self.fixed))
+        return _Point(tail - half + log_prior, values, factor, prior, left, phi, scales, log_prior)
 
     def _noise(self, left: float) -> tuple[float, float]:
         """White variance, and the evidence's term of it."""
@@ -208,16 +206,15 @@ class _Problem:
 
     def slope(self, point: _Point) -> _Slope:
         """Derivatives by the log variances, and MacKay's step."""
-        # The inverse is the scaled one between 1 / scale; its lower half is enough.
+        # Of the inverse the lower half is enough.
         half = lapack.dpotri(point.factor, lower=1)[0] if len(point.factor) else point.factor
         scales, members = point.scales, self.members
-        own = half.diagonal() / point.scale**2
         energy = (point.values**2 @ members) / (point.phi * scales)
-        decided = np.maximum(self.size - (own @ members) / scales, 1e-12)
+        decided = np.maximum(self.size - (half.diagonal() @ members) / scales, 1e-12)
         pull = 0.25 / self.spread**2
         both = np.outer(scales, scales)
-        moved = _between(half, members * (point.values / point.scale)[:, None]) / (point.phi * both)
-        shared = _between(half * half, members / point.scale[:, None] ** 2) / both
+        moved = _between(half, members * point.values[:, None]) / (point.phi * both)
+        shared = _between(half * half, members) / both
         noise = 0.0 if np.isinf(self.freedom) else np.outer(energy, energy) / (self.freedom + self.count)
         alone = np.diag(energy + self.size - decided)
         return _Slope(
@@ -230,8 +227,8 @@ class _Problem:
         """The result, unknowns in the order that they were given in."""
         place = np.argsort(self.order)
         return Posterior(
-            point.values[place], point.factor * point.scale[:, None], self.order, point.prior[place], point.scales,
-            slope.curvature, point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations,
+            point.values[place], point.factor, self.order, point.prior[place], point.scales, slope.curvature,
+            point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations,
         )  # fmt: skip
 
 
@@ -241,16 +238,12 @@ def _between(half: np.ndarray, ways: np.ndarray) -> np.ndarray:
     return np.asarray(lower + lower.T - ways.T @ (half.diagonal()[:, None] * ways))
 
 
-def _sorted(owner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Order in which unknowns of a group stand together, and the group of each in that order."""
-    order = np.argsort(owner, kind="stable")
-    return order, owner[order]
-
-
 def _newton(slope: _Slope, free: np.ndarray) -> np.ndarray:
     """An uphill step; where the evidence is not concave, along the same directions by the size of the curvature."""
     step = np.zeros_like(slope.first)
-    if free.any():
+    if len(free) == 1:
+        step = np.where(free, slope.first / np.maximum(np.abs(slope.curvature[0]), 1e-2), 0.0)
+    elif free.any():
         strength, ways = np.linalg.eigh(slope.curvature[np.ix_(free, free)])
         step[free] = ways @ ((ways.T @ slope.first[free]) / np.maximum(np.abs(strength), 1e-2))
     return step * min(1.0, FURTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
@@ -278,22 +271,24 @@ def _climb(
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """Inverse of normal equations with a prior on every unknown, (P, P), whatever the units of its columns."""
-    scale = np.sqrt(np.diag(matrix))
-    both = np.outer(scale, scale)
-    return _invert(_factor(matrix / both)) / both
+    return _invert(_factor(matrix, 0.0))
 
 
-def _factor(matrix: np.ndarray) -> np.ndarray:
-    """Lower Cholesky factor of a matrix with a unit diagonal; rounding may ask for a little more on it."""
-    if not len(matrix):
-        return matrix
-    extra = 0.0
+def _factor(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
+    """Lower Cholesky factor of a gram with more on its diagonal; rounding may ask for a little more than that.
+
+    The units of the columns make no difference to its accuracy: a factor of scaled columns is the scaled factor.
+    """
+    if not len(gram):
+        return gram
+    extra, diagonal = 0.0, gram.diagonal() + more
     for _ in range(8):
-        more = matrix + extra * np.eye(len(matrix)) if extra else matrix
-        factor, failed = lapack.dpotrf(more.T, lower=1, clean=1)  # turned, it lies in memory as LAPACK wants it
+        matrix = gram.copy()
+        matrix.ravel()[:: len(gram) + 1] = diagonal * (1.0 + extra)
+        factor, failed = lapack.dpotrf(matrix.T, lower=1, clean=1, overwrite_a=1)  # turned, it lies as LAPACK wants it
         if not failed:
             return np.asarray(factor)
-        extra = max(10.0 * extra, len(matrix) * 1e-16)
+        extra = max(10.0 * extra, len(gram) * 1e-16)
     raise np.linalg.LinAlgError("normal equations are not positive definite")
 
 

@@ -192,12 +192,14 @@ def assemble(
     extra = sum(block.shape[-1] for block in blocks)
     frame = np.concatenate([np.flatnonzero(layout.owner == FRAME), np.flatnonzero(layout.owner == MOUNT)])
     present = {term.effect.key: np.flatnonzero(layout.owner == index) for index, term in enumerate(layout.terms)}
-    usual = [usual_sizes(trial.effect, problem) for trial in trials]
+    tried = {trial.effect.key: trial.effect for trial in trials}
+    usual = {key: usual_sizes(effect, problem) for key, effect in tried.items()}
+    held = {key: held_values(effect, problem) for key, effect in tried.items()}
     return Linear(
         np.concatenate([system.jacobian, *blocks], axis=-1), values, residual,
         problem.used & np.isfinite(system.residual).all(axis=1), frame, present, tuple(trials),
-        np.concatenate([layout.scale, *usual]),
-        np.concatenate([layout.held, *(held_values(trial.effect, problem) for trial in trials)]).astype(bool),
+        np.concatenate([layout.scale, *(usual[trial.effect.key] for trial in trials)]),
+        np.concatenate([layout.held, *(held[trial.effect.key] for trial in trials)]).astype(bool),
         np.pad(system.base_jacobian, [(0, 0), (0, 0), (0, extra)]), system.base_residual, at,
     )  # fmt: skip
 

@@ -1,6 +1,7 @@
 """The noise floor: what repeats scatter by, and where the figure comes from."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -52,7 +53,7 @@ class Noise(Record):
         """Root of the summed variances, mm: the noise floor of `total` errors."""
         return float(np.sqrt(np.trace(self.covariance)))
 
-    @property
+    @cached_property
     def whitener(self) -> np.ndarray:
         """W with W^T W the inverse covariance, (3, 3) 1/mm."""
         least = max(ROUNDING * float(np.trace(self.covariance)), NOTHING)
