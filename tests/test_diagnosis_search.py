@@ -1,5 +1,6 @@
 """What a search may say: the moment to the row, the fewest parts, gross errors by the bulk, names that foretell."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
@@ -15,7 +16,8 @@ from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import place_own_moments
-from ptt.diagnosis.search import PLAIN, plainest
+from ptt.diagnosis.screen import Gain
+from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, improve, plainest
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.solve import fit
@@ -184,3 +186,41 @@ def test_an_unknown_needs_no_names_beside_it_and_leads_with_its_variable(fault, 
     assert (
         found.depends_on[0].on == f"b{truth['other']}" if fault == "cross-coupling" else found.depends_on[0].on in leads
     )
+
+
+class Endless:
+    """As much of a scorer as a search asks for, where every swap makes a set a little better and none is the last."""
+
+    def __init__(self) -> None:
+        atoms = [
+            SimpleNamespace(key=f"a{i}", name=f"a{i}", columns=range(3), effect=None, block=None) for i in range(60)
+        ]
+        self.system = SimpleNamespace(atoms={atom.key: atom for atom in atoms})
+        self.given, self.screens, self.scored = (), 0, 0
+
+    @property
+    def looked_at(self) -> int:
+        return self.screens
+
+    def score(self, keys: Sequence[str], memory: Memory, scales: object = None) -> SimpleNamespace:
+        self.scored += 1
+        total = -100.0 * abs(len(keys) - 8) + 0.4 * self.scored
+        return SimpleNamespace(keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, worth=lambda key: 99.0)
+
+    def screen(self, state: SimpleNamespace, allowed: object) -> list[Gain]:
+        self.screens += 1
+        return [Gain(50.0, key, np.ones(1)) for key in self.system.atoms if key not in state.keys]
+
+    def best_memory(self, state: SimpleNamespace) -> tuple[Memory, float]:
+        return state.memory, 0.0
+
+
+def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():
+    scorer, rounds = Endless(), 0
+    state = scorer.score([f"a{i}" for i in range(8)], WHITE)
+    while scorer.looked_at < SCREENS:  # as a search starts anew from one end and another
+        state, rounds = improve(scorer, state), rounds + 1
+    assert rounds < SCREENS / 10
+    before, looked_at = state.total, scorer.looked_at
+    again = improve(scorer, state)
+    assert again.total >= before and scorer.looked_at <= looked_at + ROUNDS < SCREENS + 10 * ROUNDS

@@ -14,6 +14,7 @@ TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, an
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less
 NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
 SWAPS = 3
+SCREENS = 150  # sets screened from which swaps are looked for no more: a machine with a few faults asks for far fewer
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
@@ -102,13 +103,13 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True, 
         swaps: look for swaps and memories of the noise where adding and dropping bring little.
 
     Returns:
-        A local maximum.
+        A local maximum; the best so far where more sets were screened than any search needs.
     """
     for _ in range(ROUNDS):
         best = max(_plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
-        if swaps and best.total < state.total + SLOW_BELOW:
+        if swaps and best.total < state.total + SLOW_BELOW and scorer.looked_at < SCREENS:
             best = max([best, *_slow_moves(scorer, state, allowed)], key=lambda other: other.total)
-        if best.total < state.total + LEAST:
+        if not best.total > state.total + LEAST:
             return state
         state = best
     return state
