@@ -15,8 +15,10 @@ from test_fleet_store import MACHINE, fill, outcome
 
 from ptt.errors import InputError
 from ptt.fitting.layout import lay_out
+from ptt.fleet.ctrl_c import held_back
 from ptt.fleet.log import open_log
 from ptt.fleet.queue import waiting
+from ptt.fleet.run import run_all
 from ptt.fleet.shares import Passes
 from ptt.fleet.workers import cluster, run_on_workers
 from ptt.machine import load_machine
@@ -75,6 +77,47 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(running, tmp_path):
         own = [row["words"] for row in days if row["machine"] == machine]
         assert own == sorted(own)
     assert run_on_workers(store, address, work=slow).runs == 0
+
+
+RUN = """
+import sys
+from test_fleet_workers import slow
+from ptt.commands.main import guard
+from ptt.fleet.store import open_store
+from ptt.fleet.workers import run_on_workers
+tell = lambda what, done, of: print(done, flush=True)
+sys.exit(guard(lambda: run_on_workers(open_store(sys.argv[1]), workers=1, progress=tell, work=slow) and None))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="groups of processes are POSIX")
+def test_ctrl_c_is_one_line_and_what_is_done_is_kept(tmp_path):
+    """As a terminal does it, the workers get it too."""
+    store = fill(tmp_path / "s", machines=4, runs=3)
+    environment = {**os.environ, "PYTHONPATH": PYTHONPATH, "OMP_NUM_THREADS": "1"}
+    run = subprocess.Popen(
+        [sys.executable, "-c", RUN, str(store.folder)], env=environment, start_new_session=True, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    while run.stdout.readline() != "2\n":
+        assert run.poll() is None, run.stderr.read()
+    os.killpg(run.pid, signal.SIGINT)
+    _, told = run.communicate(timeout=60)
+    assert (run.returncode, told) == (130, "error: interrupted\n")
+    done = len(store.ask("SELECT * FROM outcomes"))
+    assert 2 <= done < 12 and not store.ask("SELECT * FROM claims")
+    assert run_all(store, work=lambda task, tell: outcome(task)).runs == 12 - done
+
+
+def test_ctrl_c_waits_while_processes_start_and_they_never_get_it():
+    code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+    with held_back() as pressed:
+        os.kill(os.getpid(), signal.SIGINT)
+        deaf = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    assert pressed and deaf == "True\n"
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):

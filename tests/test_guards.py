@@ -452,6 +452,8 @@ def test_ctrl_c_while_the_program_is_loaded_is_one_line_too(program, monkeypatch
             raise KeyboardInterrupt
 
     monkeypatch.setitem(sys.modules, "ptt.commands.main", Loading())
+    monkeypatch.setattr("os._exit", sys.exit)
+    monkeypatch.setattr("atexit._run_exitfuncs", lambda: None)
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 130 and capsys.readouterr().err == "error: interrupted\n"

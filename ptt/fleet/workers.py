@@ -5,11 +5,14 @@ the submitting process alone, so a worker needs neither the folder nor duckdb, a
 its run is given to another, and goes back to the queue if that is lost as often as the scheduler bears.
 """
 
+import logging
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from ptt.errors import InputError
+from ptt.fleet.ctrl_c import held_back
 from ptt.fleet.owner import owner
 from ptt.fleet.queue import claim, keep, next_task, release, waiting
 from ptt.fleet.run import Done
@@ -89,11 +92,27 @@ def cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             yield client
         return
     # One thread each: the sums are numpy's, and threads of one process would wait for each other.
-    local = LocalCluster(
-        n_workers=workers or 2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
-    )
-    with local, Client(local) as client:
+    quiet("tornado.application")  # it tells of every call to the scheduler that Ctrl-C breaks off
+    with held_back() as pressed:
+        local = LocalCluster(
+            n_workers=workers or 2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
+        )
+        client = Client(local)
+    try:
+        if pressed:
+            raise KeyboardInterrupt
         yield client
+    finally:
+        quiet("distributed")
+        with held_back():
+            client.close()
+            local.close()
+
+
+def quiet(logger: str) -> None:
+    """Keep a logger off the terminal, unless somebody looks for a mistake."""
+    if not os.environ.get("PTT_TRACEBACK"):
+        logging.getLogger(logger).setLevel(logging.CRITICAL)
 
 
 def _distribute(
