@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
@@ -42,6 +43,19 @@ def test_a_slip_is_dated_to_its_row(off):
     term = Term(effect, torch.cat([torch.zeros(3, dtype=torch.float64), time[last + off].reshape(1)]))
     dated = place_own_moments(fit(Model(MACHINE) + term, problem, robust=False), problem)
     assert float(dated.terms[0].theta[-1]) == float(time[last])
+
+
+def test_of_a_knock_and_a_slip_each_keeps_its_own_moment():
+    """Three sliders that slip look like a knock but for turns, so each may be found first where the other was."""
+    drawn, truth = draw(plan("multi", 1, 800014, noise=None, bench=None, rows=None, visible=True)[0])
+    assert {"homing-slip", "setup-jump"} <= set(drawn.truth)
+    problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = diagnose(Model(drawn.rig.machine), problem)
+    terms = {term.effect.name: term for term in found.model.terms}
+    assert set(terms) == set(truth.hidden)
+    assert float(terms["setup-jump"].theta[-1]) < float(terms["homing-slip"].theta[-1])  # as hidden
+    slip, true = terms["homing-slip"], torch.tensor(drawn.truth["homing-slip"]["slip_mm"])
+    assert slip.std is not None and (abs(slip.theta[:3] - true) < 4.0 * slip.std[:3]).all()
 
 
 @dataclass

@@ -11,7 +11,7 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import first_of, present_candidates
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moment import place_own_moments
+from ptt.diagnosis.moment import exchanged, place_own_moments
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.score import Scorer, State
@@ -193,7 +193,10 @@ def _fit_less(model: Model, problem: Problem, carried: np.ndarray, gross: np.nda
     less = replace(problem, measured=problem.measured - carried).masked(gross)
     fitted = fit(model, less, noise=noise, robust=False, coarse=True)
     dated = place_own_moments(fitted, less)
-    return fitted if dated is fitted.model else fit(dated, less, noise=noise, robust=False, coarse=True)
+    if dated is not fitted.model:
+        fitted = fit(dated, less, noise=noise, robust=False, coarse=True)
+    others = [fit(other, less, noise=noise, robust=False, coarse=True) for other in exchanged(fitted)]
+    return min([fitted, *others], key=lambda each: each.chi2)
 
 
 def settled(state: State, system: System) -> bool:

@@ -1,6 +1,8 @@
 """The moment of what happens at once: every row is tried, the same effect all along taken off."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import torch
@@ -9,7 +11,7 @@ from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.fitting.linear import Place, Shape
 from ptt.fitting.result import FitResult
 from ptt.model.chain import predict
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.run.problem import Problem, apply_frames
 
 SEGMENTS = 40  # what a jump does to the readings changes little within one
@@ -87,6 +89,30 @@ def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
         if moment != float(term.theta[-1]):
             fitted = put_after(fitted, index, moment)
     return fitted.model
+
+
+def exchanged(fitted: FitResult) -> Iterator[Model]:
+    """The model with the moments of two unlike sudden effects exchanged, for each pair, their sizes begun anew.
+
+    What three sliders slip and what a tripod is knocked by look alike but for turns and curvature, so each may have
+    been found first at the other's moment, where no step of one alone does better.
+
+    Args:
+        fitted: the model.
+
+    Yields:
+        Models to be fitted.
+    """
+    sudden = [term for term in fitted.model.terms if isinstance(term.effect, Sudden)]
+    for one, two in combinations(sudden, 2):
+        if one.effect.name != two.effect.name and float(one.theta[-1]) != float(two.theta[-1]):
+            moments = {one.effect.key: two.theta[-1:], two.effect.key: one.theta[-1:]}
+            terms = [_begun_at(term, moments.get(term.effect.key)) for term in fitted.model.terms]
+            yield replace(fitted.model, terms=tuple(terms))
+
+
+def _begun_at(term: Term, moment: torch.Tensor | None) -> Term:
+    return term if moment is None else replace(term, theta=torch.cat([torch.zeros_like(term.theta[:-1]), moment]))
 
 
 def last_before(clock: np.ndarray, gained: np.ndarray) -> float:
