@@ -4,13 +4,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import linalg
 from scipy.stats import multivariate_normal
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.memory import WHITE, Memory, sums_of_rows, whiten_rows
 from ptt.diagnosis.periods import _spectrum
+from ptt.diagnosis.score import Scorer, prior_of
 from ptt.diagnosis.screen import BROAD, Basis, Screen
+from ptt.diagnosis.system import RowSystem
 from ptt.diagnosis.wander import MANY, Clock, Wander, likelihoods
 from ptt.effects import library
 from ptt.fitting.evidence import learn
@@ -19,6 +22,7 @@ from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
+from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 
 ROWS, FREEDOM = 40, 60.0
@@ -49,7 +53,7 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
         for i in (8, 10, 12)
     )
     families = [(atoms, np.array([atom.columns for atom in atoms]))]
-    system = SimpleNamespace(freedom=FREEDOM, count=len(values), families=families)
+    system = SimpleNamespace(freedom=FREEDOM, spare=float(len(values)), families=families)
     screen = Screen(system, Basis(own, posterior, sums), lambda atom: True, {})
     alone = evidence(columns[:, own], fixed[group], values)
     first = screen.best(lambda atom: atom.key == "10")
@@ -127,3 +131,33 @@ def test_all_moments_of_what_is_sudden_have_the_columns_that_each_has_alone() ->
     for trial in linear.trials[::7]:
         alone = linear.at.columns(trial.effect, trial.shape)
         np.testing.assert_allclose(linear.columns[:, :, trial.columns], alone, rtol=1e-12, atol=1e-12)
+
+
+def test_where_a_frame_stands_is_no_news_of_the_scatter() -> None:
+    """Memories are compared by the readings that are left once any rigid motion of each set-up is out of them."""
+    random, rows = np.random.default_rng(8), 24
+    runs = np.repeat(np.arange(4), 6)
+    frames = np.concatenate(
+        [np.where((runs == run)[:, None, None], random.normal(size=(rows, 3, 6)), 0.0) for run in range(4)], axis=2
+    )
+    clock = Clock(np.arange(rows, dtype=float), np.diff(runs, prepend=-1) != 0)
+    values = 0.2 * random.normal(size=(rows, 3))
+    none = np.zeros((0, 3, 24))
+    system = RowSystem(
+        np.arange(rows), np.arange(24), {}, clock, Noise(np.eye(3), "first guess"), 0.0, np.ones(24), frames, values,
+        np.arange(rows), runs, {}, SimpleNamespace(), none, np.zeros((0, 3)),
+    )  # fmt: skip
+    out = linalg.null_space(frames.reshape(-1, 24).T)
+
+    def restricted(memory: Memory) -> float:
+        apart = np.abs(clock.time[:, None] - clock.time) / (memory.wander.constant if memory.wander else 1.0)
+        wander = memory.wander.share * np.exp(-apart) * (runs[:, None] == runs) if memory.wander else 0.0
+        left = out.T @ values.ravel()
+        covariance = out.T @ np.kron(np.eye(rows) + wander, np.eye(3)) @ out
+        square = left @ np.linalg.solve(covariance, left)
+        return float(-0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * len(left) * np.log(square)) + prior_of(memory)
+
+    scorer = Scorer(system)
+    for wander in (Wander(60.0, 4.0), Wander(0.5, 10.0)):
+        gain = scorer.score((), Memory(wander)).total - scorer.score((), WHITE).total
+        np.testing.assert_allclose(gain, restricted(Memory(wander)) - restricted(WHITE), atol=1e-2)

@@ -143,7 +143,7 @@ class Scorer:
         ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
         sums = system.sums_of(columns, memory)
         posterior = learn(
-            sums.gram, sums.side, sums.square, system.count, group.astype(int),
+            sums.gram, sums.side, sums.square, system.spare, group.astype(int),
             freedom=system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
         )  # fmt: skip
         total = (
@@ -214,7 +214,7 @@ class Scorer:
         factor = linalg.cholesky(gram + np.eye(len(gram)), lower=True, check_finite=False)
         along = linalg.solve_triangular(factor, side, lower=True, check_finite=False)
         left = max(square - float(along @ along), 1e-12)
-        known = self.system.freedom + self.system.count
+        known = self.system.freedom + self.system.spare
         half = float(np.log(np.diag(factor)).sum())
         return -half - 0.5 * known * float(np.log((self.system.freedom + left) / known))
 

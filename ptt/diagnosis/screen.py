@@ -78,7 +78,7 @@ class Screen:
         posterior = basis.posterior
         self.across = basis.sums.across(basis.columns[posterior.order])
         self.side = basis.sums.side - posterior.values[posterior.order] @ self.across
-        self.known = system.freedom + system.count
+        self.known = system.freedom + system.spare
 
     def best(self, allowed: Allowed) -> list[Gain]:
         """What each allowed atom would add, the best shape of each name; best first."""
@@ -138,7 +138,7 @@ class Screen:
         """The same where an atom has several variances."""
         left, freedom = self.basis.posterior.left, self.system.freedom
         own = learn(
-            gram, side, left, self.system.count, atom.group, freedom=freedom, start=self.begun.get(atom.name),
+            gram, side, left, self.system.spare, atom.group, freedom=freedom, start=self.begun.get(atom.name),
             width=WIDTH if atom.effect else np.inf, done=ROUGH, ceiling=atom.most,
         )  # fmt: skip
         self.begun[atom.name] = own.scales

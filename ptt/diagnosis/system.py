@@ -62,6 +62,14 @@ class System(ABC):
         """Number of coordinates."""
 
     @property
+    def spare(self) -> float:
+        """Coordinates that tell of the scatter: where a frame stands is no news of it, however little it scatters.
+
+        Source: restricted likelihood, Patterson and Thompson, Biometrika 58 (1971), with a flat prior of the frame.
+        """
+        return float(max(self.count - len(self.frame), 1))
+
+    @property
     @abstractmethod
     def repeats(self) -> int:
         """Visits beyond the first of each pose."""
