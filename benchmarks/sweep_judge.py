@@ -189,13 +189,15 @@ def _true_value(same: Mapping[str, tuple[str, float]], name: str, number: str, t
 def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | None) -> dict[str, Any]:
     """What commands of the model do on the rig, without noise: times the noise, beside the held-out error printed."""
     noise = MICRO * truth.noise.total
-    tool = remeasure(model, drawn).to_dict()
+    measured = remeasure(model, drawn)
+    tool, missed = measured.to_dict(), measured.missed
     before = tool["before"]["total"]
     after = None if tool["after"] is None else tool["after"]["total"]
     found: dict[str, Any] = {"before": before / noise, "after": None if after is None else after / noise}
     found["worse"] = after is not None and after > before + WORSE * noise
     if after is not None and printed_um:
-        found["rosy"] = float(np.hypot(after, scatter(drawn)) / printed_um)
+        promised = np.hypot(printed_um, 0.0 if missed is None else MICRO * rms_length(missed[:, None]))
+        found["rosy"] = float(np.hypot(after, scatter(drawn)) / promised)
     return found
 
 

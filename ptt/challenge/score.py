@@ -52,10 +52,13 @@ class ToolError:
     Attributes:
         before: (n, 3) mm, with the controller's own commands.
         after: (n, 3) mm, with the model's commands; None where the machine cannot follow them.
+        missed: by how much the commands themselves say that they miss their targets, (n,) mm, as at a reversal that no
+            command can take; None where they cannot be sent.
     """
 
     before: np.ndarray
     after: np.ndarray | None
+    missed: np.ndarray | None = None
 
     def to_dict(self) -> dict[str, dict[str, float] | None]:
         """Root mean squares for JSON, um."""
@@ -187,15 +190,17 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     drawn = replace(drawn, rig=as_left(drawn.rig))
     before = simulate(drawn.rig, drawn.targets, noise=False)
     wanted = table_of(before.frame[before.frame["role"] != "base"])
+    missed = None
     try:
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
             return ToolError(_error(before, drawn), None)
+        missed = commands.missed
         sent = pd.DataFrame(commands.q, columns=drawn.rig.sent)
         after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn)
     except WorkspaceError:
         after = None
-    return ToolError(_error(before, drawn), after)
+    return ToolError(_error(before, drawn), after, missed)
 
 
 def as_left(rig: Rig) -> Rig:
