@@ -233,9 +233,11 @@ def rms_length(shift: np.ndarray) -> float:
 
 
 def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> Fault:
-    without = simulate(clear_faults(drawn.rig, drawn.truth, [key]), drawn.targets, noise=False).frame
+    without = table_of(simulate(clear_faults(drawn.rig, drawn.truth, [key]), drawn.targets, noise=False).frame)
     poses = problem.used
-    shift = (problem.table.measured - without[READINGS].to_numpy(float))[poses]
+    shift = (problem.table.measured - without.measured)[poses]
+    if problem.base is not None:  # what moves base reflectors as well nobody sees
+        shift = (problem.measured - build_problem(drawn.rig.machine, without).measured)[poses]
     signature = np.full_like(problem.table.measured, np.nan)
     signature[poses] = off_set_up(drawn.rig, shift, problem.table.target[poses], problem.table.run[poses])
     size = rms_length(signature[poses])
