@@ -1,6 +1,6 @@
-"""Visits to base reflectors: one whose beam was broken is told by its distances to the other reflectors."""
+"""Visits to base reflectors: which are sound, and how far the tracker moved between them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -32,3 +32,24 @@ def sound_visits(
         misfit = np.median(np.abs(here - drawn[:, None]), axis=0)
         kept[name] = read[misfit <= max(FAR * sigma, WORSE * float(misfit.min()))]
     return kept
+
+
+def visits_apart(visits: Sequence[np.ndarray]) -> float:
+    """How far one visit lies from another, all reflectors alike: a tracker that drifts between them, or is knocked.
+
+    Averaging over reflectors takes nothing of it away, and the poses lie in between, nobody knows where.
+
+    Args:
+        visits: (v, 3) mm of each reflector.
+
+    Returns:
+        Standard deviation of one coordinate, mm, that all reflectors have in common beyond their own scatter; zero
+        where each was visited once.
+    """
+    moved = [read - read.mean(axis=0) for read in visits if len(read) == max(map(len, visits))]
+    count, rounds = len(moved), len(moved[0])
+    if rounds < 2 or count < 2:
+        return 0.0
+    together, freedom = np.mean(moved, axis=0), 3.0 * (rounds - 1)  # shape: (rounds, 3)
+    own = float(np.square(np.array(moved) - together).sum()) / (freedom * (count - 1))
+    return float(np.sqrt(max(np.square(together).sum() / freedom - own / count, 0.0)))

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile
-from ptt.run.base_visits import sound_visits
+from ptt.run.base_visits import sound_visits, visits_apart
 from ptt.run.driven import as_driven
 from ptt.run.frames import align, rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
@@ -249,7 +249,7 @@ def _from_base(
 ) -> tuple[np.ndarray, np.ndarray, BaseReadings]:
     drawn = {point.name: point for point in file.tracker.base_point}
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-    rows: list[tuple[np.ndarray, np.ndarray, float, int, int]] = []
+    rows: list[tuple[np.ndarray, np.ndarray, float, int]] = []
     for index in range(count):
         here = (table.role == "base") & (frame == index) & np.isfinite(table.measured).all(axis=1)
         unknown = sorted(set(table.name[here]) - set(drawn))
@@ -273,14 +273,10 @@ def _from_base(
         mean = np.array([np.median(readings[name], axis=0) for name in seen])
         rotations[index], shifts[index] = align(place, mean)
         near = into_base(mean, np.full(len(mean), index), rotations, shifts)
-        rows += [(place[i], near[i], drawn[name].sigma_mm, len(readings[name]), index) for i, name in enumerate(seen)]
-    sigma = np.array([np.hypot(row[2], DEFAULT_SIGMA / np.sqrt(row[3])) for row in rows])
-    base = BaseReadings(
-        np.array([row[0] for row in rows]),
-        np.array([row[1] for row in rows]),
-        sigma,
-        np.array([row[4] for row in rows]),
-    )
+        apart = visits_apart(list(readings.values()))
+        read = [max(DEFAULT_SIGMA / np.sqrt(len(readings[name])), apart) for name in seen]
+        rows += [(place[i], near[i], np.hypot(drawn[name].sigma_mm, read[i]), index) for i, name in enumerate(seen)]
+    base = BaseReadings(*(np.array(column) for column in zip(*rows, strict=True)))
     return rotations, shifts, base
 
 
