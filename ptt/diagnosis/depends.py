@@ -17,6 +17,7 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
 MOST = 5  # lines that anybody reads
+AS_MUCH = 0.95  # share of what the best variable takes from which another says the same: bins tell no finer
 SECOND = ("temperature", "payload", "time")  # variables that a reversal may vary with, as a curve can show them
 
 
@@ -122,7 +123,7 @@ def _dependence(
     if not choices:
         return None
     taken = {name: {axis: _taken(contexts[name], parts[axis]) for axis in residuals} for name in choices}
-    on = max(choices, key=lambda name: sum(taken[name].values()))
+    on = _followed({name: sum(taken[name].values()) for name in choices}, item, problem)
     residual = max(residuals, key=lambda axis: taken[on][axis])
     second = next((name for name in item.block.on[1:] if name in SECOND and on.startswith("direction")), None)
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
@@ -136,6 +137,13 @@ def _dependence(
     rows = np.isfinite(rests[residual]) & np.isfinite(contexts[on])
     curve = binned_curve(contexts[on][rows], rests[residual][rows])
     return Dependence(residual, on, share, chance, None, "smooth", curve)
+
+
+def _followed(taken: dict[str, float], item: Unknown, problem: Problem) -> str:
+    """The variable that takes most; a joint's own travel where that takes as much: all that a joint knows of places."""
+    best, own = max(taken, key=lambda name: taken[name]), item.block.place.joint
+    mine = None if own is None else _letter(problem, own)
+    return mine if mine in taken and taken[mine] > AS_MUCH * taken[best] else best
 
 
 def _residuals(item: Unknown, parts: dict[str, np.ndarray]) -> tuple[str, ...]:
