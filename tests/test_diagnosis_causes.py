@@ -1,6 +1,7 @@
 """What once made a diagnosis wrong, each on a machine that nobody here built: the cause, and the name that is right."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.score import as_left, remeasure
 from ptt.challenge.truth import Truth, table_of
+from ptt.diagnosis import noise as noises
 from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.machine import BasePoint, TrackerSpec
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
@@ -126,3 +129,29 @@ def test_without_a_feed_the_clock_alone_shows_whether_the_machine_stood(protocol
     table = table_of(simulate(replace(drawn.rig, conditions=conditions), drawn.targets).frame, drawn.absent)
     view = build_problem(bench_machine(), replace(table, feed_mm_s=None)).view
     assert ("speed" in view.varies) is moving and bool(view.velocity.abs().max() > 0.0) is moving
+
+
+@pytest.mark.parametrize("drift", [0.0, 150.0])
+def test_a_tracker_that_drifts_between_visits_to_the_base_is_no_fault_of_the_machine(drift):
+    """Base reflectors are read before and after the run: their mean is not where the tracker stood in between."""
+    places = [(400.0, 0.0, -200.0), (-300.0, 300.0, -200.0), (-300.0, -300.0, 250.0), (0.0, 300.0, 300.0)]
+    points = tuple(BasePoint(name=f"base {i}", xyz_mm=place, sigma_mm=0.002) for i, place in enumerate(places))
+    drawn = draw_rig("none", 31, bench_machine(), "volume", rows=100)
+    file = replace(drawn.rig.machine, tracker=TrackerSpec(frame="measured", base_point=points))
+    moved = {"drift_um": (drift, -0.6 * drift, 0.4 * drift), "drift_constant_s": 400.0}
+    rig = replace(drawn.rig, machine=file, tracker=drawn.rig.tracker.model_copy(update=moved))
+    frame = simulate(rig, drawn.targets).frame
+    problem = build_problem(file, table_of(frame, drawn.absent))
+    assert problem.base is not None and (problem.base.sigma.max() > 0.02) == (drift > 0.0)
+    found = diagnose(Model(file), problem)
+    assert found.suggested == ((("tracker-drift",),) if drift else ())
+    assert found.verdict == ("missing" if drift else "nothing-missing")
+
+
+def test_one_figure_for_all_axes_says_how_wide_and_the_rows_say_along_which(monkeypatch):
+    """A tracker sharp along its beam: until its noise is told axis by axis, a micrometre along it stays unseen."""
+    stated, rows = Noise(4e-6 * np.eye(3), "machine file"), Noise(np.diag([0.25, 16.0, 16.0]) * 1e-6, "left", 500.0)
+    monkeypatch.setattr(noises, "noise_left", lambda system, state: rows)
+    again = noises.noise_again(SimpleNamespace(noise=stated), SimpleNamespace(noise=stated), None)
+    np.testing.assert_allclose(again.covariance / np.trace(again.covariance), rows.covariance / 32.25e-6, rtol=1e-12)
+    assert stated.total < again.total < rows.total and again.source == "machine file"

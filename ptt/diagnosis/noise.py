@@ -23,6 +23,7 @@ STATED = 100.0  # degrees of freedom of a figure that somebody states
 LEAST_FREEDOM = 12.0
 AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
 ROUNDS = 3
+ONE_FIGURE = "machine file"  # source of a noise that is stated for all axes alike
 SHORT_SEARCH = 12  # shapes from which an effect is left out of the saturated model
 
 
@@ -94,6 +95,9 @@ def noise_again(problem: Problem, system: System, state: State) -> Noise:
         return left
     if given.source == "repeats":
         return left if outdone(given, left) else given
+    if given.source == ONE_FIGURE:  # it says how wide, not along which axis: that the rows tell, at once
+        share = 0.5 * (1.0 + (system.noise.total / left.total) ** 2)
+        return replace(system.noise, covariance=share * left.covariance)
     return replace(system.noise, covariance=0.5 * (left.covariance + system.noise.covariance))
 
 
