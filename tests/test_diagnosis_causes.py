@@ -12,7 +12,9 @@ from ptt.challenge.hide import hide_faults
 from ptt.challenge.score import as_left, remeasure
 from ptt.challenge.truth import Truth, table_of
 from ptt.diagnosis import noise as noises
+from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.machine import BasePoint, TrackerSpec
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
@@ -38,11 +40,13 @@ def told(level: str, seed: int) -> tuple[Truth, Diagnosis]:
         ("single", 610010),  # a third of a screw's travel, over which its curve is mostly straight
         ("single", 610014),  # one stated figure for axes of unlike noise
         ("multi", 612005),  # a slip whose place two curves had taken, which left nothing to date it by
+        ("multi", 840000),  # gross errors that a wander followed, so that nobody saw them
+        ("none", 840012),  # four set-ups of ten readings each, whose freedom a wander took for calm
     ],
 )
 def test_the_names_are_those_of_what_is_hidden(level, seed):
     truth, found = told(level, seed)
-    assert found.verdict == "missing"
+    assert found.verdict == ("missing" if truth.hidden else "nothing-missing")
     assert {step[0] for step in found.suggested} == set(truth.hidden)
 
 
@@ -155,3 +159,21 @@ def test_one_figure_for_all_axes_says_how_wide_and_the_rows_say_along_which(monk
     again = noises.noise_again(SimpleNamespace(noise=stated), SimpleNamespace(noise=stated), None)
     np.testing.assert_allclose(again.covariance / np.trace(again.covariance), rows.covariance / 32.25e-6, rtol=1e-12)
     assert stated.total < again.total < rows.total and again.source == "machine file"
+
+
+@pytest.mark.parametrize("size", [1.0, 6.0])
+def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
+    """Along its beam a tracker scatters by a tenth of what it does across, and the air moves it no less."""
+    random, rows = np.random.default_rng(9), 400
+    steps, kept = random.normal(size=rows), np.exp(-1.0 / 40.0)
+    slow = np.array([sum(steps[i - k] * kept**k for k in range(min(i + 1, 200))) for i in range(rows)]) / np.sqrt(20.0)
+    white = random.normal(size=(rows, 3)) * [0.2, 2.0, 2.0]
+    clock = Clock(np.arange(rows, dtype=float), np.arange(rows) == 0)
+    wander = Wander(0.5 * size**2, 40.0)
+    left = white + size * 2.0 * slow[:, None] * [1.0, 0.0, 0.0]
+    state = SimpleNamespace(memory=Memory(wander), columns=None, posterior=SimpleNamespace(values=None))
+    system = SimpleNamespace(
+        clock=clock, left=lambda columns, values: left, in_mm=lambda values: values,
+        innovation=lambda columns, values, memory: innovations(left, memory.wander, clock)[0],
+    )  # fmt: skip
+    assert noises.wanders_beyond(system, state) == (size > 5.0)

@@ -28,12 +28,16 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarr
     Returns:
         (n,) bool; as given where so many are far that the explanation is to blame.
     """
-    # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves.
-    white = system.innovation(state.columns, state.posterior.values, state.memory)
-    white *= np.sqrt(system.count / max(system.count - state.decided, 1.0))
-    here, problem = np.ones(len(white), dtype=bool), system.at.problem
+    # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves, and
+    # in a wander that follows each of them.
+    left = [system.innovation(state.columns, state.posterior.values, state.memory)]
+    if state.memory.wander is not None:
+        left.append(system.left(state.columns, state.posterior.values))
+    here, problem = np.ones(len(left[0]), dtype=bool), system.at.problem
     places, found = places_of(problem)[system.rows], gross.copy()
-    found[system.rows[alone(stand_out(white, here, least=0.0), white, here, places)]] = True
+    for white in left:
+        white = white * np.sqrt(system.count / max(system.count - state.decided, 1.0))
+        found[system.rows[alone(stand_out(white, here, least=0.0), white, here, places)]] = True
     return found if found.sum() <= MOST * problem.used.sum() else gross
 
 
