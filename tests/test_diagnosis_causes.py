@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
@@ -12,11 +13,13 @@ from ptt.challenge.hide import hide_faults
 from ptt.challenge.score import as_left, remeasure
 from ptt.challenge.truth import Truth, table_of
 from ptt.diagnosis import noise as noises
+from ptt.diagnosis.depends import _followed
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations
+from ptt.effects import library
 from ptt.machine import BasePoint, TrackerSpec
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.base_visits import sound_visits
@@ -177,3 +180,23 @@ def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
         innovation=lambda columns, values, memory: innovations(left, memory.wander, clock)[0],
     )  # fmt: skip
     assert noises.wanders_beyond(system, state) == (size > 5.0)
+
+
+def test_an_unknown_of_a_joint_is_told_over_its_own_travel_where_that_says_as_much():
+    arm = SimpleNamespace(file=SimpleNamespace(machine=SimpleNamespace(kind="three-ptt")))
+    slider, tool = (SimpleNamespace(block=SimpleNamespace(place=SimpleNamespace(joint=joint))) for joint in (0, None))
+    line = {"x": 1.0, "y": 0.99, "b1": 0.97}  # a path along which each variable says all of the others
+    assert _followed(line, slider, arm) == "b1" and _followed(line, tool, arm) == "x"
+    assert _followed({"x": 1.0, "y": 0.99, "b1": 0.8}, slider, arm) == "x"
+
+
+def test_commands_say_themselves_what_a_reversal_leaves_out_of_reach():
+    """A controller that jumps by more than the next step asks for: no command takes it, and each row says how much."""
+    (case,) = plan("single", 1, 840021, kinds="all", bench=None, rows=None, visible=True)
+    drawn, _ = draw(case)
+    gap = torch.tensor(drawn.truth["over-compensation"]["backlash_mm"])
+    exact = Model(drawn.rig.machine) + Term(library()["backlash"](), -gap)
+    tool = remeasure(exact, drawn)
+    assert tool.missed is not None and tool.after is not None
+    after = float(np.sqrt(np.square(tool.after).sum(axis=1).mean()))
+    assert after > 0.005 and after == pytest.approx(float(np.sqrt(np.square(tool.missed).mean())), rel=0.1)
