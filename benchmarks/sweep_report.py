@@ -56,6 +56,11 @@ def first_right(row: Row) -> bool:
     return bool(named) and row["words"].get(named[0][0]) in ("right", "fair")
 
 
+def leads_right(row: Row) -> bool:
+    """Whether the variable that is told first is one that the fault outside the library follows, or runs with one."""
+    return bool(row["leading"] and row["leading"]["near"])
+
+
 def summary(level: str, rows: Rows) -> str:
     """One line on a family."""
     counted = judged(rows)
@@ -67,7 +72,8 @@ def summary(level: str, rows: Rows) -> str:
     if level == "single":
         line += f"; first {share(map(first_right, counted))}"
     if level == "unknown":
-        line += f"; leading variable {share(bool(row['leading'] and row['leading']['near']) for row in good)}"
+        told = [row for row in good if row["verdict"] == "unknown"]
+        line += f"; leading variable {share(map(leads_right, good))}, where told {share(map(leads_right, told))}"
         line += f", to the letter {sum(bool(row['leading'] and row['leading']['right']) for row in good)}"
         silent = [row for row in good if row["verdict"] == "nothing-missing"]
         line += f"; nothing-missing {len(silent)}, noise stated in {sum(map(knows_noise, silent))}"
