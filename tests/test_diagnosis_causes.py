@@ -180,6 +180,8 @@ def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
         innovation=lambda columns, values, memory: innovations(left, memory.wander, clock)[0],
     )  # fmt: skip
     assert noises.wanders_beyond(system, state) == (size > 5.0)
+    state.memory = Memory(Wander(0.5 * size**2, 4.0))  # four rows long: white noise by another name
+    assert not noises.wanders_beyond(system, state)
 
 
 def test_an_unknown_of_a_joint_is_told_over_its_own_travel_where_that_says_as_much():

@@ -70,7 +70,7 @@ def wanders_beyond(system: System, state: State) -> bool:
         state: the set.
     """
     wander = state.memory.wander
-    if wander is None:
+    if wander is None or not system.clock.is_slow(wander):
         return False
     if system.clock.is_fault(wander):
         return True

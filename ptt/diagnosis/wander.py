@@ -69,7 +69,11 @@ class Clock:
 
     def is_fault(self, wander: Wander | None) -> bool:
         """Whether a wander is more than a tracker does by itself."""
-        return wander is not None and wander.share > FAULT and wander.constant > SHORTEST * self.step
+        return wander is not None and wander.share > FAULT and self.is_slow(wander)
+
+    def is_slow(self, wander: Wander) -> bool:
+        """Whether a wander lasts so many rows that it is more than white noise by another name."""
+        return wander.constant > SHORTEST * self.step
 
 
 @dataclass(frozen=True)
