@@ -10,6 +10,7 @@ from torch import Tensor
 from ptt.effects.card import Card
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase, Said, said
+from ptt.mechanisms.derivatives import by_parameters
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
@@ -136,6 +137,18 @@ class Effect:
         """
         linear = linear_size(self, view.joints)
         return weigh(self.basis(view, shape_of(self, theta, view.joints)), theta[:linear])
+
+    def slope(self, theta: Tensor, view: View) -> Tensor:
+        """Derivative of a shift that is not linear in its parameters by these.
+
+        Args:
+            theta: all parameters, flat, in declared order.
+            view: n rows at the stage's input.
+
+        Returns:
+            (n, out, P).
+        """
+        return by_parameters(lambda values: self.shift(values, view), theta)
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
         """Put the parameters into words, each with its side.

@@ -12,6 +12,11 @@ from ptt.run.view import View
 FORGOTTEN = 1e-20  # share of an earlier state that no later one shows
 
 
+def keep_reversals(view: View, lengths: Sequence[Tensor]) -> None:
+    """Work out gradual reversals of lengths that a search asks for time and again; they are known by these tensors."""
+    view.kept.update({id(length): (length, gradual_reversal(view, length)) for length in lengths})
+
+
 @dataclass(frozen=True)
 class Way:
     """The travel as a sequence of waypoints: the last turn before a row, then the row.
@@ -111,6 +116,44 @@ def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
     return (low - q)[way.rows]
 
 
+def play_slope(view: View, gap: Tensor) -> Tensor:
+    """Derivative of the play operator's shift by the gap, each joint's by its own.
+
+    The same scan: a clamp of clamps ends at one of their bounds, each of which moves by half the gap's change.
+
+    Args:
+        view: n rows.
+        gap: full gap of each joint, (k,) mm or rad, not negative.
+
+    Returns:
+        (n, k), between -1/2 and 1/2.
+    """
+    way = waypoints(view)
+    q, half, reset = way.q, gap / 2.0, way.starts[:, None]
+    first = q - half * way.direction
+    low, high = torch.where(reset, first, q - half), torch.where(reset, first, q + half)
+    falls = torch.where(reset, -0.5 * way.direction, torch.full_like(q, -0.5))
+    rises = torch.where(reset, -0.5 * way.direction, torch.full_like(q, 0.5))
+    step = 1
+    while step < len(q) and not bool((low == high).all()):
+        bounds = low[step:], falls[step:], high[step:], rises[step:]
+        (lower, fall), (upper, rise) = (
+            _clamped(value[:-step], slope[:-step], *bounds) for value, slope in ((low, falls), (high, rises))
+        )
+        low, falls = torch.cat([low[:step], lower]), torch.cat([falls[:step], fall])
+        high, rises = torch.cat([high[:step], upper]), torch.cat([rises[:step], rise])
+        step *= 2
+    return falls[way.rows]
+
+
+def _clamped(
+    value: Tensor, slope: Tensor, low: Tensor, falls: Tensor, high: Tensor, rises: Tensor
+) -> tuple[Tensor, Tensor]:
+    """A value between bounds, and its slope: the bound's where one holds it."""
+    value, slope = torch.maximum(value, low), torch.where(value < low, falls, slope)
+    return torch.minimum(value, high), torch.where(value > high, rises, slope)
+
+
 def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None) -> Tensor:
     """Normalised friction that turns over gradually after a reversal.
 
@@ -126,15 +169,9 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, pl
     Returns:
         F, (n, k), between -1 and 1.
     """
-    if entry is not None or length.requires_grad:
-        return _friction(view, length, entry, place)
-    lengths = ("friction", *length.reshape(-1).tolist())  # a search asks for the same few time and again
-    if lengths not in view.kept:
-        view.kept[lengths] = _friction(view, length)
-    return view.kept[lengths]
-
-
-def _friction(view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None) -> Tensor:
+    known = view.kept.get(id(length))
+    if entry is None and known is not None and known[0] is length:
+        return known[1]
     way = waypoints(view)
     q = way.q
     move = torch.diff(q, dim=0, prepend=q[:1])

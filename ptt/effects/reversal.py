@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, Parameter, Stage, per_joint
 from ptt.effects.card import Card
 from ptt.effects.constants import finer
-from ptt.effects.memory import gradual_reversal, play
+from ptt.effects.memory import gradual_reversal, keep_reversals, play, play_slope
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.serial import Serial
 from ptt.run.turns import LINEAR
@@ -84,6 +84,10 @@ class Backlash(Effect):
         """The play operator itself, which knows when the gap is not taken up yet; below zero the sign alone."""
         return torch.where(theta > 0.0, play(view, theta.clamp(min=0.0)), -0.5 * theta * view.direction)
 
+    def slope(self, theta: Tensor, view: View) -> Tensor:
+        """Half the gap's change, on the side on which the play is taken up; none between the branches."""
+        return per_joint(torch.where(theta > 0.0, play_slope(view, theta.clamp(min=0.0)), -0.5 * view.direction))
+
 
 @dataclass(frozen=True)
 class Windup(Effect):
@@ -140,9 +144,10 @@ class Windup(Effect):
 
     def _lengths(self, view: View) -> list[Tensor]:
         """Travel constants that the data can see, (1,) each: some readings change over, some are done."""
-        scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
-        lengths = [torch.tensor([length * scale], dtype=torch.float64) for length in WINDUP_LENGTHS]
-        return [item for item in lengths if float((gradual_reversal(view, item) - view.direction).abs().mean()) > 0.02]
+        if not view.kept:
+            scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
+            keep_reversals(view, [torch.tensor([length * scale], dtype=torch.float64) for length in WINDUP_LENGTHS])
+        return [length for length, turned in view.kept.values() if float((turned - view.direction).abs().mean()) > 0.02]
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """A geometric ladder of travel constants."""

@@ -120,7 +120,14 @@ class FrameGrowth(Effect):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Tool shift per unit strain of radius and links, times warmth: the limit of a small strain."""
-        _, _, by_slot = sensitivity(view.mechanism, view.q, view.mounted(torch.zeros_like(view.growth[:1])))
+        return self._per_strain(view, torch.zeros_like(view.growth[:1]))
+
+    def slope(self, theta: Tensor, view: View) -> Tensor:
+        """Tool shift per unit of further strain."""
+        return self._per_strain(view, (view.warmth[:, None] * theta) @ view.growth)
+
+    def _per_strain(self, view: View, grown: Tensor) -> Tensor:
+        _, _, by_slot = sensitivity(view.mechanism, view.q, view.mounted(grown))
         return view.warmth[:, None, None] * (by_slot @ view.growth.T)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:

@@ -205,7 +205,7 @@ def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Te
         Shift (n, out) and derivative (n, out, P); zero columns for 'given' parameters.
     """
     if type(effect).shift is not Effect.shift:
-        return effect.shift(theta, view), by_parameters(lambda x: effect.shift(x, view), theta)
+        return effect.shift(theta, view), effect.slope(theta, view)
     linear = linear_size(effect, view.joints)
     shape = shape_of(effect, theta, view.joints)
     basis = effect.basis(view, shape)

@@ -51,7 +51,7 @@ class View:
         varies: which contexts vary in the data: 'payload', 'temperature', 'time', 'speed', 'direction'.
         number: place of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
         entries: where rows are left out before a row, how the joints came to it.
-        kept: what was worked out from the travel of just these rows, for whoever asks for it again.
+        kept: gradual reversals of just these rows for lengths that a search tries, by the lengths' identity.
     """
 
     mechanism: Mechanism
@@ -80,7 +80,7 @@ class View:
     varies: frozenset[str] = field(default_factory=frozenset)
     number: Tensor | None = None
     entries: tuple[Entry, ...] = ()
-    kept: dict[object, Tensor] = field(default_factory=dict, init=False, compare=False, repr=False)
+    kept: dict[int, tuple[Tensor, Tensor]] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
     def rows(self) -> int:
