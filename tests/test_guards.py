@@ -417,6 +417,11 @@ EYE = "torch.eye(3, 2, dtype=torch.float64)"
         ),
         ("import torch\n", "import sys; sys.exit(0)\n", "it ends the program"),
         ("    def basis(", "    async def basis(", "is async"),
+        (
+            "    def basis(",
+            "    def shift(self, theta, view): return theta\n\n    def basis(",
+            "shift of pull is float64 of",
+        ),
         ("Pull(Effect)", "Pull(Effect, int)", "cannot be made"),
     ],
 )

@@ -315,6 +315,12 @@ def test_command_on_a_tracker_run(app, tmp_path):
     assert answer["aligned"]["AP_um"]["worst"] < 10.0
     assert answer["aligned"]["poses"][0]["payload_kg"] == 2.0
     assert "repeatability RP" in CliRunner().invoke(app, [str(path)]).stdout
+    (tmp_path / "half").mkdir()
+    (tmp_path / "half" / "model.toml").write_text(
+        (Path(__file__).resolve().parents[1] / "data" / "machine.toml").read_text()
+    )
+    refused = CliRunner().invoke(app, [str(path), "--model", str(tmp_path / "half")])
+    assert refused.exit_code != 0 and "compensator.json: no such file" in str(refused.exception)
 
 
 def test_command_on_axis_runs(app, tmp_path):

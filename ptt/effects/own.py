@@ -7,18 +7,19 @@ import inspect
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import torch
 
-from ptt.effects.base import STAGES, Effect, linear_size
+from ptt.effects.base import STAGES, Effect, flatten, linear_size
 from ptt.effects.bench import sample_view
 from ptt.effects.parameter import Parameter
 from ptt.errors import InputError, shown
 from ptt.files import read_bytes
+from ptt.run.view import View
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,59}")
 STEM = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
@@ -198,42 +199,52 @@ def _without(what: str, where: str) -> Callable[..., Any]:
     return basis
 
 
-def try_basis(cls: type[Effect], where: str) -> None:
-    """Call an effect's basis once over a sample run of every mechanism that it says it fits.
+def try_laws(cls: type[Effect], where: str) -> None:
+    """Call an effect's own basis and shift once over a sample run of every mechanism that it says it fits.
 
     Args:
         cls: the effect.
         where: its file, for messages.
 
     Raises:
-        InputError: it fails, or gives another shape or precision than it should, or numbers that are not finite.
+        InputError: one fails, or gives another shape or precision than it should, or numbers that are not finite.
     """
-    if cls.basis is Effect.basis:
-        if cls.shift is Effect.shift:
-            cls.basis = _without(f"{cls.name} has no basis", where)  # type: ignore[method-assign]  # it may be looked at, not used
-        return  # else a shift of its own, which is not linear
+    if cls.basis is Effect.basis and cls.shift is Effect.shift:
+        cls.basis = _without(f"{cls.name} has no basis", where)  # type: ignore[method-assign]  # it may be looked at, not used
+        return
     for kind in cls.mechanisms:
         view, effect = sample_view(kind), cls()
+        out = {"drive": view.joints, "geometry": len(view.mechanism.slots)}.get(cls.stage, 3)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            trials = effect.search(view)
-            try:
-                shape = trials[0]
-            except (TypeError, IndexError, KeyError):
-                raise InputError(
-                    f"search of {cls.name} offers no trial", where=where, fix="return at least one"
-                ) from None
-            basis = effect.basis(view, shape)
-        out = {"drive": view.joints, "geometry": len(view.mechanism.slots)}.get(cls.stage, 3)
-        wanted = (view.rows, out, linear_size(effect, view.joints))
-        if not isinstance(basis, torch.Tensor):
-            fix = f"return a float64 tensor of shape {wanted}"
-            raise InputError(f"basis of {cls.name} is {shown(type(basis).__name__)}, no tensor", where=where, fix=fix)
-        if tuple(basis.shape) != wanted or basis.dtype != torch.float64:
-            found = f"{str(basis.dtype).removeprefix('torch.')} of shape {tuple(basis.shape)}"
-            what = f"basis of {cls.name} is {found} on a sample {kind}, not float64 of shape {wanted}"
-            raise InputError(what, where=where, fix="(rows, outputs of its stage, linear values)")
-        largest = float(basis.abs().max()) if basis.numel() else 0.0
-        if not largest < 1e100:
-            what = f"basis of {cls.name} holds {largest:g} on a sample {kind}"
-            raise InputError(what, where=where, fix="keep it finite for every pose")
+            shape = _first_trial(effect, view, where)
+            if cls.basis is not Effect.basis:
+                wanted: tuple[int, ...] = (view.rows, out, linear_size(effect, view.joints))
+                _require(effect.basis(view, shape), wanted, f"basis of {cls.name}", kind, where)
+            if cls.shift is not Effect.shift:
+                with foreign(where, f"search of {cls.name} gives no value for each parameter"):
+                    theta = flatten(effect, shape, view.joints)
+                _require(effect.shift(theta, view), (view.rows, out), f"shift of {cls.name}", kind, where)
+
+
+def _first_trial(effect: Effect, view: View, where: str) -> Mapping[str, torch.Tensor]:
+    trials = effect.search(view)
+    try:
+        return trials[0]
+    except (TypeError, IndexError, KeyError):
+        what = f"search of {effect.name} offers no trial"
+        raise InputError(what, where=where, fix="return at least one") from None
+
+
+def _require(values: Any, wanted: tuple[int, ...], which: str, kind: str, where: str) -> None:
+    if not isinstance(values, torch.Tensor):
+        fix = f"return a float64 tensor of shape {wanted}"
+        raise InputError(f"{which} is {shown(type(values).__name__)}, no tensor", where=where, fix=fix)
+    if tuple(values.shape) != wanted or values.dtype != torch.float64:
+        found = f"{str(values.dtype).removeprefix('torch.')} of shape {tuple(values.shape)}"
+        what = f"{which} is {found} on a sample {kind}, not float64 of shape {wanted}"
+        raise InputError(what, where=where, fix="(rows, outputs of its stage), for a basis (.., .., linear values)")
+    largest = float(values.abs().max()) if values.numel() else 0.0
+    if not largest < 1e100:
+        what = f"{which} holds {largest:g} on a sample {kind}"
+        raise InputError(what, where=where, fix="keep it finite for every pose")

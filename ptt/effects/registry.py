@@ -19,7 +19,7 @@ from ptt.effects import (
     twist,
 )
 from ptt.effects.base import Effect
-from ptt.effects.own import load_effects, try_basis
+from ptt.effects.own import load_effects, try_laws
 from ptt.errors import InputError, ModelError, shown
 
 Library = Mapping[str, type[Effect]]
@@ -79,7 +79,7 @@ def library(*files: str | Path, tried: bool = True) -> Library:
             if name in known:
                 raise InputError(f"effect '{name}' exists already", where=str(file), fix="give it another name")
             if tried:
-                try_basis(cls, str(file))
+                try_laws(cls, str(file))
             known[name] = cls
     return MappingProxyType(known)
 
