@@ -54,6 +54,10 @@ Set = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="One value for all rows: payload_kg=2; order=time sorts the rows."),
 ]
 Map = Annotated[Path | None, typer.Option("--map", metavar="FILE.toml", help="Saved answers on columns and units.")]
+Context = Annotated[
+    list[str] | None,
+    typer.Option("--context", metavar="COLUMN", help="A column of your own that the error may depend on; repeatable."),
+]
 Effects = Annotated[
     list[Path] | None, typer.Option("--effects", metavar="FILE.py", help="Effects of your own; the file is run.")
 ]
@@ -61,7 +65,7 @@ Anyway = Annotated[bool, typer.Option("--anyway", help="Go on although the set-u
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else; never ask.")]
 
 __all__ = [
-    "Also", "Anyway", "Effects", "Json", "Map", "ModelPath", "Progress", "Reading", "Run", "Set", "Targets",
+    "Also", "Anyway", "Context", "Effects", "Json", "Map", "ModelPath", "Progress", "Reading", "Run", "Set", "Targets",
     "asker", "load_both", "note", "open_library", "open_model", "open_run", "parse_settings", "plain", "progress",
     "read_rows", "refuse_idle", "refuse_readings", "show", "tell_notes",
 ]  # fmt: skip

@@ -8,6 +8,7 @@ import typer
 
 from ptt.commands.common import (
     Also,
+    Context,
     Effects,
     Json,
     Map,
@@ -35,6 +36,7 @@ def compare(
     targets: Targets = None,
     set_: Set = None,
     map_: Map = None,
+    context: Context = None,
     effects: Effects = None,
     after: After = None,
     plots: Plots = None,
@@ -43,7 +45,7 @@ def compare(
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on."""
     from ptt.door.comparing import compare as held_against
 
-    reading = Reading(also, targets, set_, map_, effects, json)
+    reading = Reading(also, targets, set_, map_, effects, json, context=context)
     loaded, rows = load_both(run, model, reading)
     later = None if after is None else load_both(after, model, replace(reading, also=None))[1]
     with progress() as tell:

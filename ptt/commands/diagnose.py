@@ -8,6 +8,7 @@ import typer
 from ptt.commands.common import (
     Also,
     Anyway,
+    Context,
     Effects,
     Json,
     Map,
@@ -41,6 +42,7 @@ def diagnose(
     targets: Targets = None,
     set_: Set = None,
     map_: Map = None,
+    context: Context = None,
     effects: Effects = None,
     steps: Steps = 12,
     measure_next: Next = None,
@@ -51,7 +53,7 @@ def diagnose(
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
     from ptt.door.diagnosing import diagnose as learn
 
-    reading = Reading(also, targets, set_, map_, effects, json, anyway)
+    reading = Reading(also, targets, set_, map_, effects, json, anyway, context)
     loaded, rows = load_both(run, model, reading)
     with progress() as tell:
         result = learn(loaded, rows, steps=steps, chunk_rows=chunk_rows, anyway=anyway, progress=tell, note=note)

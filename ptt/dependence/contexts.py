@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.run.mounts import mount_slopes
+from ptt.run.watched import watched_values
 
 if TYPE_CHECKING:
     from ptt.run.problem import Problem
@@ -142,7 +143,7 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
     Returns:
         (n,) each: 'b1'.. mm or 'q1'.. rad, 'direction1'.. (+1, -1), 'speed1'.. mm/s or rad/s with its sign,
         'payload' kg, 'temperature' deg C, 'time' s (the row's number where there is no clock), 'x', 'y', 'z' mm
-        wanted, 'run'.
+        wanted, 'run', and the columns that a person wants watched, by their titles.
     """
     view, table, used = problem.view, problem.table, problem.used
     letter = problem.file.machine.letter
@@ -160,6 +161,7 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
     views["time"] = view.time.numpy() if "time" in view.varies else np.arange(view.rows, dtype=float)
     views |= dict(zip(COORDINATES, problem.target.T, strict=True))
     views["run"] = np.asarray(table.run, dtype=float)
+    views |= watched_values(table)
     return {name: values for name, values in views.items() if _varies(name, values[used])}
 
 

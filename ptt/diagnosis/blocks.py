@@ -184,7 +184,7 @@ def _reversal(
     name = f"direction{place.joint + 1}"
     yield _named(place, (name, own), partial(np.multiply, side, low))
     for context in contexts:
-        if context.name in ("payload", "temperature", "speed", "time"):
+        if context.name not in ("memory of temperature", "velocity"):
             yield _named(place, (name, context.name), partial(np.multiply, side, context.shapes[:, :COARSE]))
 
 

@@ -125,7 +125,8 @@ def _dependence(
     taken = {name: {axis: _taken(contexts[name], parts[axis]) for axis in residuals} for name in choices}
     on = _followed({name: sum(taken[name].values()) for name in choices}, item, problem)
     residual = max(residuals, key=lambda axis: taken[on][axis])
-    second = next((name for name in item.block.on[1:] if name in SECOND and on.startswith("direction")), None)
+    seconds = (*SECOND, *problem.table.watched)
+    second = next((name for name in item.block.on[1:] if name in seconds and on.startswith("direction")), None)
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]

@@ -8,6 +8,7 @@ from scipy import linalg
 
 from ptt.diagnosis.smooth import cosines, ends_of, scaled, unit
 from ptt.run.problem import Problem
+from ptt.run.watched import watched_values
 
 SLOW = 10  # cosines over the time of the run
 LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
@@ -18,7 +19,7 @@ class Context:
     """Something beside the pose that varies.
 
     Attributes:
-        name: 'payload', 'temperature', 'time', 'speed'.
+        name: 'payload', 'temperature', 'time', 'speed', or the title of a column that a person wants watched.
         shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
         fields: whether a field over the workspace may go with it beyond scale and turn.
     """
@@ -90,6 +91,9 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         velocity = view.velocity.numpy()
         signed = np.column_stack([velocity, velocity * np.abs(velocity)])
         yield Context("velocity", signed / np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9), fields=False)
+    for title, values in watched_values(problem.table).items():
+        apart = unit(np.nan_to_num(values - np.nanmean(values)))
+        yield Context(title, np.column_stack([apart, unit(apart**2 - np.mean(apart**2))]))
 
 
 def _time(problem: Problem) -> np.ndarray:

@@ -188,7 +188,8 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
             place = f", varying with {item.with_}" if item.with_ else place
             lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period}{place})")
         lines.append("")
-    if result.verdict == "unknown" and result.depends_on:
+    watched = () if table is None else table.watched
+    if result.verdict == "unknown" and any(item.on not in watched for item in result.depends_on):
         lines += [
             "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json",
             "",

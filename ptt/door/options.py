@@ -19,6 +19,7 @@ class Reading:
         effects: Python files with effects of the user's own.
         json: whether a program, not a person, is listening: nobody is asked then.
         anyway: whether to go on although the set-up looks mistaken.
+        context: titles of columns of the user's own that the error may depend on.
     """
 
     also: Sequence[Path] | None = None
@@ -28,6 +29,7 @@ class Reading:
     effects: Sequence[Path] | None = None
     json: bool = False
     anyway: bool = False
+    context: Sequence[str] | None = None
 
     @property
     def values(self) -> dict[str, float | str]:

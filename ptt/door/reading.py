@@ -14,6 +14,7 @@ from ptt.mechanisms import build_mechanism, require_assembled
 from ptt.run.readers import Ask, load_mapping
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.table import Table, read_table, unit_hint
+from ptt.run.watched import watch
 
 
 def read_rows(
@@ -58,6 +59,7 @@ def read_rows(
         judge_scale=not checked,
         judge_order=ordered,
     )
+    table = watch(table, reading.context or ())
     for line in table.understood.lines:
         note(line)
     if not checked:

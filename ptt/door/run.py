@@ -87,6 +87,7 @@ def read(
     targets: RowsLike = None,
     set: Mapping[str, float | str] | None = None,
     map: str | Path | Mapping[str, Any] | None = None,
+    context: Sequence[str] = (),
 ) -> Run:
     """Read a tracker run.
 
@@ -97,6 +98,7 @@ def read(
         targets: the targets of an export that holds readings only: a file, a data frame, or an array (n, 3) in mm.
         set: column -> one value for all rows, as {"payload_kg": 2}; {"order": "time"} sorts the rows.
         map: saved answers on columns and units, a file or what is in one: {"columns": {"Pos X": "x_meas"}}.
+        context: titles of columns of your own, with a number in every pose, that the error may depend on.
 
     Returns:
         The run. What in its set-up looks mistaken is said by whoever uses it, or by `check`.
@@ -111,7 +113,7 @@ def read(
     paths = [each.path for each in written]
     beside = None if targets is None else _file_of(_positions(targets), usage, "targets")
     answers = _answers(map)
-    reading = Reading(paths[1:], _path(beside), _pairs(set), _path(answers), json=True)
+    reading = Reading(paths[1:], _path(beside), _pairs(set), _path(answers), json=True, context=_titles(context))
     written += [each for each in (beside, answers) if each is not None]
     with _worded(written):
         return _renamed(read_path(paths[0], machine, reading), written)
@@ -215,6 +217,10 @@ def _pairs(values: Mapping[str, float | str] | None) -> list[str]:
     return [
         f"{name}={value if isinstance(value, str) else repr(float(value))}" for name, value in (values or {}).items()
     ]
+
+
+def _titles(given: Sequence[str]) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(map(str, given))
 
 
 def _path(given: "_File | None") -> Path | None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from ptt.effects.curve import COORDINATES, JOINT, KINDS, OTHERS
 from ptt.effects.template import class_name, free_name
-from ptt.errors import InputError
+from ptt.errors import InputError, shown
 
 REFERENCE_C = 20.0  # where warmth is zero unless the drawing says otherwise
 _FIX = "give the JSON of `ptt diagnose --json`"
@@ -57,6 +57,11 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         "shape": shape in KINDS,
         "with": not along or _is_variable(along),
     }
+    if on and not proper["on"]:
+        what = (
+            f"no proper 'on': an effect cannot read '{shown(on)}'; what follows a column of your own is not corrected"
+        )
+        raise InputError(what, fix="keep it steady, at the tracker and at work")
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
     try:

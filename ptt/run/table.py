@@ -47,6 +47,7 @@ class Table:
         source: file name, or names joined by ' + '.
         joint_prefix: 'b' (sliders) or 'q' (joint angles).
         extra: title -> (n,) str, columns that mean nothing to the program, as written.
+        watched: titles of those that a person wants looked at.
         understood: what was made of the file.
         run_sha256: SHA-256 of the file that each run was read from; empty where there is none.
     """
@@ -72,6 +73,7 @@ class Table:
     source: str
     joint_prefix: str = "b"
     extra: Dictionary[str, np.ndarray] = field(default_factory=dict)
+    watched: tuple[str, ...] = ()
     understood: Understood = field(default_factory=Understood)
     run_sha256: tuple[str, ...] = ()
 

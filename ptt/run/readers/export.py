@@ -8,7 +8,7 @@ import numpy as np
 from ptt.errors import TableError, shown
 from ptt.run.readers.columns import Meaning, canonical, standard_unit, to_standard
 from ptt.run.readers.layout import Column, meanings_by_order, meanings_of_titles, understand
-from ptt.run.readers.mapping import IGNORE, Ask, Mapping, Understood
+from ptt.run.readers.mapping import IGNORE, NOT_USED, Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
 from ptt.run.readers.stamps import read_seconds
@@ -250,7 +250,7 @@ def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: st
     lines += [_meaning_line(column) for column in columns if column.quantity and column.title not in plain]
     ignored = tuple(column.title for column in columns if not column.quantity)
     if ignored:
-        lines.append(f"not used: {', '.join(ignored)}")
+        lines.append(f"{NOT_USED}{', '.join(ignored)}")
     absent = [title for title in {**given.columns, **given.units} if title not in {column.title for column in columns}]
     if absent:
         lines.append(f"in the mapping but not in the file: {', '.join(absent)}")

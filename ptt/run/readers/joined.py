@@ -9,7 +9,7 @@ import numpy as np
 from ptt.errors import TableError
 from ptt.run.readers.mapping import Understood
 
-_KEPT = ("run", "run_label", "source", "joint_prefix", "extra", "understood", "run_sha256")
+_KEPT = ("run", "run_label", "source", "joint_prefix", "extra", "watched", "understood", "run_sha256")
 
 
 def join_fields(parts: Sequence[Dictionary[str, Any]]) -> dict[str, Any]:
@@ -39,6 +39,7 @@ def join_fields(parts: Sequence[Dictionary[str, Any]]) -> dict[str, Any]:
         "source": " + ".join(part["source"] for part in parts),
         "joint_prefix": parts[0]["joint_prefix"],
         "extra": _join_extra(parts),
+        "watched": tuple(dict.fromkeys(title for part in parts for title in part["watched"])),
         "understood": Understood(
             tuple(line for each in understood for line in each.lines),
             tuple(dict.fromkeys(title for each in understood for title in each.ignored)),

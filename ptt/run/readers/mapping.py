@@ -65,6 +65,9 @@ class Mapping:
     targets: "Mapping | None" = None
 
 
+NOT_USED = "not used: "
+
+
 @dataclass(frozen=True)
 class Understood:
     """What was made of a file, for a person to check.

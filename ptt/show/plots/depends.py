@@ -107,8 +107,8 @@ def variable_label(name: str, problem: Problem) -> str:
         "time": "time [s]" if "time" in problem.view.varies else "row [1]",
         "run": "run [1]",
     }
-    if name in plain:
-        return plain[name]
+    if name in plain or name in problem.table.watched:
+        return plain.get(name, name)
     if name in AXES:
         return f"target {name} [mm]"
     if name.startswith("direction"):
