@@ -249,6 +249,23 @@ def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_pa
     assert [url for url in asked if not url.startswith((own, "data:", "blob:"))] == []
 
 
+AT_ONCE = """() => { [...document.querySelectorAll('[role=tab]')].find(tab => tab.innerText.includes('Look')).click();
+  const canvas = document.querySelector('.st-field canvas');
+  return [getComputedStyle(canvas).visibility, canvas.width > 300, location.pathname.endsWith('/look')]; }"""
+
+
+def test_look_is_drawn_before_it_is_asked_for(page: Page):
+    """The field is there in the moment of the click: nothing is waited for, neither drawing nor the server."""
+    load_sample(page)
+    field = page.locator(".st-field canvas").first
+    field.wait_for(state="attached", timeout=WAIT)
+    page.wait_for_function("document.querySelectorAll('.st-look .main-svg').length >= 6", timeout=WAIT)
+    assert not field.is_visible()
+    assert page.evaluate(AT_ONCE) == ["visible", True, True]
+    expect(page.get_by_role("tab", name="Look")).to_have_attribute("aria-selected", "true", timeout=WAIT)
+    expect(page.get_by_role("tabpanel")).to_have_count(1)  # all others are hidden from everybody
+
+
 def _pick_a_box(page: Page) -> None:
     """A box dragged in the time line is highlighted in space and listed."""
     field = page.get_by_role("img", name="residual over time").locator(".nsewdrag")
@@ -383,12 +400,12 @@ def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):
     expect(page.get_by_text("20000 readings; each arrow is the mean error of those near each other")).to_be_visible()
     page.get_by_label("go to line").fill("15001")
     expect(page.get_by_text(re.compile(r"^1 picked readings"))).to_be_visible(timeout=WAIT)
-    assert "15001" in page.locator("table.st-plain td").first.inner_text()
+    assert "15001" in page.locator(".st-look table.st-plain td").first.inner_text()
 
 
 def test_every_control_of_a_view_is_reached_by_the_keyboard(page: Page):
     load_sample(page)
-    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".st-finding")).to_be_visible(timeout=WAIT)
     page.evaluate("window.reached = new Set(); document.addEventListener('focusin', e => reached.add(e.target)); null")
     for view in VIEWS:
         show(page, view)

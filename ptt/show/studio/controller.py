@@ -12,6 +12,7 @@ from ptt.errors import InputError, PttError
 from ptt.machine import parse_machine
 from ptt.show.studio.looks import Look
 from ptt.show.studio.outcomes import JobCancelledError, JobFailedError, QuestionError, SetupFoundError
+from ptt.show.studio.panels import Later
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source, Trained
 from ptt.show.studio.session import START, Session, key_of
@@ -78,6 +79,7 @@ class Studio:
         """
         self.client = client
         self._listeners = {topic: [] for topic in TOPICS}
+        self.later = Later(self)
 
     def on(self, topic: str, listener: Listener) -> None:
         """Call a view whenever something changes.

@@ -12,6 +12,7 @@ from ptt.show.studio.page_load import build_load
 from ptt.show.studio.page_look import build_look
 from ptt.show.studio.page_model import build_model
 from ptt.show.studio.page_result import build_result
+from ptt.show.studio.panels import SWITCH, Panels
 from ptt.show.studio.session import key_of
 from ptt.show.studio.style import CSS
 
@@ -40,33 +41,33 @@ def build_page(studio: Studio, view: str) -> None:
     ui.add_css(CSS)
     ui.colors(primary="#1f5f8b", secondary="#440154", accent="#e69f00", positive="#00735a", negative="#a33f00")
     dark = ui.dark_mode(value=None)
-    first = next((name for name in VIEWS if name.lower() == view), "Load")
+    studio.view = next((name for name in VIEWS if name.lower() == view), "Load")
     with ui.header().classes("st-header"):
         ui.html("ptt studio", sanitize=False, tag="h1").classes("st-brand")
         with ui.tabs().props("dense no-caps inline-label aria-label=views").classes("st-tabs") as tabs:
-            for name in VIEWS:  # the address changes with the click: whoever goes back at once comes to where he was
-                ui.tab(name, icon=ICONS[name]).on("click", js_handler=f"() => {address_of(studio, name)}")
+            for name in VIEWS:  # at once in the browser: whoever goes back then comes to where he was
+                switch = f"() => {{ {address_of(studio, name)}; {SWITCH.replace('VIEW', name)} }}"
+                ui.tab(name, icon=ICONS[name]).on("click", js_handler=switch)
         ui.space()
         _build_undo(studio)
         theme = ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not _is_dark(dark)))
         theme.props('flat round dense color=white aria-label="light or dark"')
+    tabs.set_value(studio.view)
+
+    def show(name: str) -> None:
+        tabs.set_value(name)
+
     with ui.element("div").classes("nicegui-content w-full"):
         _build_status(studio)
-        with ui.tab_panels(tabs, value=first, animated=False).classes("st-panels") as panels:
-
-            def show(name: str) -> None:
-                panels.set_value(name)
-
-            for name, build in VIEWS.items():
-                with ui.tab_panel(name).classes("st-panel"):
-                    build(studio, show)
+        panels = Panels(studio, VIEWS, show)
 
     def shown() -> None:
-        studio.view = str(panels.value)
+        studio.view = str(tabs.value)
         ui.run_javascript(address_of(studio, studio.view))
+        panels.see(studio.view)
         studio.tell("view")
 
-    panels.on_value_change(shown)
+    tabs.on_value_change(shown)
     shown()
     ui.keyboard(on_key=lambda event: _pressed(studio, event), ignore=["input", "textarea"])
     ui.run_javascript(BACK)

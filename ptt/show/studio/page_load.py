@@ -135,7 +135,7 @@ def _build_more(studio: Studio, go: Go) -> None:
             level = ui.select(LEVELS, value="single", label="Challenge").props("dense outlined").classes("w-72")
             arm = sample_files(ARM)
             kinds = {"": "of a 3-PTT", **({} if arm is None else {str(arm[1]): "of a serial arm"})}
-            kind = ui.select(kinds, value="", label="Drawn").props("dense outlined").classes("w-40")
+            kind = ui.select(kinds, value="", label="Machine").props("dense outlined").classes("w-40")
             ui.button(
                 "Draw a fresh challenge",
                 on_click=lambda: _take_challenge(studio, go, level.value, kind.value or None),

@@ -39,8 +39,8 @@ class LookView:
                 self._build_against()
             with ui.element("div").classes("st-box st-table st-col"):
                 self._build_table()
-        studio.on("session", self.show)
-        studio.on("picked", self.redraw)
+        studio.on("session", lambda: studio.later.ask("Look", self.show))
+        studio.on("picked", lambda: studio.later.ask("Look", self.redraw))
         self.show()
 
     def _build_field(self) -> None:

@@ -32,7 +32,7 @@ class ModelView:
             with ui.element("div").classes("st-box st-col st-scroll").props("tabindex=0"):
                 self._build_add()
                 self.list = ui.element("div").classes("w-full")
-        studio.on("session", self.show)
+        studio.on("session", lambda: studio.later.ask("Model", self.show))
         studio.on("busy", self._enable)
         self.show()
 

@@ -40,7 +40,7 @@ class ResultView:
                 self.others = build_others(studio, self.add)
             with ui.element("div").classes("st-box st-col"):
                 self.picture = MachinePicture(studio)
-        studio.on("session", self.show)
+        studio.on("session", lambda: studio.later.ask("Result", self.show))
         studio.on("busy", self._enable)
         self.show()
 

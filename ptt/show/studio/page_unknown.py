@@ -30,7 +30,7 @@ class UnknownView:
                 self.add = ui.button("Add it to the model", icon="add", on_click=self._add).props("no-caps outline")
             self.code = ui.label().classes("st-mono st-code").mark("effect-file")
             self.code.props("tabindex=0")
-        studio.on("session", self.show)
+        studio.on("session", lambda: studio.later.ask("Result", self.show))
         self.show()
 
     def show(self) -> None:

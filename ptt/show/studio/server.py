@@ -130,7 +130,7 @@ def _owner_of_client(key: str) -> str | None:
 
 
 def _unknown() -> None:
-    with ui.element("main").style("padding: 40px; max-width: 640px"):
+    with ui.element("div").style("padding: 40px; max-width: 640px"):
         ui.html("No such session", sanitize=False, tag="h1").style("font-size: 24px")
         ui.label("It was removed, or it belongs to another browser.")
         ui.link("Begin a new one", "/")

@@ -1,0 +1,93 @@
+"""The views of the page: one is seen, the others are built and drawn behind it as soon as nothing is asked for.
+
+A picture in space takes half a second to come into being in a browser; whoever opens its view finds it there already.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+if TYPE_CHECKING:
+    from ptt.show.studio.controller import Studio
+
+PAUSE = 0.2  # s between two things drawn unseen, so that what a person does comes first
+# A hidden view keeps its place and size: what was drawn there is right when it is seen, and nothing is drawn anew.
+SWITCH = """document.querySelectorAll('.st-panel')
+  .forEach(panel => panel.classList.toggle('st-here', panel.dataset.view === 'VIEW'))"""
+
+
+class Later:
+    """What is still to be drawn: of the view that is seen at once, of the others when there is time."""
+
+    def __init__(self, studio: "Studio") -> None:
+        """Begin with nothing; needs the page, whose clock it takes."""
+        self._studio = studio
+        self._due: dict[Callable[[], None], str] = {}
+        self._clock = ui.timer(PAUSE, self._one, active=False)
+
+    def ask(self, view: str, draw: Callable[[], None]) -> None:
+        """Draw now if the view is seen, else later; asked twice, it is drawn once.
+
+        Args:
+            view: name of the view.
+            draw: draws what is known by then.
+        """
+        if view == self._studio.view:
+            draw()
+            return
+        self._due.setdefault(draw, view)
+        self._clock.active = True
+
+    def seen(self, view: str) -> None:
+        """Draw everything that a view lacks."""
+        for draw in [draw for draw, of in self._due.items() if of == view]:
+            self._draw(draw)
+
+    def _one(self) -> None:
+        """Draw one thing of a view that is not seen, unless a person waits for something else."""
+        studio = self._studio
+        if studio.idle and studio.session.look is not None and self._due:
+            self._draw(next(iter(self._due)))
+
+    def _draw(self, draw: Callable[[], None]) -> None:
+        del self._due[draw]
+        self._clock.active = bool(self._due)
+        draw()
+
+
+class Panels:
+    """The views, each in its panel."""
+
+    def __init__(self, studio: "Studio", views: Mapping[str, Callable[..., None]], show: Callable[[str], None]) -> None:
+        """Lay out empty panels; a view is built when it is seen or when there is time.
+
+        Args:
+            studio: of this session.
+            views: name -> what builds it, from the studio and from what shows another view.
+            show: shows another view.
+        """
+        self._studio = studio
+        self._panels: dict[str, ui.element] = {}
+        with ui.element("div").classes("st-panels"):
+            for name, build in views.items():
+                panel = ui.element("div").classes("st-panel")
+                panel.props(f'role=tabpanel data-view={name} aria-label="{name}"')
+                self._panels[name] = panel
+                studio.later.ask(name, partial(self._build, panel, partial(build, studio, show)))
+
+    @staticmethod
+    def _build(panel: ui.element, build: Callable[[], None]) -> None:
+        with panel:
+            build()
+
+    def see(self, view: str) -> None:
+        """Show a view, built and drawn as far as it was not.
+
+        Args:
+            view: its name.
+        """
+        for name, panel in self._panels.items():
+            panel.classes(add="st-here") if name == view else panel.classes(remove="st-here")
+        self._studio.later.seen(view)
