@@ -17,7 +17,8 @@ from ptt.commands.main import app
 from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict, sentence, sentences
 from ptt.effects import library
-from ptt.effects.phrases import figure
+from ptt.effects.base import family
+from ptt.effects.phrases import compose, figure, scaled
 from ptt.fitting.gauge import Told, sparsest
 from ptt.fitting.solve import fit, residual_of
 from ptt.machine import format_machine, load_machine
@@ -147,7 +148,7 @@ BOTH = [
      rf"Slider 2 repeats an error of {N} um with every turn of the screw, highest 0\.\d+ mm in",
      rf"Slider 2 repeats an error of {N} um with every turn of the screw, highest 3\.3 mm in", 6.0),
     ("joint-offset", lambda s: fault("geometry", "joint_offset_rail_mm", 1, 0.1 * s),
-     rf"Link 1 gets {N} um longer the more it runs", rf"Link 1 gets {N} um shorter the more it runs", 100.0),
+     rf"Link 1 gets {N} um longer when turned along", rf"Link 1 gets {N} um shorter when turned along", 100.0),
     ("frame-growth", lambda s: {"thermal": {"frame_um_per_m_k": 24.0 * s}},
      rf"The base radius grows {N} um/m/K with warmth: ", rf"The base radius shrinks {N} um/m/K with warmth: ", 24.0),
     ("frame-growth", lambda s: {"thermal": {"frame_um_per_m_k": 24.4, "link_um_per_m_k": 9.0 * s}},
@@ -454,3 +455,31 @@ def test_figures_have_two_digits_that_count(value, text):
 def test_every_effect_is_said_somewhere_here():
     told = {case[0] for case in (*BOTH, *ARMS)}
     assert set(KNOWN) == told | {"tracker-frame", "windup", "joint-clearance", "self-weight", "joint-error-map"}
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    return hide(tmp_path_factory.mktemp("sound"), {})
+
+
+NUMBER = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?)(?= (?:n|u|m)?(?:m|rad|s)\b|[,\d. ]* and)")
+
+
+@pytest.mark.parametrize("name", [name for name, effect in KNOWN.items() if "three-ptt" in effect.mechanisms])
+@pytest.mark.parametrize("times", [2e-3, 1.0, 50.0, 3000.0])
+def test_any_size_of_any_effect_is_said_with_a_prefix_and_its_side(sound, name, times):
+    """Small, usual and off the scale: no row of noughts, no powers of ten, and the other sign in other words."""
+    effect, view = KNOWN[name](), sound.view
+    usual = [p.usual for p in (q.on(family(view)) for q in effect.parameters) for _ in range(p.size(view.joints))]
+    theta = times * torch.tensor(usual, dtype=torch.float64)
+    plus, minus = (compose(effect.say(s * theta, 0.01 * theta, view), effect.noun) for s in (1.0, -1.0))
+    assert plus != minus and not re.search(r"\de[+-]\d|-0 ", plus + minus)
+    sizes = [float(found) for found in NUMBER.findall(plus.split(" near ")[0].split(", highest")[0])]
+    assert all(size < 10_000.0 for size in sizes), plus
+    assert not sizes or max(sizes) >= 0.01, plus
+
+
+def test_the_prefix_is_that_of_all_sizes_together():
+    assert scaled([25_000.0, 10_000.0], "um") == (1e-3, "mm") and scaled([999.0, 2000.0], "um") == (1.0, "um")
+    assert scaled([4e-4, 1e-4], "\N{MICRO SIGN}m/N") == (1e3, "nm/N") and scaled([60_000.0], "ms") == (1e-3, "s")
+    assert scaled([3e6], "urad") == (1e-6, "rad") and scaled([5e9], "kg") == (1.0, "kg") and scaled([], "um")[1] == "um"

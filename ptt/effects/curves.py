@@ -83,7 +83,7 @@ def curve_extremes(
             low, high = float(values["from"][joint]), float(values["to"][joint])
             for at, right in ((int(curve.argmax()), 1.0), (int(curve.argmin()), -1.0)):
                 if right * float(curve[at]) > 0.0:
-                    where = f" near b = {low + float(place[at]) * (high - low):.0f} mm"
+                    where = f" near b = {low + float(place[at]) * (high - low):z.0f} mm"
                     here = replace(phrase, plus=phrase.plus + where, minus=phrase.minus + where)
                     parts.append(said(here, float(curve[at]), float(spread[at]), own.unit, own.usual, joint + 1))
     return tuple(parts)

@@ -88,7 +88,7 @@ def farthest(effect: Effect, shift: Tensor, places: Tensor) -> tuple[Said, ...]:
     for joint in range(shift.shape[1]):
         for row, right in ((int(shift[:, joint].argmax()), 1.0), (int(shift[:, joint].argmin()), -1.0)):
             if right * float(shift[row, joint]) > 0.0:
-                where = f"at q = {float(torch.rad2deg(places[row, joint])):.0f} deg"
+                where = f"at q = {float(torch.rad2deg(places[row, joint])):z.0f} deg"
                 ahead, behind = (f"run{{s}} up to {{what}} {side} {where}" for side in ("ahead", "behind"))
                 value, usual = float(shift[row, joint]), effect.parameters[0].usual
                 parts.append(said(Phrase("", ahead, behind), value, float("nan"), "rad", usual, joint + 1))

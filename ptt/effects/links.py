@@ -72,13 +72,13 @@ class JointOffset(ThreePttEffect):
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase(
             "rail",
-            "get{s} {what} longer the more it runs along its rail",
-            "get{s} {what} shorter the more it runs along its rail",
+            "get{s} {what} longer when turned along the rail",
+            "get{s} {what} shorter when turned along the rail",
         ),
         Phrase(
             "tangential",
-            "get{s} {what} longer the less it points sideways",
-            "get{s} {what} shorter the less it points sideways",
+            "get{s} {what} longer when not pointing sideways",
+            "get{s} {what} shorter when not pointing sideways",
         ),
     )
     card: ClassVar[Card] = Card(

@@ -1,5 +1,6 @@
 """How the values of an effect are said: with the side that each of them means, in the units of a workshop."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -18,7 +19,11 @@ SHOWN = {  # unit -> factor and unit in words
     "mm/kg": (1e3, "um/kg"),
     "1/kg": (1e6, "um/m/kg"),
 }
-LARGE = 1000.0  # urad from which an angle is said in mrad
+UNIT = re.compile("(?P<prefix>[nmu\N{MICRO SIGN}]?)(?P<base>rad|m|s)(?P<per>[/ ].*)?")
+PREFIXES = ("n", "u", "m", "")  # of m, rad and s, by thousands
+LARGE, LARGEST = 1e3, 1e4  # the least and the largest of some sizes from which the next prefix is said
+LEAST = 1e-2  # the largest of some sizes below which the prefix before is said
+FULL = 720.0  # deg from which the turns of a screw are said
 MOST = 6  # values of one effect that anybody reads
 SMALL = 0.02  # share of the largest value below which nobody would turn a screw
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
@@ -120,7 +125,7 @@ def said(
     side, arm = int(value < 0.0), kind == "serial"
     who = phrase.arm_who or phrase.who if arm else phrase.who
     mend = (phrase.arm_mend if arm else phrase.mend)[side]
-    turn = "" if lead is None else f" ({abs(value) / lead * 360.0:.2g} deg of its screw)"
+    turn = "" if lead is None else f" ({_turned(abs(value) / lead * 360.0)} of its screw)"
     return Said(
         who, joint, phrase.on(kind)[side], abs(value) * factor, error * factor, shown, abs(value) / usual,
         mend.replace("{turn}", turn),
@@ -199,10 +204,35 @@ def _clause(who: str, text: str, group: Sequence[Said], noun: str) -> tuple[str,
 def sizes_in_words(group: Iterable[Said]) -> str:
     """Sizes with their unit, as in '41 and 38 um'."""
     parts = list(group)
-    size, unit = [part.size for part in parts], parts[0].unit
-    if unit.startswith("urad") and min(size) >= LARGE:
-        size, unit = [value / 1e3 for value in size], f"m{unit[1:]}"
-    return f"{listed([figure(value) for value in size])} {unit}"
+    factor, unit = scaled([part.size for part in parts], parts[0].unit)
+    return f"{listed([figure(factor * part.size) for part in parts])} {unit}"
+
+
+def scaled(sizes: Sequence[float], unit: str) -> tuple[float, str]:
+    """The prefix that suits some sizes.
+
+    Args:
+        sizes: not negative, in `unit`.
+        unit: of a length, an angle or a time with its prefix, by itself or per something: 'um', 'urad', 'um/m/K'.
+
+    Returns:
+        What sizes are multiplied by, and the unit then; another unit is left as it is.
+    """
+    found = UNIT.fullmatch(unit)
+    said = [size for size in sizes if size > 0.0 and np.isfinite(size)]
+    if found is None or not said:
+        return 1.0, unit
+    micro, factor = unit[:1] if unit[:1] in "u\N{MICRO SIGN}" else "u", 1.0
+    at = PREFIXES.index(found["prefix"].replace("\N{MICRO SIGN}", "u"))
+    while at < PREFIXES.index("") and factor * (1.0 + 1e-9) >= min(LARGE / min(said), LARGEST / max(said)):
+        at, factor = at + 1, factor / 1e3
+    while at > 0 and factor * max(said) < LEAST:
+        at, factor = at - 1, factor * 1e3
+    return factor, f"{PREFIXES[at].replace('u', micro)}{found['base']}{found['per'] or ''}"
+
+
+def _turned(degrees: float) -> str:
+    return f"{figure(degrees)} deg" if degrees < FULL else f"{figure(degrees / 360.0)} turns"
 
 
 def figure(value: float) -> str:

@@ -51,6 +51,10 @@ class Backlash(Effect):
                 "raise the reversal compensation of {who} by {what}",
                 "lower the reversal compensation of {who} by {what}",
             ),
+            arm_mend=(
+                "raise the reversal compensation of {who} by {what}",
+                "lower the reversal compensation of {who} by {what}",
+            ),
         ),
     )
     card: ClassVar[Card] = Card(

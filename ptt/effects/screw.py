@@ -11,7 +11,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, Parameter, Stage, family, per_joint
 from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
-from ptt.effects.phrases import Phrase, Said, said
+from ptt.effects.phrases import Phrase, Said, figure, said
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
@@ -178,7 +178,7 @@ class OncePerRev(Effect):
         often = {1: "with every turn", 2: "twice every turn"}.get(self._harmonic, f"{self._harmonic} times every turn")
         for joint, ((cosine, sine), error) in enumerate(zip(waves.T.tolist(), errors.T, strict=True), 1):
             crest = (np.arctan2(sine, cosine) / (2.0 * np.pi) % 1.0) * period
-            words = f"repeat{{s}} an error of {{what}} {often} of the {turn}, highest {crest:.2g} {unit} in"
+            words = f"repeat{{s}} an error of {{what}} {often} of the {turn}, highest {figure(crest)} {unit} in"
             size = float(np.hypot(cosine, sine))
             parts.append(said(Phrase("", words, words), size, float(error.max()), own.unit, own.usual, joint))
         return tuple(parts)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ptt.show.card.scene import Lines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.solids import Solid
-from ptt.show.card.words import value_in_words
+from ptt.show.card.words import by_part
 
 COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
 GHOST, FAULT = "#e69f00", "#b34700"
@@ -41,9 +41,9 @@ def draw_scene(lines: Lines, shift: Mapping[str, Any] | None, values: list[Mappi
         parts += [(solid, GHOST, 0.55) for solid in only(there, *legs_at_fault(shift)).values()]
     _fill(axes, parts)
     middle = float(_seen(lines.chains.reshape(-1, 3))[0][:, 0].mean())
-    for value in values if shift is not None else ():
-        place, _ = _seen(place_of_part(there, value["who"])[None])
-        words = f"{value['who']}: {value_in_words(value)}"
+    for who, said in by_part(values if shift is not None else ()):
+        place, _ = _seen(place_of_part(there, who)[None])
+        words = f"{who}: " + "\n".join(said)
         box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GHOST, "alpha": 0.9}
         right = place[0, 0] > middle
         axes.annotate(

@@ -52,7 +52,7 @@ class Cause:
         words: side and size in one sentence.
         cause: what is wrong with such a machine, from the effect's card.
         values: each number with its side.
-        cure: what to turn, move or enter, by how much; '' for nothing.
+        cure: what to turn, move or enter, by how much; where that cannot be said, what mends such a machine.
         probability: that it is part of what is missing.
         tie: what cannot be told apart from it; '' for nothing.
         others: effects that would do as well.
@@ -171,7 +171,7 @@ def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Pro
         words=pretty(f"{words[:1].upper()}{words[1:]}."),
         cause=card_of(term.effect).cause,
         values=values,
-        cure=pretty(remedy(told, problem.view)),
+        cure=pretty(remedy(told, problem.view) or card_of(term.effect).remedy.rstrip(".")),
         probability=float(one.probability),
         tie=pretty(headline(one.effect, tied[1:], one.sum_of)),
         others=tuple(tied[1:]),

@@ -150,7 +150,7 @@ def place_of_part(lines: Lines, who: str) -> np.ndarray:
         if kind == "link":
             return np.asarray(lines.chains[index].mean(axis=0))
         if kind == "tower":
-            return np.asarray(lines.rails[index][1])
+            return np.asarray(lines.rails[index].mean(axis=0))
         if kind == "slider":
             return np.asarray(lines.chains[index][0])
     if kind == "joint" and not len(lines.rails) and 0 <= index < len(lines.chains[0]) - 1:

@@ -2,8 +2,10 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+
+from ptt.effects.phrases import scaled
 
 MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
@@ -116,7 +118,8 @@ def parameter_in_words(name: str, value: float, error: float | None) -> tuple[st
     )
     told = f"{stem.removesuffix(suffix).replace('_', ' ')} {number}".strip()
     size = max(abs(value), error or 0.0)
-    times, shown = (factor, unit.replace("u", MICRO, 1)) if factor != 1.0 else prefixed([size], unit)
+    times, shown = scaled([factor * size], unit) if factor != 1.0 else prefixed([size], unit)
+    times, shown = (times * factor, shown.replace("u", MICRO, 1)) if factor != 1.0 else (times, shown)
     if unit == "s":
         times, shown = (1e3, "ms") if size < 1.0 else (1.0, "s")
     text = f"{times * value:.4g}"
@@ -133,11 +136,27 @@ def parameter_in_words(name: str, value: float, error: float | None) -> tuple[st
 
 def value_in_words(value: Mapping[str, Any]) -> str:
     """A value of a finding with its error, for example '201 +- 4 um' with the real signs."""
-    error = value["error"]
+    factor, unit = scaled([value["size"]], value["unit"])
+    size, error = factor * value["size"], value["error"]
     if error is None or not error > 0.0:
-        return f"{_short(value['size'], 2)} {value['unit']}"
-    digits = _digits(error)
-    return f"{value['size']:.{digits}f} \N{PLUS-MINUS SIGN} {error:.{digits}f} {value['unit']}"
+        return f"{_short(size, 2)} {unit}"
+    digits = _digits(factor * error)
+    return f"{size:.{digits}f} \N{PLUS-MINUS SIGN} {factor * error:.{digits}f} {unit}"
+
+
+def by_part(values: Iterable[Mapping[str, Any]]) -> list[tuple[str, list[str]]]:
+    """The values of a finding by the part that has them.
+
+    Args:
+        values: of the finding.
+
+    Returns:
+        Each part once, as 'tower 3', with its values in words.
+    """
+    parts: dict[str, list[str]] = {}
+    for value in values:
+        parts.setdefault(value["who"], []).append(value_in_words(value))
+    return list(parts.items())
 
 
 def _digits(error: float) -> int:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ptt.show.card.words import prefixed
 from ptt.show.studio.looks import Look
 from ptt.show.studio.session import Rung
 
@@ -41,9 +42,19 @@ def short_label(context: str, look: Look) -> str:
     return label_of(context, look).replace("slider height", "height").replace("joint angle", "angle")
 
 
-def unit_of(view: str) -> tuple[str, float]:
-    """Unit a residual is drawn in, and the factor to it."""
-    return ("\N{MICRO SIGN}rad", 1e6) if view.startswith("joint") else ("\N{MICRO SIGN}m", UM)
+def unit_of(view: str, values: np.ndarray) -> tuple[str, float]:
+    """Unit a residual is drawn in, and the factor to it.
+
+    Args:
+        view: component of the residual.
+        values: (n,) mm or rad.
+
+    Returns:
+        Unit with the prefix that suits the largest, and what values are multiplied by.
+    """
+    base, small = ("urad", 1e6) if view.startswith("joint") else ("um", UM)
+    factor, unit = prefixed([float(np.nanmax(np.abs(values), initial=0.0)) * small], base)
+    return unit, factor * small
 
 
 def shown_rows(look: Look, picked: Sequence[int] = ()) -> np.ndarray:
@@ -77,8 +88,12 @@ def against_figure(
     Returns:
         The figure; dragging a box picks readings.
     """
-    rows, (unit, factor) = shown_rows(look, picked), unit_of(view)
-    across, axis = look.contexts[context], axis_of(label_of(context, look))
+    rows, (unit, factor) = shown_rows(look, picked), unit_of(view, look.views[view])
+    across, label = look.contexts[context], label_of(context, look)
+    if label == "time [s]":
+        scale, clock = prefixed(across[rows].tolist(), "s")
+        across, label = scale * across, f"time [{clock}]"
+    axis = axis_of(label)
     if context.startswith("direction"):
         spread = np.random.default_rng(0).uniform(-0.15, 0.15, look.rows)  # so that points do not hide each other
         across, words = across + spread, ("back", "forward") if look.serial else ("down", "up")
@@ -118,10 +133,11 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
     """
     place = [f"{number}. {rung.words}" for number, rung in enumerate(rungs)]
     parted = [(at, rung.rms_um, rung.heldout_rms_um) for at, rung in zip(place, rungs, strict=True)]
-    held = [(at, float(figure[axis])) for at, _, figure in parted if figure is not None]
-    train = [(at, float(figure[axis])) for at, figure, other in parted if other is not None]
-    plain = [(at, float(figure[axis])) for at, figure, other in parted if other is None]
-    noise = float(noise_um[axis])
+    factor, unit = prefixed([float(rung.rms_um[axis]) for rung in rungs], "um")
+    held = [(at, factor * float(figure[axis])) for at, _, figure in parted if figure is not None]
+    train = [(at, factor * float(figure[axis])) for at, figure, other in parted if other is not None]
+    plain = [(at, factor * float(figure[axis])) for at, figure, other in parted if other is None]
+    noise = factor * float(noise_um[axis])
     data: list[Figure] = [
         {
             **_steps(train, "training"),
@@ -163,7 +179,7 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
     layout = whole_layout(
         xaxis={**axis_of(""), "type": "category", "categoryorder": "array", "categoryarray": place},
         showlegend=True,
-        yaxis={**axis_of(f"RMS error, {axis} [\N{MICRO SIGN}m]"), "type": "log", "range": bounds, "tickvals": ticks},
+        yaxis={**axis_of(f"RMS error, {axis} [{unit}]"), "type": "log", "range": bounds, "tickvals": ticks},
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         margin={"l": 62, "r": 14, "t": 30, "b": 28},
     )
@@ -182,14 +198,15 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
     """
     axes = ("x", "y", "z", "total")
     words = {"given": ("model as given", PALE), "physics": ("refitted", BLUE), "rbf": ("with the network", DARK)}
+    factor, unit = prefixed([float(stages[key][axis]) for key in words for axis in axes], "um")
     data: list[Figure] = [
         {
             "type": "bar",
             "name": words[key][0],
             "x": list(axes),
-            "y": [float(stages[key][axis]) for axis in axes],
+            "y": [factor * float(stages[key][axis]) for axis in axes],
             "marker": {"color": words[key][1]},
-            "text": [f"{stages[key][axis]:.1f}" for axis in axes],
+            "text": [f"{factor * stages[key][axis]:.1f}" for axis in axes],
             "textposition": "inside",
             "insidetextanchor": "start",
             "textangle": 0,
@@ -204,7 +221,7 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
             "mode": "markers",
             "name": "noise floor",
             "x": list(axes),
-            "y": [float(noise_um[axis]) for axis in axes],
+            "y": [factor * float(noise_um[axis]) for axis in axes],
             "marker": {"symbol": "line-ew-open", "size": 44, "color": ORANGE, "line": {"width": 3}},
         }
     )
@@ -212,7 +229,7 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
         xaxis=axis_of(""),
         barmode="group",
         showlegend=True,
-        yaxis={**axis_of("RMS error, held out [\N{MICRO SIGN}m]"), "rangemode": "tozero"},
+        yaxis={**axis_of(f"RMS error, held out [{unit}]"), "rangemode": "tozero"},
         legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0},
         margin={"l": 62, "r": 10, "t": 40, "b": 30},
     )

@@ -8,13 +8,14 @@ import numpy as np
 
 from ptt.show.card.scene import Lines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.solids import Solid, arrows
-from ptt.show.card.words import value_in_words
+from ptt.show.card.words import by_part, length, prefixed
 from ptt.show.studio.figures import MIDDLE, MOST, ORANGE, UM, Figure, shown_rows, whole_figure, whole_layout
 from ptt.show.studio.looks import Look
 
 SCALE = "Cividis"  # made for every kind of colour vision
 COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
 GHOST, LETTERS = "#e69f00", "#8a3500"
+LIFT, LINE = 38, 15  # px that a label stands off its part, and that a line of it takes
 SHOWN_ARROWS = 240  # more hide each other
 REACH = 0.45  # of the path's size that the 95 % arrow takes
 OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
@@ -132,12 +133,13 @@ def _labels(lines: Lines, ghost: Mapping[str, Any]) -> list[Figure]:
     """Sizes in words beside the parts that have them, over everything else."""
     there = moved(lines, ghost["shift"], int(ghost["at"]), float(ghost["times"]))
     labels = []
-    for value in ghost.get("values", ()):
-        place = place_of_part(there, value["who"]).tolist()
+    for number, (who, said) in enumerate(by_part(ghost.get("values", ()))):
+        place = place_of_part(there, who).tolist()
+        beyond = LIFT + (LIFT + LINE * len(said)) * (number // 2)  # above and below by turns: labels don't hide another
         labels.append(
             {
                 **dict(zip("xyz", place, strict=True)),
-                "text": f"<b>{escape(value['who'])}</b> {escape(value_in_words(value))}",
+                "text": "<br>".join([f"<b>{escape(who)}</b>", *map(escape, said)]),
                 "font": {"size": 12, "color": LETTERS},
                 "bgcolor": "rgba(255,255,255,0.88)",
                 "bordercolor": GHOST,
@@ -145,7 +147,7 @@ def _labels(lines: Lines, ghost: Mapping[str, Any]) -> list[Figure]:
                 "arrowcolor": GHOST,
                 "arrowhead": 0,
                 "ax": 0,
-                "ay": -42,
+                "ay": beyond if number % 2 else -beyond,
             }
         )
     return labels
@@ -155,16 +157,18 @@ def _arrows(look: Look, scale: float, size: float) -> list[Figure]:
     place, error, count = mean_arrows(look)
     if not len(place):
         return []
-    length = UM * np.linalg.norm(error, axis=1)
-    top = float(np.quantile(length, 0.98)) or 1.0
+    sizes = UM * np.linalg.norm(error, axis=1)
+    factor, unit = prefixed(sizes.tolist(), "um")
+    shown = factor * sizes
+    top = float(np.quantile(shown, 0.98)) or 1.0
     solid, owner = arrows(place, error * scale, 0.045 * size)
     words = [
-        f"{', '.join(f'{value:.1f}' for value in spot)} mm<br>{each:.1f} \N{MICRO SIGN}m, "
+        f"{', '.join(f'{value:.1f}' for value in spot)} mm<br>{length(each)}, "
         f"{f'mean of {many} readings' if many > 1 else 'one reading'}"
-        for spot, each, many in zip(place, length, count, strict=True)
+        for spot, each, many in zip(place, sizes, count, strict=True)
     ]
     bar = {
-        "title": {"text": "mean error [\N{MICRO SIGN}m]", "side": "top", "font": {"size": 12}},
+        "title": {"text": f"mean error [{unit}]", "side": "top", "font": {"size": 12}},
         "orientation": "h",
         "thickness": 11,
         "len": 0.62,
@@ -176,7 +180,7 @@ def _arrows(look: Look, scale: float, size: float) -> list[Figure]:
     }
     arrow = {
         **_solid(solid, "", "errors"),
-        "intensity": np.minimum(length, top)[owner].tolist(),
+        "intensity": np.minimum(shown, top)[owner].tolist(),
         "colorscale": SCALE,
         "cmin": 0.0,
         "cmax": top,

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from nicegui import events, ui
 
 from ptt.errors import PttError
+from ptt.show.card.words import length
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import before_after_figure
 from ptt.show.studio.guard import LIMIT
@@ -108,7 +109,7 @@ class FinishView:
         before, after = data["heldout_rms_um"]["given"]["total"], data["heldout_rms_um"]["rbf"]["total"]
         self.told.set_text(
             f"Network: {what}; it takes {max(data['share'], 0.0):.0%} of what physics leaves. Held-out error "
-            f"{before:.2f} \N{RIGHTWARDS ARROW} {after:.2f} \N{MICRO SIGN}m ({data['protocol']})."
+            f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)} ({data['protocol']})."
         )
         self.plot.update_figure(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
 
@@ -154,9 +155,7 @@ class FinishView:
             return
         figures = found.data
         ways = ", ".join(f"{count} {status}" for status, count in figures["status"].items() if count)
-        told = [
-            f"{figures['rows']} rows ({ways}); largest correction {figures['largest_shift_um']:.1f} \N{MICRO SIGN}m"
-        ]
+        told = [f"{figures['rows']} rows ({ways}); largest correction {length(figures['largest_shift_um'])}"]
         self.predicted.set_text("; ".join([*told, *found.notes]))
         ui.download.content(found.content, "sliders.csv")
 

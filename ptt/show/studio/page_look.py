@@ -214,15 +214,18 @@ def build_look(studio: Studio, go: Callable[[str], None]) -> None:
 def _table(look: Look, rows: Sequence[int]) -> str:
     """Readings as an HTML table."""
     inner = [name for name in look.views if name not in "xyz"]
-    units = [unit_of(name) for name in inner]
+    units = [unit_of(name, look.views[name]) for name in inner]
+    length_unit, factor = unit_of("x", look.residual)
     heads = ["line", "name", "run", "x [mm]", "y [mm]", "z [mm]"]
-    heads += [f"{name} [\N{MICRO SIGN}m]" for name in ("error x", "error y", "error z", "size")]
+    heads += [f"{name} [{length_unit}]" for name in ("error x", "error y", "error z", "size")]
     heads += [f"{name} [{unit}]" for name, (unit, _) in zip(inner, units, strict=True)]
     cells = []
     for row in rows:
         own = [str(look.line[row]), look.name[row], look.run[row], *(_number(value, 2) for value in look.target[row])]
-        own += [_number(1e3 * value, 1) for value in (*look.residual[row], float(np.linalg.norm(look.residual[row])))]
-        own += [_number(factor * look.views[name][row], 1) for name, (_, factor) in zip(inner, units, strict=True)]
+        own += [
+            _number(factor * value, 1) for value in (*look.residual[row], float(np.linalg.norm(look.residual[row])))
+        ]
+        own += [_number(times * look.views[name][row], 1) for name, (_, times) in zip(inner, units, strict=True)]
         cells.append(own)
     return table_html(heads, cells, words=3, caption="readings with their errors")
 

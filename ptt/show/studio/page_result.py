@@ -45,7 +45,7 @@ class ResultView:
         self.show()
 
     def _build_head(self) -> None:
-        with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
+        with ui.element("div").classes("st-tools st-line"):
             self.icon = ui.icon("troubleshoot", size="30px", color="primary").props('aria-hidden="true"')
             self.title = (
                 ui.html("", sanitize=False, tag="h2").classes("st-title").mark("verdict").props("aria-live=polite")
@@ -182,15 +182,18 @@ class ResultView:
                 ui.label(
                     f"held-out error {length(finding['before_um'])} \N{RIGHTWARDS ARROW} {length(finding['after_um'])}"
                 ).classes("st-chip")
-                ui.space()
-                show = ui.button("On the machine", icon="my_location", on_click=lambda: self._point(key))
-                show.props("flat dense no-caps size=sm").props["aria-label"] = f"show {key} on the machine"
-                why = ui.button("Why", icon="query_stats", on_click=lambda: open_effect(self.studio, key))
-                why.props("flat dense no-caps size=sm").props["aria-label"] = f"card of {key}"
-                add = ui.button("Add", icon="add", on_click=lambda: self.add(key))
-                add.props("dense no-caps unelevated size=sm").props["aria-label"] = f"add {key}"
-                add.style("padding: 0 10px")
-                self.adds[key] = add, ui.label("in the model").classes("st-chip")
+                with ui.element("div").classes("st-finding-tools"):
+                    self._buttons(key)
+
+    def _buttons(self, key: str) -> None:
+        show = ui.button("On the machine", icon="my_location", on_click=lambda: self._point(key))
+        show.props("flat dense no-caps size=sm").props["aria-label"] = f"show {key} on the machine"
+        why = ui.button("Why", icon="query_stats", on_click=lambda: open_effect(self.studio, key))
+        why.props("flat dense no-caps size=sm").props["aria-label"] = f"card of {key}"
+        add = ui.button("Add", icon="add", on_click=lambda: self.add(key))
+        add.props("dense no-caps unelevated size=sm").props["aria-label"] = f"add {key}"
+        add.style("padding: 0 10px")
+        self.adds[key] = add, ui.label("in the model").classes("st-chip")
 
     def _point(self, key: str) -> None:
         """Show a finding on the machine."""
