@@ -24,7 +24,7 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 
-SIZES = ((1440, 900), (1024, 768), (390, 844))
+SIZES = ((1440, 900), (1024, 768), (720, 450), (390, 844))
 DATA = Path(__file__).resolve().parents[1] / "data"
 TIE = """seed = 7
 [conditions]

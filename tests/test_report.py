@@ -15,7 +15,9 @@ from ptt.commands.main import app
 from ptt.correct.training.compensator import Compensator, load_compensator, save_compensator
 from ptt.correct.training.train import train
 from ptt.diagnosis.rest import LIGHT
+from ptt.effects import library
 from ptt.effects.bench import sample_machine
+from ptt.effects.cards import card_of
 from ptt.errors import InputError, ModelError
 from ptt.files import sha256
 from ptt.judge.history import record
@@ -25,6 +27,7 @@ from ptt.model.model import Model
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table, write_table
 from ptt.run.view import build_view
+from ptt.show.card.words import pretty
 from ptt.show.report import interactive
 from ptt.show.report.blocks import side_by_side
 from ptt.show.report.contents import Contents, gather, with_network
@@ -366,6 +369,8 @@ def test_words_in_chinese_come_from_one_file(minimal: Contents) -> None:
     assert say(" and ".join(cures)) == "将滑块 1 的反向补偿增加 55 um；滑块 3 的反向补偿增加 43 um"
     lost = say("Sliders 1, 2 and 3 lose 55, 16 and 43 um on reversal: backlash.")
     assert lost == "滑块 1、2、3 反向时丢失 55、16、43 um：反向间隙。"
+    mended = [pretty(card_of(effect()).remedy.rstrip(".")) for effect in library().values()]
+    assert [words for words in mended if say(words) == words] == []
     assert say("a phrase that nobody translated") == "a phrase that nobody translated"
     assert words_of("en")("In short") == "In short"
     with pytest.raises(InputError, match="take one of en, zh"):

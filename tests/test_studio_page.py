@@ -37,7 +37,7 @@ RULES = """async () => (await axe.run({exclude: ['#q-loading-bar']},
     {runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa', 'best-practice']}))
   .violations.flatMap(found => found.nodes.map(node => `${found.id}: ${node.html.slice(0, 160)}`))"""
 VIEWS = ("Load", "Result", "Look", "Model", "Finish", "Again")
-SIZES = ((1440, 900), (1024, 768), (390, 844))
+SIZES = ((1440, 900), (1024, 768), (720, 450), (390, 844))  # the third is the first at 200 %
 OVERLAPS = """() => {
   const seen = element => { const box = element.getBoundingClientRect();
     return box.width > 0 && box.height > 0 && getComputedStyle(element).visibility !== 'hidden' && box; };
@@ -51,6 +51,25 @@ OVERLAPS = """() => {
       bad.push(`${one.className} ${one.innerText} / ${other.className} ${other.innerText}`);
   if (document.documentElement.scrollWidth > innerWidth) bad.push('the page is wider than the screen');
   return bad; }"""
+BEYOND = """() => { const wide = document.documentElement.clientWidth, found = [];
+  const rolls = e => ['auto', 'scroll'].includes(getComputedStyle(e).overflowX) && e.scrollWidth > e.clientWidth;
+  for (const e of document.querySelectorAll('.st-panel.st-here *, header *, .st-status *')) {
+    const box = e.getBoundingClientRect(); let at = e.parentElement;
+    if (box.width < 2 || getComputedStyle(e).visibility === 'hidden') continue;
+    while (at && !rolls(at)) at = at.parentElement;
+    if (!at && (box.right > wide + 1 || box.left < -1)) found.push(e.outerHTML.slice(0, 120)); }
+  return found; }"""
+COVERED = """() => { const found = [], kind = 'label, .q-field, .q-slider, .q-toggle, .q-btn';
+  for (const e of document.querySelectorAll('button, input:not([type=file]), [role=switch], [role=slider]')) {
+    if (!e.getClientRects().length || getComputedStyle(e).visibility === 'hidden') continue;
+    if (e.disabled || e.ariaDisabled === 'true') continue;
+    e.scrollIntoView({block: 'center', inline: 'center'});
+    const box = e.getBoundingClientRect();
+    const at = document.elementFromPoint(box.left + box.width / 2, box.top + box.height / 2);
+    if (!at || !(e.contains(at) || at.contains(e) || (at.closest(kind) && at.closest(kind) === e.closest(kind))))
+      found.push(`${e.outerHTML.slice(0, 120)} under ${at?.outerHTML.slice(0, 120)}`); }
+  scrollTo(0, 0); document.querySelectorAll('.st-panel.st-here, .st-scroll').forEach(e => { e.scrollTop = 0; });
+  return found; }"""
 NAMELESS = """() => [...document.querySelectorAll('button, input, [role=tab], [role=img], [role=combobox]')]
   .filter(e => e.getClientRects().length && !(e.ariaLabel || e.innerText.trim() || e.getAttribute('aria-label')
     || (e.labels && [...e.labels].some(l => l.innerText.trim())) || e.closest('label')?.innerText.trim()
@@ -178,12 +197,14 @@ def settled(page: Page, script: str) -> list[str]:
 
 
 def check_layout(page: Page, view: str) -> None:
-    """Nothing overlaps and everything has a name, at all sizes; axe finds nothing at the smallest."""
+    """At all sizes nothing overlaps, sticks out or covers a control, and everything has a name; axe at the smallest."""
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(350)
         assert settled(page, OVERLAPS) == [], (view, width)
         assert page.evaluate(NAMELESS) == [], (view, width)
+        assert page.evaluate(BEYOND) == [], (view, width)
+        assert page.evaluate(COVERED) == [], (view, width)
     page.evaluate(AXE)
     assert settled(page, RULES) == [], view
     page.set_viewport_size({"width": 1440, "height": 900})
