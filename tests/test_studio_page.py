@@ -418,7 +418,7 @@ def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):
     page.wait_for_function(drawn, timeout=WAIT)
     expect(page.locator(".st-field canvas").first).to_be_visible(timeout=WAIT)
     print(f"\n20,000 rows: first plot after {time.perf_counter() - start:.1f} s (wanted: below 5 s)")
-    expect(page.get_by_text("20000 readings; each arrow is the mean error of those near each other")).to_be_visible()
+    expect(page.get_by_text("20000 readings; each arrow is the mean error of readings near each other")).to_be_visible()
     page.get_by_label("go to line").fill("15001")
     expect(page.get_by_text(re.compile(r"^1 picked readings"))).to_be_visible(timeout=WAIT)
     assert "15001" in page.locator(".st-look table.st-plain td").first.inner_text()

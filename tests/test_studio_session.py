@@ -37,6 +37,7 @@ from ptt.show.studio.looks import Look
 from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.page_finish import commands_of
 from ptt.show.studio.page_model import ladder_of, words_of
+from ptt.show.studio.page_understood import parted
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.server import Opening, keep_opening
@@ -313,6 +314,16 @@ def test_what_a_file_leaves_open_becomes_a_question(here: Path):
     answered = Source("open.csv", answers=((asked.value.question, "mm_s"),))
     assert "feed [mm/s]" in jobs.look(answered, MACHINE, silent).covariates
     assert answered.words == "open.csv --map answers.toml"
+
+
+def test_what_is_wrong_with_a_file_is_said_first(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str)
+    frame["q1_cmd_rad"] = "0.1"
+    pd.concat([frame[:10], frame[9:]]).to_csv("copied.csv", index=False)
+    warnings, lines = parted(jobs.look(Source("copied.csv"), MACHINE, silent).understood)
+    assert len(warnings) == 2 and not [line for line in lines if "warning" in line or "not used" in line]
+    assert any("taken as repeats" in words for words in warnings) and any("q1_cmd_rad" in words for words in warnings)
+    assert parted(jobs.look(RUN, MACHINE, silent).understood)[0] == []
 
 
 def test_what_a_further_run_leaves_open_becomes_a_question(here: Path):

@@ -10,37 +10,39 @@ from ptt.show.studio.results import Source
 from ptt.show.studio.uploads import keep_effects
 
 
-def iso(source: Source, model: str, tell: Progress) -> str:
-    """As `ptt iso`: ISO 9283 figures of the run."""
+def iso(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
+    """As `ptt iso`: ISO 9283 figures of the run, 'figures' by name."""
     from dataclasses import replace
 
-    from ptt.show.studio.verbs import say
+    from ptt.judge.iso.pose import named_figures
+    from ptt.show.studio.verbs import ask
 
     tell("figures of the standard", 0, 0)
     options = replace(source, effects=(), anyway=False).options
-    return say(["iso", source.run, "--model", str(place_of(model)), *options])[0].rstrip()
+    found = ask(["iso", source.run, "--model", str(place_of(model)), *options])
+    return {"standard": found["standard"], "figures": named_figures(found)}
 
 
 def dexterity(model: str, tell: Progress) -> Mapping[str, Any]:
-    """As `ptt dexterity`: its words, and its picture as PNG."""
-    from ptt.show.studio.verbs import say
+    """As `ptt dexterity`: its figures, and its picture as PNG."""
+    from ptt.show.studio.verbs import ask
 
     tell("condition number over the workspace", 0, 0)
     picture = Path("dexterity.png")
-    text = say(["dexterity", str(place_of(model)), "--plot", str(picture)])[0]
-    return {"text": text.rstrip(), "png": picture.read_bytes()}
+    figures = ask(["dexterity", str(place_of(model)), "--plot", str(picture)])
+    return {"figures": figures, "png": picture.read_bytes()}
 
 
-def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, str]:
+def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt plan`: targets of a first run, and what they will tell."""
-    from ptt.show.studio.verbs import say
+    from ptt.show.studio.verbs import ask
 
     tell("choosing poses", 0, 0)
     out = Path("plan.csv")
     out.unlink(missing_ok=True)
     loads = ["--payloads", payloads] if payloads.strip() else []
-    text = say(["plan", str(place_of(model)), "--out", str(out), "--rows", str(rows), *loads])[0]
-    return {"text": text.rstrip(), "csv": out.read_text(encoding="utf-8")}
+    told = ask(["plan", str(place_of(model)), "--out", str(out), "--rows", str(rows), *loads])
+    return {"told": told, "csv": out.read_text(encoding="utf-8")}
 
 
 def write_effect(name: str, dependence: Mapping[str, Any], tell: Progress) -> Mapping[str, str]:

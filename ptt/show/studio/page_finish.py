@@ -5,7 +5,7 @@ from collections.abc import Callable
 from nicegui import events, ui
 
 from ptt.errors import PttError
-from ptt.show.card.words import length
+from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import before_after_figure
 from ptt.show.studio.guard import LIMIT
@@ -162,7 +162,7 @@ class FinishView:
     async def _reveal(self) -> None:
         found = await self.studio.work("opening the seal", "reveal", self.studio.session.text)
         if found is not None:
-            self.revealed.set_text(found["text"])
+            self.revealed.set_text(pretty(found["text"]))
 
 
 def commands_of(studio: Studio) -> list[str]:

@@ -133,9 +133,13 @@ class LookView:
         )
         self.field.update_figure(figure)
         count = mean_arrows(look)[2]
-        share = "near each other" if len(count) and count.max() > 1 and len(count) > SHOWN_ARROWS // 2 else "of a pose"
+        share = (
+            "of readings near each other"
+            if len(count) and count.max() > 1 and len(count) > SHOWN_ARROWS // 2
+            else "of a pose"
+        )
         self.field_note.set_text(
-            f"{int(look.kept.sum())} readings; each arrow is the mean error of those {share} after frame alignment, "
+            f"{int(look.kept.sum())} readings; each arrow is the mean error {share} after frame alignment, "
             f"{scale:,.0f} times enlarged: 10 mm long is {length(1e4 / scale)}"
         )
 

@@ -6,9 +6,10 @@ from typing import Any
 
 from nicegui import ui
 
-from ptt.show.card.words import length, pretty
+from ptt.show.card.words import length
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.tables import table_html
+from ptt.show.studio.tool_tables import dexterity_html, iso_html, plan_html, plan_in_words
 
 
 def build_tools(studio: Studio) -> None:
@@ -22,7 +23,7 @@ def build_tools(studio: Studio) -> None:
         _build_plan(studio)
     with ui.element("div").classes("st-box"):
         ui.html("Figures of the standard (ISO 9283)", sanitize=False, tag="h2").classes("st-head")
-        _build_text(studio, "Work them out", "figures of the standard", "iso")
+        _build_iso(studio)
     with ui.element("div").classes("st-box"):
         ui.html("Dexterity over the workspace", sanitize=False, tag="h2").classes("st-head")
         _build_dexterity(studio)
@@ -36,8 +37,7 @@ def _build_plan(studio: Studio) -> None:
         rows = ui.number("rows", value=200, min=12, max=5000, precision=0).props("dense outlined").classes("w-24")
         loads = ui.input("payloads [kg]", placeholder="0,2.5,5").props("dense outlined").classes("w-36")
         make = ui.button("Plan", icon="route").props("no-caps outline")
-    told = ui.label().classes("st-mono st-pre").props("tabindex=0")
-    told.set_visibility(False)
+    told, body = ui.label().classes("st-note"), _table()
 
     async def plan() -> None:
         session = studio.session
@@ -47,27 +47,32 @@ def _build_plan(studio: Studio) -> None:
             "choosing poses", "plan", session.text, int(rows.value or 200), str(loads.value or "")
         )
         if found is not None:
-            told.set_text(pretty(found["text"]))
-            told.set_visibility(True)
+            told.set_text(plan_in_words(found["told"]))
+            body.set_content(plan_html(found["told"]))
             ui.download.content(found["csv"], "targets.csv")
 
     make.on_click(plan)
     _enabled(studio, make)
 
 
-def _build_text(studio: Studio, words: str, doing: str, job: str) -> None:
-    make = ui.button(words, icon="straighten").props("no-caps outline")
-    told = ui.label().classes("st-mono st-pre").props("tabindex=0")
-    told.set_visibility(False)
+def _table() -> ui.html:
+    """A place for a table, which rolls by itself where it is too wide."""
+    with ui.element("div").classes("st-grid").props("tabindex=0"):
+        return ui.html("", sanitize=False).classes("w-full")
+
+
+def _build_iso(studio: Studio) -> None:
+    make = ui.button("Work them out", icon="straighten").props("no-caps outline")
+    told, body = ui.label().classes("st-note"), _table()
 
     async def work() -> None:
         session = studio.session
         if not session.ready:
             return
-        found = await studio.work(doing, job, session.source, session.text)
+        found = await studio.work("figures of the standard", "iso", session.source, session.text)
         if found is not None:
-            told.set_text(pretty(found))
-            told.set_visibility(True)
+            told.set_text(str(found["standard"]))
+            body.set_content(iso_html(found))
 
     make.on_click(work)
     _enabled(studio, make)
@@ -75,8 +80,7 @@ def _build_text(studio: Studio, words: str, doing: str, job: str) -> None:
 
 def _build_dexterity(studio: Studio) -> None:
     make = ui.button("Work it out", icon="open_with").props("no-caps outline")
-    told = ui.label().classes("st-mono st-pre").props("tabindex=0")
-    told.set_visibility(False)
+    body = _table()
     picture = ui.html("", sanitize=False).classes("w-full")
 
     async def work() -> None:
@@ -85,8 +89,7 @@ def _build_dexterity(studio: Studio) -> None:
             return
         found = await studio.work("condition number over the workspace", "dexterity", session.text)
         if found is not None:
-            told.set_text(found["text"])
-            told.set_visibility(True)
+            body.set_content(dexterity_html(found["figures"]))
             png = base64.b64encode(found["png"]).decode()
             picture.set_content(
                 f'<img alt="condition number over the workspace" style="width:100%" src="data:image/png;base64,{png}">'

@@ -1,6 +1,6 @@
 """What was understood of a run: warnings first, then its columns with units and samples, and its figures."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from nicegui import ui
 
@@ -12,6 +12,7 @@ from ptt.show.studio.tables import table_html
 
 PER_ROW = 0.3e-3  # s that a diagnosis takes a row, measured on a million of them on two cores
 SLOWEST = 4.0  # times that a busy or slow computer takes
+FIRST = ("warning: ", "not used: ")  # beginnings of what a person has to know of a file before anything else
 
 
 def build_understood(studio: Studio, go: Callable[[str], None]) -> None:
@@ -48,6 +49,9 @@ def build_understood(studio: Studio, go: Callable[[str], None]) -> None:
 
 
 def _show(studio: Studio, look: Look, go: Callable[[str], None]) -> None:
+    warnings, lines = parted(look.understood)
+    for words in warnings:
+        ui.label(words).classes("st-tie").style("margin: 6px 0; width: 100%")
     for finding in look.setup:
         show_finding(finding)
     if look.rows > LONG:
@@ -75,12 +79,26 @@ def _show(studio: Studio, look: Look, go: Callable[[str], None]) -> None:
         with ui.element("div").classes("st-grid").props("tabindex=0"):
             ui.html(table_html(head, look.columns, words=4), sanitize=False).classes("w-full")
     with ui.expansion("How the file was read, in words").classes("w-full").props("dense"):
-        for line in look.understood:
+        for line in lines:
             ui.label(pretty(line)).classes("st-note")
     figures = studio.session.comparison
     if figures is not None:
         with ui.expansion("Compared with the model, in figures", value=False).classes("w-full").props("dense"):
             ui.label(pretty(figures.text)).classes("st-mono st-pre").props("tabindex=0")
+
+
+def parted(lines: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Warnings of a file, and what else was understood of it.
+
+    Args:
+        lines: as a table tells them.
+
+    Returns:
+        Sentences to be read first, and the other lines.
+    """
+    first = [line for line in lines if line.startswith(FIRST)]
+    told = [line.removeprefix(FIRST[0]) for line in first]
+    return [pretty(f"{words[:1].upper()}{words[1:]}.") for words in told], [line for line in lines if line not in first]
 
 
 def _noise(noise: object) -> str:

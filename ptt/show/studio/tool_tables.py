@@ -1,0 +1,93 @@
+"""What a plan, the standard and dexterity say, as tables in the units of a page."""
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+from ptt.show.card.words import length, parameter_in_words, pretty
+from ptt.show.studio.tables import table_html
+
+
+def plan_html(told: Mapping[str, Any]) -> str:
+    """Which effects a run over planned poses would tell, and how well.
+
+    Args:
+        told: what `ptt plan --json` prints.
+
+    Returns:
+        HTML.
+    """
+    rows = []
+    for item in told["effects"]:
+        name = f"{item['effect']} (in the model)" if item["in_model"] else item["effect"]
+        if item["testable"]:
+            rows.append((name, f"{item['seen']} of {item['of']}", _errors(item["parameters"])))
+        else:
+            rows.append((name, "\N{EN DASH}", pretty(f"needs {item['needs']}")))
+    head = ("effect", "seen", f"expected standard error at {length(told['sigma_um'])} noise")
+    return table_html(head, rows, words=3, caption="what planned poses would tell")
+
+
+def plan_in_words(told: Mapping[str, Any]) -> str:
+    """How many poses there are, and how they arrive."""
+    rising = ", ".join(f"{share:.0%}" for share in told["rising_share"])
+    visits = f", {told['datum_visits']} visits of a datum among them" if told["datum_visits"] else ""
+    return f"{told['rows']} poses{visits}; joints arrive upward in {rising} of them."
+
+
+def _errors(parameters: Sequence[Mapping[str, Any]]) -> str:
+    """The largest standard error of each kind of parameter."""
+    said = []
+    for stem, group in groupby(parameters, key=lambda item: str(item["name"]).partition(" ")[0]):
+        parts = list(group)
+        known = [item["std"] for item in parts if item["std"] is not None]
+        name, size, _ = parameter_in_words(stem, max(known, default=0.0), None)
+        some = ", some unseen" if known and len(known) < len(parts) else ""
+        said.append(f"{name} {size}{some}" if known else f"{name} unseen")
+    return "; ".join(said)
+
+
+def iso_html(found: Mapping[str, Any]) -> str:
+    """Figures of the standard, mean and worst over the poses.
+
+    Args:
+        found: 'figures', a name with 'mean' and 'worst' in um, or None where the run does not tell it.
+
+    Returns:
+        HTML.
+    """
+    rows = [
+        (name, *((length(figure[key]) for key in ("mean", "worst")) if figure else ("not told by this run", "")))
+        for name, figure in found["figures"]
+    ]
+    return table_html(("figure", "mean", "worst"), rows, caption="figures of ISO 9283")
+
+
+def dexterity_html(figures: Mapping[str, Any]) -> str:
+    """How well the machine moves at home and over its workspace.
+
+    Args:
+        figures: what `ptt dexterity --json` prints.
+
+    Returns:
+        HTML.
+    """
+    home, space = figures["home"], figures["workspace"]
+    rows = [(_spoken(key), f"{value:.3g}") for key, value in home.items() if isinstance(value, float)]
+    if space is not None:
+        rows += [
+            (f"condition number over {space['poses']} poses, {key}", f"{space['condition'][key]:.3g}")
+            for key in ("least", "median", "largest")
+        ]
+        rows.append(("poses near a singularity", f"{space['near_singular_share']:.1%}"))
+    return table_html((), rows, words=1, caption="dexterity")
+
+
+def _spoken(key: str) -> str:
+    known = {
+        "condition": "condition number at home", "manipulability": "manipulability at home",
+        "determinant": "determinant of the Jacobian at home", "inverse_mm": "way to the inverse singularity [mm]",
+        "edge_mm": "way to the edge of the workspace [mm]", "inverse": "margin of the inverse singularity (0 is at it)",
+        "direct": "margin of the direct singularity", "constraint": "margin of the constraint singularity",
+    }  # fmt: skip
+    return known.get(key, key.replace("_", " "))
