@@ -292,6 +292,8 @@ def test_one_thing_has_one_number_on_the_page(here: Path, learned: Learned):
     studio.session = session.remembering(learned=learned)
     assert told_of(studio).endswith(f"error {length(learned.card['error_um'])} rms")
     assert ladder_of(studio)[0][-1].rms_um["total"] == learned.card["error_um"] != compared.data["rms_um"]["total"]
+    stepped = replace(studio.session, past=(studio.session.now,))
+    assert session.began_um is None and stepped.began_um["total"] == learned.card["error_um"]
 
 
 def test_a_later_run_is_held_beside_the_first_and_by_date(here: Path):

@@ -125,7 +125,7 @@ class ResultView:
             self.rows.clear()
             with self.card:
                 self._fill(lesson)
-            self._say(card["title"], card["words"], ICONS[card["verdict"]])
+            self._say(card["title"], self._told(card), ICONS[card["verdict"]])
             self.sure.set_text(how_sure(card["probability"]))
             self.sure.set_visibility(True)
             self.picture.show(lesson)
@@ -139,8 +139,13 @@ class ResultView:
         self.finish.set_visibility(not left and card["verdict"] != "unknown")
         if stale:
             self.words.set_text("The model has changed since; this was found before the change.")
-        elif self.words.text != card["words"]:
-            self.words.set_text(card["words"])
+        elif self.words.text != self._told(card):
+            self.words.set_text(self._told(card))
+
+    def _told(self, card: Mapping[str, Any]) -> str:
+        """The words of the card, and after steps the error that they began with."""
+        began = self.studio.session.began_um
+        return f"{card['words']} It began with {length(began['total'])}." if began else str(card["words"])
 
     def _fill(self, lesson: Learned) -> None:
         card = lesson.card

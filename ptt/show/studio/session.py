@@ -128,11 +128,17 @@ class Session:
         The diagnosis leaves out the rows that a run opens with and weighs the frame by the noise it has found: with
         both in sight the page would have two numbers for one thing.
         """
-        if self.lesson is not None:
-            return dict(self.lesson.data["rms_um"]["before"])
-        if self.comparison is None:
-            return None
-        return dict(self.comparison.data["rms_um"])
+        return self._error_of(self.text)
+
+    @property
+    def began_um(self) -> Figures | None:
+        """The error that the first step began with, as `error_um`; None before any step."""
+        return self._error_of(self.past[0].active) if self.past else None
+
+    def _error_of(self, text: str) -> Figures | None:
+        if text in self.lessons:
+            return dict(self.lessons[text].data["rms_um"]["before"])
+        return dict(self.comparisons[text].data["rms_um"]) if text in self.comparisons else None
 
     @property
     def training(self) -> Trained | None:
