@@ -159,7 +159,7 @@ def _after_repair(result: Any) -> list[str]:
     return [
         f"The repair {helped}: what the effects of the model do to the tool in this run goes from {before[TOTAL]:.1f} "
         f"to {now[TOTAL]:.1f} um ({rest}). The old model still corrects what is no longer there: fit it to this run "
-        "(ptt fit)."
+        "(ptt fit; of a fleet, ptt fleet accept)."
     ]
 
 

@@ -92,27 +92,23 @@ def cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             yield client
         return
     # One thread each: the sums are numpy's, and threads of one process would wait for each other.
-    quiet("tornado.application")  # it tells of every call to the scheduler that Ctrl-C breaks off
+    level = logging.WARNING if os.environ.get("PTT_TRACEBACK") else logging.CRITICAL
+    # They tell of every call and every task that Ctrl-C breaks off.
+    logging.getLogger("tornado.application").setLevel(level)
     with held_back() as pressed:
         local = LocalCluster(
-            n_workers=workers or 2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
-        )
+            n_workers=workers or 2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1",
+            silence_logs=level,
+        )  # fmt: skip
         client = Client(local)
     try:
         if pressed:
             raise KeyboardInterrupt
         yield client
     finally:
-        quiet("distributed")
         with held_back():
             client.close()
             local.close()
-
-
-def quiet(logger: str) -> None:
-    """Keep a logger off the terminal, unless somebody looks for a mistake."""
-    if not os.environ.get("PTT_TRACEBACK"):
-        logging.getLogger(logger).setLevel(logging.CRITICAL)
 
 
 def _distribute(

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from ptt.effects.phrases import SHOWN
 from ptt.fleet.overview import Standing
@@ -18,6 +18,7 @@ from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
 NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
 MOST = 6  # values drawn of one machine, the ones that move first
+WIDE = 5.0  # times the least error from which a tick for every figure would lie on the next; 1, 2, 5 are there then
 NAME = 28  # signs of a name that fit beside a picture
 ROWS = 60  # machines in one picture of the whole fleet
 
@@ -69,6 +70,9 @@ def _strips(machines: Sequence[Standing]) -> bytes:
     panel.grid(axis="x", alpha=0.3)
     _date_axis(panel)
     bar = figure.colorbar(drawn, label="error left with the model, um")
+    if errors.min() > 0 and errors.max() > WIDE * errors.min():
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(NUMBERS)
     bar.ax.yaxis.set_minor_formatter(NUMBERS)
     return _png(figure)
@@ -83,7 +87,7 @@ def _draw_error(panel: Axes, machine: Standing) -> None:
     accepted = [(_day(past.date), past.left_um) for past in machine.past if past.left_um is not None]
     if accepted:
         panel.plot(*zip(*accepted, strict=True), "D", color=ORANGE, label="with the model accepted then")
-    panel.set_ylim(bottom=0.0)
+    panel.set_ylim(0.0, 1.15 * max([*errors, *(each for _, each in noise)]) or 1.0)
     panel.set_ylabel("um")
     panel.legend(fontsize=8, frameon=False)
     _date_axis(panel)
