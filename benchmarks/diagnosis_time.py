@@ -57,7 +57,7 @@ def serve(options: argparse.Namespace) -> None:
     screens, scored = _counted(Screen, "__init__"), _counted(Scorer, "_score")
     for name, file, table in runs(options.count, options.start, options.experiments):
         sys.stdin.readline()
-        spent = []
+        spent = list[float]()
         for _ in range(1 + options.repeat):
             screens.clear()
             scored.clear()
@@ -67,6 +67,7 @@ def serve(options: argparse.Namespace) -> None:
         told = {"verdict": said.verdict, "named": [step[0] for step in said.suggested]}
         figures = {"seconds": min(spent[1:]), "screens": len(screens), "scored": len(scored), "rows": table.rows}
         print(json.dumps({"name": name} | figures | told), flush=True)
+    sys.stdin.readline()
     print("null", flush=True)
 
 
@@ -94,7 +95,7 @@ def ask(process: subprocess.Popen[str]) -> Any:
     assert process.stdin is not None and process.stdout is not None
     process.stdin.write("\n")
     process.stdin.flush()
-    return json.loads(process.stdout.readline())
+    return json.loads(process.stdout.readline() or "null")
 
 
 def main() -> None:

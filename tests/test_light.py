@@ -10,6 +10,7 @@ from scipy import stats
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from ptt.effects.shapes import KNOTS, natural_pieces
 from ptt.run import tails
 from ptt.run.frames import rotation_vector
 from ptt.run.travel import spline_slopes
@@ -25,6 +26,12 @@ HEAVY = (
     "scipy.optimize",
     "matplotlib",
 )
+
+
+def test_natural_splines_are_those_of_scipy():
+    values = np.random.default_rng(1).normal(size=(KNOTS, 4))
+    scipys = CubicSpline(np.linspace(0.0, 1.0, KNOTS), values, bc_type="natural").c
+    np.testing.assert_allclose(natural_pieces(values), scipys, rtol=1e-9, atol=1e-9)
 
 
 def test_tails_are_those_of_scipy_stats():
@@ -56,7 +63,7 @@ def test_slopes_are_those_of_scipys_spline(rows):
     np.testing.assert_allclose(spline_slopes(at, values), CubicSpline(at, values)(at, 1), rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("verb", ["compare", "check", "predict"])
+@pytest.mark.parametrize("verb", ["compare", "check", "diagnose", "predict"])
 def test_what_is_heavy_stays_out(verb, tmp_path):
     words = [verb, str(DATA / "sealed_one" / ("targets.csv" if verb == "predict" else "run.csv"))]
     words += ["--model", str(DATA / "sealed_one" / "machine.toml")]

@@ -1,14 +1,10 @@
 """Smooth shapes along an axis, with the constant and the linear part taken out: bending modes of a natural spline."""
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 KNOTS = 17  # sixteen pieces: what bends within a twentieth of the range is damage of a spot, not a screw or a rail
 SHAPES = KNOTS - 2
@@ -16,22 +12,45 @@ COARSE = 9  # knots of older machine files, every second one of these, so that t
 COARSE_SHAPES = 6
 
 
+def _bends(values: np.ndarray) -> np.ndarray:
+    """Second derivatives of natural cubic splines at their knots, which run evenly from 0 to 1, (KNOTS, m) both.
+
+    Written out here because scipy's splines bring its optimisers along, which take longer to load than all else.
+    """
+    inner = 4.0 * np.eye(SHAPES) + np.eye(SHAPES, k=1) + np.eye(SHAPES, k=-1)
+    bends = np.zeros_like(values)
+    bends[1:-1] = np.linalg.solve(inner, 6.0 * (KNOTS - 1) ** 2 * np.diff(values, 2, axis=0))
+    return bends
+
+
+def natural_pieces(values: np.ndarray) -> np.ndarray:
+    """Natural cubic splines through values at even knots from 0 to 1, as one cubic a piece.
+
+    Args:
+        values: (KNOTS, m).
+
+    Returns:
+        (4, KNOTS - 1, m): coefficients of the cube, the square, the offset from the piece's lower end, and one.
+    """
+    bends, width = _bends(values), 1.0 / (KNOTS - 1)
+    slope = np.diff(values, axis=0) / width - width * (2.0 * bends[:-1] + bends[1:]) / 6.0
+    return np.stack([np.diff(bends, axis=0) / (6.0 * width), 0.5 * bends[:-1], slope, values[:-1]])
+
+
 @lru_cache(maxsize=1)
-def _modes() -> "CubicSpline":
+def _modes() -> tuple[np.ndarray, np.ndarray]:
     """Natural splines that share no bending energy, the softest first, each as high as it is usual.
 
-    Sum of squares of their coefficients is the bending energy, as in a smoothing spline, whose curves have a slope that
-    wanders at random along the axis (Wahba, Spline Models for Observational Data, 1990). The first is one high; the
-    k-th then is about 1/k^2 high.
+    They are told as values at the knots, (KNOTS, SHAPES), and as pieces. Sum of squares of their coefficients is the
+    bending energy, as in a smoothing spline, whose curves have a slope that wanders at random along the axis (Wahba,
+    Spline Models for Observational Data, 1990). The first is one high; the k-th then is about 1/k^2 high.
     """
-    from scipy.interpolate import CubicSpline
-
-    knots = np.linspace(0.0, 1.0, KNOTS)
-    bend = CubicSpline(knots, np.eye(KNOTS), bc_type="natural")(knots, 2)
+    bend = _bends(np.eye(KNOTS))
     hats = (4.0 * np.eye(KNOTS) + np.eye(KNOTS, k=1) + np.eye(KNOTS, k=-1)) / 6.0  # integral of products, times 1/h
     energy, modes = np.linalg.eigh(bend.T @ hats @ bend)  # the two without energy are the constant and the line
     modes = modes[:, 2:] * np.sign(modes[-1, 2:]) / np.sqrt(energy[2:])
-    return CubicSpline(knots, modes / np.abs(modes[:, 0]).max(), bc_type="natural")
+    values = modes / np.abs(modes[:, 0]).max()
+    return values, natural_pieces(values)
 
 
 def straight_shapes(position: Tensor) -> Tensor:
@@ -56,7 +75,7 @@ def smooth_shapes(position: Tensor) -> Tensor:
         (..., SHAPES), the first of height one and the others ever smaller, orthogonal at the knots to each other, to a
         constant and to a line.
     """
-    table = torch.as_tensor(_modes().c, dtype=position.dtype)  # shape: (4, pieces, shapes)
+    table = torch.as_tensor(_modes()[1], dtype=position.dtype)  # shape: (4, pieces, shapes)
     inside = position.clamp(0.0, 1.0)
     piece = (inside.detach() * (KNOTS - 1)).floor().long().clamp(0, KNOTS - 2)
     offset = (inside - piece / (KNOTS - 1)).unsqueeze(-1)
@@ -74,7 +93,7 @@ def curve_pieces(smooth: np.ndarray, straight: np.ndarray) -> np.ndarray:
     Returns:
         (KNOTS - 1, 4): coefficients of the cube, the square, the offset from the piece's lower end, and one.
     """
-    pieces = np.asarray(_modes().c @ smooth).T.copy()
+    pieces = np.asarray(_modes()[1] @ smooth).T.copy()
     pieces[:, 2] += 2.0 * straight[0]
     pieces[:, 3] += straight[0] * (2.0 * np.arange(KNOTS - 1) / (KNOTS - 1) - 1.0) + straight[1]
     return pieces
@@ -93,6 +112,6 @@ def from_coarse() -> tuple[np.ndarray, np.ndarray]:
     orthogonal, triangle = np.linalg.qr(np.vander(coarse, COARSE_SHAPES + 2, increasing=True))
     shapes = (orthogonal * np.sign(np.diag(triangle)))[:, 2:]
     old = CubicSpline(coarse, shapes / np.abs(shapes).max(axis=0), bc_type="natural")(knots)
-    new = np.column_stack([_modes()(0.5 * (knots + 1.0)), knots, np.ones(KNOTS)])
+    new = np.column_stack([_modes()[0], knots, np.ones(KNOTS)])
     found = np.linalg.solve(new, old)
     return found[:SHAPES], found[SHAPES:]
