@@ -387,7 +387,7 @@ def _judge_outputs(paths: list[Path]) -> tuple[str, str]:
         try:
             if kind_of(path) == "machine":  # by what it holds: a command line may call it anything
                 load_machine(path)
-            elif path.suffix == ".csv":
+            elif path.suffix == ".csv" and not path.read_bytes().startswith(b";"):  # a controller's own words are none
                 pd.read_csv(path, comment="#")
             elif path.suffix == ".json":
                 json.loads(path.read_text())

@@ -161,3 +161,20 @@ def test_where_a_frame_stands_is_no_news_of_the_scatter() -> None:
     for wander in (Wander(60.0, 4.0), Wander(0.5, 10.0)):
         gain = scorer.score((), Memory(wander)).total - scorer.score((), WHITE).total
         np.testing.assert_allclose(gain, restricted(Memory(wander)) - restricted(WHITE), atol=1e-2)
+
+
+def test_what_a_set_spans_already_has_nothing_left_but_rounding_of_either_sign() -> None:
+    for seed in range(20):  # as of a run of copies of one row
+        random = np.random.default_rng(seed)
+        columns = 1e7 * random.normal(size=(3, 14))[[0, 1, 2] * ROWS]
+        values = random.normal(size=3)[[0, 1, 2] * ROWS]
+        own, group, fixed = np.arange(6), np.zeros(6, int), np.array([1e9])
+        sums = sums_of_rows(columns, values, 0.0)
+        part = sums.of(own)
+        given = {"freedom": FREEDOM, "start": fixed, "floor": fixed, "ceiling": fixed}
+        posterior = learn(part.gram, part.side, part.square, len(values), group, **given)
+        atom = SimpleNamespace(key="a", name="a", groups=2, effect=None, odds=0.0, columns=np.arange(6, 14),
+                               group=np.arange(8) // 4, most=np.full(2, 1e5))  # fmt: skip
+        system = SimpleNamespace(freedom=FREEDOM, spare=float(len(values)), families=[((atom,), atom.columns[None])])
+        (gain,) = Screen(system, Basis(own, posterior, sums), lambda atom: True, {}).best(lambda atom: True)
+        assert gain.nats < 1.0

@@ -114,7 +114,11 @@ class Screen:
 
     def _look(self, atoms: list[Atom], columns: np.ndarray, places: list[int], half: np.ndarray) -> None:
         """Work out what atoms of one width add; `half` is each one's C^T, (atoms, width, p)."""
-        gram = self.basis.sums.own(columns)[places] - half @ half.transpose(0, 2, 1)
+        whole = self.basis.sums.own(columns)[places]
+        gram = whole - half @ half.transpose(0, 2, 1)
+        # What is left of a column that the set spans is rounding, of either sign: no less than that counts as left.
+        every = np.arange(whole.shape[1])
+        gram[:, every, every] += np.finfo(float).eps * (1 + half.shape[2]) * whole[:, every, every] * len(every)
         side = self.side[columns[places]]
         single = np.array([atom.groups == 1 for atom in atoms])
         for index in np.flatnonzero(~single):
