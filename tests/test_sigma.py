@@ -155,3 +155,17 @@ def test_where_nothing_is_promised_a_command_must_correct_more_than_is_uncertain
     sigma, shift = np.array([0.01, 0.2, np.nan]), np.array([0.1, 0.1, 0.1])
     np.testing.assert_array_equal(doubtful(sigma, shift, None), [False, True, False])
     np.testing.assert_array_equal(doubtful(sigma, shift, 0.005), [True, True, False])
+
+
+def test_a_long_list_is_worked_out_in_parts_with_the_same_uncertainty(tmp_path, monkeypatch):
+    """Play remembers the travel: each part has to be entered as the whole list enters it."""
+    random = np.random.default_rng(4)
+    measured, wanted = random.uniform(-30.0, 30.0, (40, 3)).round(4), random.uniform(-50.0, 50.0, (100, 3))
+    wanted[30:45, 0] = np.linspace(0.0, 0.02, 15)  # moves within the play
+    wanted[30:45, 1:] = 0.0
+    model = learn(tmp_path, measured, {"backlash_mm": [0.05, 0.03, 0.04]}, ("backlash", "homing-offset"))[3]
+    whole = compensate(model, make_table(wanted)).sigma
+    monkeypatch.setattr("ptt.fitting.kept.CHUNK", 17)
+    parts = compensate(model, make_table(wanted)).sigma
+    np.testing.assert_allclose(parts, whole, rtol=1e-9)
+    assert np.ptp(whole) > 0.0

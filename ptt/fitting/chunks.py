@@ -137,6 +137,21 @@ def cut(problem: Problem, size: int = CHUNK) -> list[Callable[[], Problem]]:
     return [partial(take_entered, problem, [part], [entry]) for part, entry in zip(parts, entries, strict=True)]
 
 
+def view_chunks(view: View, size: int = CHUNK) -> Iterator[View]:
+    """Cut a view into chunks, each entered as the whole travel enters it.
+
+    Args:
+        view: n rows.
+        size: rows of a chunk.
+
+    Yields:
+        The chunks, in order.
+    """
+    parts = stretches(view.rows, size)
+    for (first, last), entry in zip(parts, enter(view, [first for first, _ in parts]), strict=True):
+        yield _part_of_view(view, np.arange(first, last), (entry,))
+
+
 def map_chunks(work: Callable[[Problem], Part], chunks: Sequence[Callable[[], Problem]]) -> Iterator[Part]:
     """Do the work on every chunk, as many at once as there are cores.
 

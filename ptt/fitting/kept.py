@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from ptt.effects.base import Effect
+from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.result import FitResult
 from ptt.machine import CovarianceSpec
@@ -101,6 +102,8 @@ def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
     Returns:
         (n,) mm, root of the summed variances of x, y and z.
     """
+    if view.rows > CHUNK:
+        return np.concatenate([tool_sigma(kept, terms, part, kind) for part in view_chunks(view, CHUNK)])
     at = linearise(terms, view)
     parts = [at.jacobian @ torch.as_tensor(kept.rows(_names(terms, view.joints, kind)))] if terms else []
     if any(name in kept.names for name in MOUNT_NAMES):
