@@ -45,6 +45,7 @@ from fuzz_page import run_page
 from fuzz_words import mutate_words
 
 BAD = ("internal", "wrong", "broken", "unclear", "leak", "hang")
+OTHERS = (b";", b"<", b"%", b"(", b"M", b"G")  # firmware, pages and programs, which may be called anything as well
 LIMIT_S = 40.0  # processor seconds; the slowest sound case takes 6
 WAIT_S = 120.0  # of the clock: what waits for a pipe uses no processor
 LINE = 600  # characters of a message
@@ -387,7 +388,7 @@ def _judge_outputs(paths: list[Path]) -> tuple[str, str]:
         try:
             if kind_of(path) == "machine":  # by what it holds: a command line may call it anything
                 load_machine(path)
-            elif path.suffix == ".csv" and not path.read_bytes().startswith(b";"):  # a controller's own words are none
+            elif path.suffix == ".csv" and not path.read_bytes().lstrip().startswith(OTHERS):
                 pd.read_csv(path, comment="#")
             elif path.suffix == ".json":
                 json.loads(path.read_text())
