@@ -12,7 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from ptt.errors import TableError
+from ptt.correct.training.machine_of import machine_of
+from ptt.errors import InputError, TableError
+from ptt.machine import load_machine
 from ptt.run.backlash.dead_travel import measure_reversal
 from ptt.run.backlash.measure import as_reversal_amount, measure_backlash, reversal_compensation, travel_direction
 from ptt.run.backlash.scale import read_scale_log
@@ -302,3 +304,12 @@ def test_command_prints_one_json_object():
     text = CliRunner().invoke(app, [str(DATA / "scale.csv"), "--lead", "5"])
     assert text.exit_code == 0
     assert "41.0 +- 0.4" in text.stdout
+
+
+def test_half_a_compensator_is_no_machine(tmp_path):
+    (tmp_path / "half").mkdir()
+    drawing = DATA / "machine.toml"
+    (tmp_path / "half" / "model.toml").write_text(drawing.read_text())
+    assert machine_of(drawing) == load_machine(drawing)
+    with pytest.raises(InputError, match=r"half/compensator\.json: no such file"):
+        machine_of(tmp_path / "half")

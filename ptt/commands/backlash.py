@@ -42,10 +42,9 @@ def backlash(
 
 def _lead_of(model: Path) -> float | None:
     """Screw lead of a machine file, mm."""
-    from ptt.machine import load_machine
+    from ptt.correct.training.machine_of import machine_of
 
-    machine = load_machine(model / "model.toml" if model.is_dir() else model).machine
-    return getattr(machine, "screw_lead_mm", None)
+    return getattr(machine_of(model).machine, "screw_lead_mm", None)
 
 
 def _text(result: "BacklashResult") -> str:

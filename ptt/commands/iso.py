@@ -14,14 +14,12 @@ from ptt.commands.common import (
     Set,
     Targets,
     open_library,
-    open_model,
     parse_settings,
     refuse_idle,
     show,
 )
 
 if TYPE_CHECKING:
-    from ptt.effects.registry import Library
     from ptt.judge.iso.figures import IsoPoses
     from ptt.mechanisms.protocol import Mechanism
     from ptt.run.table import Table
@@ -46,7 +44,8 @@ def iso(
     """Work out ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
     from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
-    known = open_library(Reading(effects=effects)) if effects else None  # what cannot be used is said in any case
+    if effects:
+        open_library(Reading(effects=effects))  # no figure needs them; a file that cannot be used is said all the same
     result: IsoAxes | IsoPoses
     if is_axis_file(run):
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_, "--any-direction": any_direction}
@@ -54,20 +53,21 @@ def iso(
         result = read_axis_figures(run)
     else:
         reading = {"also": also or (), "targets": targets, "set_values": parse_settings(set_ or []), "mapping": map_}
-        table, per_run = _run_table(run, model, known, reading)
+        table, per_run = _run_table(run, model, reading)
         result = iso_of_poses(table, per_run, not any_direction)
     show(result.to_dict(), _text(result.to_dict()), json)
 
 
-def _run_table(run: Path, model: Path | None, known: "Library | None", reading: dict[str, Any]) -> "tuple[Table, bool]":
+def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple[Table, bool]":
     """The run, with targets from its commands where it has none, and whether every run has its own tracker set-up."""
     from ptt.run.table import read_table
 
     if model is None:
         return read_table(run, **reading), False
+    from ptt.correct.training.machine_of import machine_of
     from ptt.mechanisms import build_mechanism
 
-    file = open_model(model, known).model.file
+    file = machine_of(model)
     mechanism = build_mechanism(file.machine)
     table = read_table(run, joints=mechanism.joints, joint_prefix=file.machine.letter, **reading)
     return _with_targets(table, mechanism), file.tracker.frame == "fitted-per-run"

@@ -65,8 +65,9 @@ def read_opening(
     Raises:
         InputError: a file that is not there, or a machine that cannot be used.
     """
+    from ptt.correct.training.machine_of import machine_of
     from ptt.errors import InputError
-    from ptt.machine import format_machine, load_machine
+    from ptt.machine import format_machine
     from ptt.show.studio.results import Source
     from ptt.show.studio.server import Opening
 
@@ -84,5 +85,5 @@ def read_opening(
             run.name, tuple(path.name for path in also or ()), targets.name if targets else "", tuple(set_ or ()),
             map_.name if map_ else "", tuple(path.name for path in effects or ()),
         )  # fmt: skip
-    machine = "" if model is None else format_machine(load_machine(model / "model.toml" if model.is_dir() else model))
+    machine = "" if model is None else format_machine(machine_of(model))
     return Opening(files, source, machine)

@@ -7,19 +7,19 @@ from typing import Any
 
 from nets import GaussianRbf, NetsError, load_rbf, save_rbf
 from ptt.correct.doubt import NetworkError
-from ptt.correct.training.notes import check_notes
+from ptt.correct.training.machine_of import MODEL, NOTES, read_notes, require_own_model
 from ptt.correct.training.rest import Space
 from ptt.correct.training.train import Training
 from ptt.effects import Library
 from ptt.errors import InputError
-from ptt.files import format_json, parse_json, read_text, sha256, write_text
+from ptt.files import format_json, sha256, write_text
 from ptt.fitting.kept import keep_covariance
 from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
 from ptt.model.model import Model, read_model, write_model
 from ptt.version import __version__
 
-MODEL, NETWORK, NOTES = "model.toml", "rbf.safetensors", "compensator.json"
+NETWORK = "rbf.safetensors"
 OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})
 TRIES = 3  # readings of a folder that may be exchanged while it is read
 
@@ -175,17 +175,10 @@ def load_compensator(path: str | Path, known: Library | None = None) -> Compensa
 def _load(place: Path, known: Library | None) -> Compensator:
     """Read a folder whose three files are of one training."""
     try:
-        notes = check_notes(parse_json(read_text(place / NOTES), str(place / NOTES), fix="train it again"), str(place))
-        kept = notes["sha256"]
-        network = load_rbf(place / NETWORK, kept[NETWORK])
-        found = sha256(place / MODEL)
+        notes = read_notes(place)
+        network = load_rbf(place / NETWORK, notes["sha256"][NETWORK])
         model = read_model(load_machine(place / MODEL), known)
+        require_own_model(place, notes)
     except (OSError, ValueError, KeyError, TypeError, NetsError) as error:
         raise InputError(f"not a whole compensator: {error}", where=str(place), fix="train it again") from error
-    if found != kept.get(MODEL):
-        raise InputError(
-            f"not a whole compensator: {MODEL} is not the one that its network was trained beside",
-            where=str(place),
-            fix=f"train it again, or take the physics alone: --model {place / MODEL}",
-        )
     return Compensator(model, network, notes)
