@@ -8,6 +8,8 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, NonNegativeFlo
 
 LEAST_APART = 1.0  # deg between sliders; nearer, the links are coplanar everywhere (a direct singularity)
 
+Lead = Annotated[float, Field(ge=0.01, le=1e4)]  # mm a turn: no nut takes a finer thread
+Period = Annotated[float, Field(ge=1e-5, le=1e4)]  # rad: finer than any gear
 Sigma = Annotated[float, Field(ge=1e-9)]  # mm; a hundredth of an atom: less is no scatter, and its square vanishes
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
@@ -29,7 +31,7 @@ class ThreePttSpec(Frozen):
     link_length_mm: PositiveFloat
     slider_azimuth_deg: Triple = (0.0, 120.0, 240.0)
     slider_travel_mm: Pair | tuple[Pair, Pair, Pair]
-    screw_lead_mm: PositiveFloat | None = None
+    screw_lead_mm: Lead | None = None
     sliders: Literal["above", "below"] = "above"
     joint_height_mm: float = 0.0
     slider_lean_deg: Triple = (0.0, 0.0, 0.0)
@@ -114,7 +116,7 @@ class SerialSpec(Frozen):
     joint: tuple[JointSpec, ...] = Field(min_length=1)
     moves: Literal["sliders", "straight"] = "sliders"
     reference_temp_c: float = 20.0
-    gear_period_rad: PositiveFloat | None = None
+    gear_period_rad: Period | None = None
     gravity: Triple = (0.0, 0.0, -1.0)
 
     noun: ClassVar[str] = "joint"

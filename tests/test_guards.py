@@ -498,3 +498,11 @@ def test_a_run_without_end_is_refused_by_its_key(place, monkeypatch, capsys):
     put(place, (place / "rig.toml").read_text() + "[conditions]\ncycles = 1000000000\n", "rig.toml")
     assert run(["simulate", "rig.toml", "targets.csv", "--out", "new.csv"]) == 2
     assert "rig.toml key conditions.cycles: 1000000000 cycles of 2 targets" in capsys.readouterr().err
+
+
+def test_a_screw_finer_than_any_is_refused_by_its_key(tmp_path):
+    text = (ROOT / "data" / "machine.toml").read_text()
+    for old, new in (("screw_lead_mm = 5", "screw_lead_mm = 1e-9 #"), ("screw_lead_mm = 5", "screw_lead_mm = 1e9 #")):
+        assert old in text
+        with pytest.raises(InputError, match="screw_lead_mm"):
+            parse_machine(text.replace(old, new, 1))

@@ -117,7 +117,7 @@ def minimal() -> Contents:
     """A bare drawing, nothing that tells the noise, no history, and no file."""
     file = replace(sample_machine("three-ptt"), tracker=sample_machine("three-ptt").tracker)
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None}))
-    table = measure(make_table(empty_run(12).target), file, [])
+    table = measure(make_table(empty_run(10).target), file, [])
     return gather(table, file)
 
 
@@ -201,7 +201,7 @@ def mild(minimal: Contents) -> Page:
 def test_minimal_model_says_what_is_not_there(minimal: Contents, mild: Page) -> None:
     page = mild
     assert page.faults == [] and minimal.bare and minimal.given.diagnosis is None
-    assert "do not tell the noise" in minimal.given.why_not
+    assert "too few for a verdict" in minimal.given.why_not
     assert "The noise floor is unknown" in page.text and "No verdict" in page.text
     assert "The model has no history" in page.text and "No compensator was given" in page.text
     assert "Not worked out: the model has no effects and no network" in page.text

@@ -46,9 +46,9 @@ class Later:
             self._draw(draw)
 
     def _one(self) -> None:
-        """Draw one thing of a view that is not seen, unless a person waits for something else."""
+        """Draw one thing of a view that is not seen, unless something goes on that a person watches, and may stop."""
         studio = self._studio
-        if studio.idle and studio.session.look is not None and self._due:
+        if studio.busy is None and studio.session.look is not None and self._due:
             self._draw(next(iter(self._due)))
 
     def _draw(self, draw: Callable[[], None]) -> None:
