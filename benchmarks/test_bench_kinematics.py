@@ -5,10 +5,12 @@ processor's vector registers.
 """
 
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
+from poses import trilaterate
 from torch.testing import assert_close
 
 from ptt.machine import ThreePttSpec
@@ -38,24 +40,6 @@ def numpy_inverse(p: np.ndarray) -> np.ndarray:
     foot, link = MACHINE.foot.numpy(), MACHINE.link.numpy()
     across = p[:, None, :2] - foot[None, :, :2]
     return p[:, 2:] - foot[:, 2] + np.sqrt(link**2 - (across**2).sum(-1))
-
-
-def numpy_forward(q: np.ndarray) -> np.ndarray:
-    """Three spheres as a textbook has them: an orthonormal frame on the first two centres."""
-    foot, link = MACHINE.foot.numpy(), MACHINE.link.numpy()
-    centre = np.broadcast_to(foot, (len(q), 3, 3)).copy()
-    centre[:, :, 2] += q
-    first, second, third = centre[:, 0], centre[:, 1] - centre[:, 0], centre[:, 2] - centre[:, 0]
-    distance = np.linalg.norm(second, axis=1, keepdims=True)
-    ex = second / distance
-    i = (ex * third).sum(1, keepdims=True)
-    ey = third - i * ex
-    ey /= np.linalg.norm(ey, axis=1, keepdims=True)
-    ez = np.cross(ex, ey)
-    j = (ey * third).sum(1, keepdims=True)
-    x = (link[0] ** 2 - link[1] ** 2 + distance**2) / (2.0 * distance)
-    y = (link[0] ** 2 - link[2] ** 2 + i**2 + j**2 - 2.0 * i * x) / (2.0 * j)
-    return first + x * ex + y * ey - np.sqrt(link[0] ** 2 - x**2 - y**2) * ez
 
 
 def compiled(function):
@@ -90,7 +74,7 @@ def test_plain_numpy(benchmark, name):
     p = poses(LONG)
     q = MACHINE.inverse(p)
     given, wanted = (p, q) if name == "inverse" else (q, p)
-    function = numpy_inverse if name == "inverse" else numpy_forward
+    function = numpy_inverse if name == "inverse" else partial(trilaterate, MACHINE)
     assert_close(torch.from_numpy(benchmark(function, given.numpy())), wanted, rtol=0.0, atol=1e-9)
 
 
