@@ -422,6 +422,12 @@ EYE = "torch.eye(3, 2, dtype=torch.float64)"
             "    def shift(self, theta, view): return theta\n\n    def basis(",
             "shift of pull is float64 of",
         ),
+        (
+            "    def basis(",
+            "    shift = lambda self, theta, view: theta[0] * view.q\n    slope = lambda self, theta, view: view.q\n\n"
+            "    def basis(",
+            "slope of pull is float64 of",
+        ),
         ("Pull(Effect)", "Pull(Effect, int)", "cannot be made"),
     ],
 )

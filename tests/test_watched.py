@@ -50,6 +50,8 @@ def test_an_error_that_follows_a_column_of_ones_own_is_said_to_follow_it(folder)
     assert found.verdict == "unknown" and not found.suggested
     assert (found.result.depends_on[0].residual, found.result.depends_on[0].on) == ("slider 2", TITLE)
     assert found.result.depends_on[0].share > 0.8
+    summed = ptt.diagnose(machine, run, chunk_rows=60)
+    assert [(line.residual, line.on) for line in summed.result.depends_on][:1] == [("slider 2", TITLE)]
     assert ptt.compare(machine, run).to_dict()["depends_on"][0]["on"] == TITLE
 
 

@@ -173,7 +173,7 @@ def _broken(parameter: Parameter) -> str:
 
 def _guard_methods(cls: type[Effect], where: str) -> None:
     """Every method of the class that the fit calls says whose code failed, and where."""
-    for name in ("needs", "search", "refine", "renew", "basis", "shift", "say", "cause"):
+    for name in ("needs", "search", "refine", "renew", "basis", "shift", "slope", "say", "cause"):
         own = cls.__dict__.get(name)
         if own is not None and not callable(own):
             raise InputError(f"{name} of {cls.name} is no function", where=where, fix=f"write def {name}(self, ...)")
@@ -225,6 +225,7 @@ def try_laws(cls: type[Effect], where: str) -> None:
                 with foreign(where, f"search of {cls.name} gives no value for each parameter"):
                     theta = flatten(effect, shape, view.joints)
                 _require(effect.shift(theta, view), (view.rows, out), f"shift of {cls.name}", kind, where)
+                _require(effect.slope(theta, view), (view.rows, out, len(theta)), f"slope of {cls.name}", kind, where)
 
 
 def _first_trial(effect: Effect, view: View, where: str) -> Mapping[str, torch.Tensor]:

@@ -18,6 +18,8 @@ from ptt.run.view import View
 
 WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
 
+SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal compensation of {who} by {what}")
+
 
 @dataclass(frozen=True)
 class Backlash(Effect):
@@ -47,14 +49,8 @@ class Backlash(Effect):
             "gap",
             "lose{s} {what} on reversal",
             "compensate{s} {what} too much on reversal",
-            mend=(
-                "raise the reversal compensation of {who} by {what}",
-                "lower the reversal compensation of {who} by {what}",
-            ),
-            arm_mend=(
-                "raise the reversal compensation of {who} by {what}",
-                "lower the reversal compensation of {who} by {what}",
-            ),
+            mend=SET,
+            arm_mend=SET,
         ),
     )
     card: ClassVar[Card] = Card(

@@ -247,7 +247,7 @@ def _part_of_table(table: Table, rows: np.ndarray) -> Table:
     own = {
         item.name: value[rows] for item in fields(table) if isinstance(value := getattr(table, item.name), np.ndarray)
     }
-    return replace(table, **own, extra={})
+    return replace(table, **own, extra={title: table.extra[title][rows] for title in table.watched})
 
 
 def _part_of_view(
