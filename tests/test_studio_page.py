@@ -163,7 +163,7 @@ def open_files(page: Page, run: Path, machine: Path) -> None:
     """Stage both, the run first, and open them with the one button."""
     show(page, "Load")
     page.locator(".st-drop-run input[type=file]").set_input_files(run)
-    expect(page.locator(".st-drop-run.st-ready")).to_be_visible(timeout=WAIT)
+    expect(page.locator(".st-drop-run.st-ready")).to_contain_text(f"{run.name} is here", timeout=WAIT)
     page.locator(".st-drop-machine input[type=file]").set_input_files(machine)
     expect(page.get_by_text("ready to open")).to_be_visible(timeout=WAIT)
     page.get_by_role("button", name="open the files").click()

@@ -23,6 +23,7 @@ from ptt.show.studio.uploads import keep
 
 Go = Callable[[str], None]
 LOOP = files("ptt.show.studio").joinpath("loop.svg").read_text(encoding="utf-8")
+RUN, MACHINE = "Tracker run (CSV, TXT)", "Machine (machine.toml)"
 PURPOSE = "Finds out why a robot misses its target, and writes the commands that hit it."
 
 
@@ -76,10 +77,8 @@ def _build_hero(studio: Studio, go: Go) -> None:
 def _build_files(studio: Studio, go: Go) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
         ui.html("Your own files", sanitize=False, tag="h2").classes("st-head")
-        run = _drop(studio, "Tracker run (CSV, TXT)", "run", lambda name, data: _take_run(studio, name, data))
-        machine = _drop(
-            studio, "Machine (machine.toml)", "machine", lambda name, data: _take_machine(studio, name, data)
-        )
+        run = _drop(studio, RUN, "run", lambda name, data: _take_run(studio, name, data))
+        machine = _drop(studio, MACHINE, "machine", lambda name, data: _take_machine(studio, name, data))
         with ui.element("div").classes("st-tools"):
             opening = ui.button("Open", icon="play_arrow", on_click=lambda: _open(studio, go)).props(
                 "no-caps unelevated"
@@ -98,9 +97,12 @@ def _build_files(studio: Studio, go: Go) -> None:
         source = staged.source
         with_ = staged.machine or (session.now.text if session.now else "")
         of = staged.source or session.source
-        waiting.set_text(_waiting(source, with_, bool(staged.machine), session.ready))
+        named = parse_machine(staged.machine, "machine.toml").machine.name or MACHINE if staged.machine else ""
+        waiting.set_text(_waiting(source, with_, named, session.ready))
         opening.set_enabled(bool(of and with_ and (source or staged.machine)) and studio.idle)
-        for upload, there in ((run, source), (machine, staged.machine)):
+        for upload, label, there in ((run, RUN, source.run if source else ""), (machine, MACHINE, named)):
+            upload.props["label"] = f"{there} is here; or drop another" if there else _dropped(label)
+            upload.update()
             upload.classes(add="st-ready") if there else upload.classes(remove="st-ready")
 
     for topic in ("session", "busy", "staged"):
@@ -108,9 +110,10 @@ def _build_files(studio: Studio, go: Go) -> None:
     update()
 
 
-def _waiting(source: Source | None, machine: str, staged: bool, ready: bool) -> str:
+def _waiting(source: Source | None, machine: str, staged: str, ready: bool) -> str:
+    """What is here and what is next, with the text of the machine to open with and the name of the one just dropped."""
     here = [source.run] if source else []
-    here += [f"machine '{parse_machine(machine, 'machine.toml').machine.name}'"] if staged else []
+    here += [f"machine '{staged}'"] if staged else []
     if source and machine:
         return f"{' and '.join(here)}: ready to open{'' if staged else ', on the machine that is open'}."
     if source:
@@ -144,6 +147,10 @@ def _build_more(studio: Studio, go: Go) -> None:
     build_recent(studio)
 
 
+def _dropped(label: str) -> str:
+    return f"{label}: drop here"
+
+
 def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> ui.upload:
     async def uploaded(event: events.UploadEventArguments) -> None:
         data = await event.file.read()
@@ -158,7 +165,7 @@ def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awa
 
     with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
         upload = ui.upload(
-            label=f"{label}: drop here", on_upload=uploaded, on_rejected=rejected, max_file_size=LIMIT, auto_upload=True
+            label=_dropped(label), on_upload=uploaded, on_rejected=rejected, max_file_size=LIMIT, auto_upload=True
         )
         upload.classes(f"st-drop st-drop-{key}").props("flat hide-upload-btn")
         choose = ui.button("Choose").props(f'no-caps outline aria-label="choose {label}"')
