@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 TORCH ?= torch
 # The versions that the tests ran with; `make CONSTRAINTS= test` takes what is newest.
 CONSTRAINTS ?= -c constraints.txt
+# Processes for the tests: one a core; a browser and a scheduler have processes of their own, so never more than four.
+WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 2 ? 2 : n > 4 ? 4 : n)))
 
 .PHONY: demo test lint bench docs clean
 
@@ -36,7 +38,7 @@ lint: $(VENV)/.test-ready
 test: lint
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 		{ apt-get update -qq; apt-get install -y -qq chromium; } >/dev/null 2>&1; } || true
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS)
 
 bench: $(VENV)/.test-ready
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only

@@ -195,8 +195,8 @@ def test_the_cause_comes_first_at_twice_the_noise(kind: str, design: str) -> Non
     ("volume", "white", 60), ("volume", "heavy", 150),
 ])  # fmt: skip
 def test_noise_depends_on_nothing(design: str, noise: str, rows: int) -> None:
-    alarms = sum(bool(draw("none", design, seed, noise=noise, rows=rows)[0]) for seed in range(50))
-    assert alarms <= 2
+    alarms = sum(bool(draw("none", design, seed, noise=noise, rows=rows)[0]) for seed in range(25))
+    assert alarms <= 1
 
 
 @pytest.mark.parametrize("design", ["volume", "path"])

@@ -110,7 +110,15 @@ def test_ctrl_c_is_one_line_and_what_is_done_is_kept(tmp_path):
     assert run_all(store, work=lambda task, tell: outcome(task)).runs == 12 - done
 
 
-def test_ctrl_c_waits_while_processes_start_and_they_never_get_it():
+@pytest.fixture
+def listening():
+    """Ctrl-C as in a terminal: whatever a shell runs in the background is started deaf to it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_waits_while_processes_start_and_they_never_get_it(listening):
     code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
     with held_back() as pressed:
         os.kill(os.getpid(), signal.SIGINT)

@@ -73,7 +73,7 @@ def test_the_other_methods_learn_too(changes):
 def test_noise_alone_chooses_the_null_network(blocks):
     p, pose = helix()
     learned = 0
-    for seed in range(25):
+    for seed in range(15):
         noise = np.random.default_rng(seed).normal(size=p.shape)
         training = train_rbf(p, noise, pose * blocks // 180, settings=SMALL)
         learned += int(training.learned.any())

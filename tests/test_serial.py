@@ -331,7 +331,7 @@ def test_inverse_reaches_the_pose_from_near(arm, with_rotation):
 
 @pytest.mark.parametrize("with_rotation", [False, True])
 def test_inverse_needs_no_start(arm, with_rotation):
-    q = some_joints(arm, 300, seed=7)
+    q = some_joints(arm, 120, seed=7)
     p, rotation = arm.pose(q)
     result = solve_inverse(arm, p, rotation=rotation if with_rotation else None)
     assert float(result.converged.double().mean()) >= 0.99
