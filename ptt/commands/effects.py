@@ -98,6 +98,8 @@ def _new(name: str, out: Path | None, like: Path | None, json: bool) -> None:
     from ptt.errors import InputError
     from ptt.files import write_text
 
+    if out is not None and out.suffix != ".py":
+        raise InputError("an effect is a Python file", where=str(out), fix="let its name end in .py")
     text = template(name) if like is None else prefilled(name, _rest_of(like))
     if out is not None:
         if out.exists():
