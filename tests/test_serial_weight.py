@@ -66,9 +66,7 @@ def test_levers_hold_every_torque_that_masses_can_make_and_no_more(convention: s
         assert np.linalg.matrix_rank(own, 1e-6) == (own.shape[1] if np.abs(felt[:, joint]).max() > 1.0 else 0)
 
 
-@pytest.mark.parametrize(
-    ("name", "gravity"), [("ur10", WALL), ("kuka_iiwa", DOWN), ("kuka_iiwa", SLANTED)]
-)
+@pytest.mark.parametrize(("name", "gravity"), [("ur10", WALL), ("kuka_iiwa", DOWN), ("kuka_iiwa", SLANTED)])
 def test_sag_is_found_and_foretells_fresh_poses(name: str, gravity: tuple) -> None:
     random = np.random.default_rng(11)
     file = arm(name, gravity)

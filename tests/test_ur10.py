@@ -55,7 +55,8 @@ def test_links_alone_reach_the_reference_on_its_own_draw(name: str, bar: float) 
     assert round(found, -1) <= bar
 
 
-# Random 30 % held out, mean of several draws (the reference's own is above). Series B and D need the weight of the links beside the links' sizes.
+# Random 30 % held out, mean of several draws (the reference's own draw: above). Series B and D need the weight of
+# the links beside the links' sizes.
 @pytest.mark.parametrize(
     ("name", "names", "most"),
     [
