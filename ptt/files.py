@@ -8,7 +8,7 @@ import stat
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -177,14 +177,19 @@ def walk(value: Any, where: str, error: type[InputError] = InputError) -> Iterat
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file whole or not at all: a temporary neighbour, flushed to disk, then a rename.
+    """Write a file whole or not at all; arguments and errors as `write_parts`."""
+    write_parts(path, (data,))
+
+
+def write_parts(path: str | Path, parts: Iterable[bytes]) -> None:
+    """Write a file whole or not at all, one part after the other: a temporary neighbour, flushed, then a rename.
 
     A link is followed. What processes that died left beside the file is removed. A digest that is kept beside it is
     kept true.
 
     Args:
         path: where to; missing folders are made.
-        data: the content.
+        parts: the content, in order; each is made when it is written.
 
     Raises:
         InputError: the folder cannot be made or written, or the file is a folder.
@@ -200,7 +205,7 @@ def write_bytes(path: str | Path, data: bytes) -> None:
         raise cannot_write(path, failed) from None
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            file.writelines(parts)
             file.flush()
             os.fsync(file.fileno())
         mask = os.umask(0)

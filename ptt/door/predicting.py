@@ -16,10 +16,11 @@ from ptt.door.result import Heard, Note, Result, unheard, unwatched
 from ptt.door.run import RowsLike
 from ptt.door.words import as_targets
 from ptt.errors import InputError, TableError
-from ptt.files import write_text
+from ptt.files import write_parts
 from ptt.progress import Progress
-from ptt.run.table import Table, table_to_frame
+from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
+from ptt.run.written import columns_of, text_parts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +81,9 @@ class Predicted(Result):
 
     def to_frame(self) -> "pd.DataFrame":
         """Columns of the input, then what to send, as `ptt predict` writes them."""
-        return _frame(self.table, self.commands)
+        import pandas as pd
+
+        return pd.DataFrame(_columns(self.table, self.commands))
 
     def to_csv(self, path: str | Path) -> None:
         """Write the commands, whole or not at all.
@@ -92,7 +95,7 @@ class Predicted(Result):
             InputError: it holds readings, or cannot be written.
         """
         refuse_readings(Path(path))
-        write_text(path, self.to_frame().to_csv(index=False, lineterminator="\n"))
+        write_parts(path, text_parts(_columns(self.table, self.commands)))
         self._written[:] = [str(path)]
 
     def _figures(self) -> Mapping[str, Any]:
@@ -181,27 +184,26 @@ def _posture(table: Table) -> np.ndarray:
     return table.command
 
 
-def _frame(table: Table, commands: Commands) -> "pd.DataFrame":
+def _columns(table: Table, commands: Commands) -> dict[str, np.ndarray]:
     """Columns of the input, then what to send."""
-    prefix = table.joint_prefix
-    frame = table_to_frame(table)
-    if "role" not in frame and "role" in table.understood.mapping.columns.values():
-        frame["role"] = table.role
-    first = [title for title in ("name", "role") if title in frame]
-    frame = frame[first + [title for title in frame if title not in first]].copy()
-    for joint in range(commands.q.shape[1]):
-        frame[f"{prefix}{joint + 1}"] = commands.q[:, joint]
-    for joint in range(commands.q.shape[1]):
-        frame[f"reversal{joint + 1}"] = commands.reversal[:, joint]
-    frame["in_domain"] = commands.in_domain
-    frame["status"] = commands.status
-    frame["shift_um"] = 1e3 * commands.shift
-    frame["sigma_um"] = 1e3 * commands.sigma
+    given = columns_of(table)
+    if "role" not in given and "role" in table.understood.mapping.columns.values():
+        given["role"] = table.role
+    columns = {title: given[title] for title in ("name", "role") if title in given} | given
+    _put(columns, table.joint_prefix, commands.q)
+    _put(columns, "reversal", commands.reversal)
+    columns["in_domain"] = commands.in_domain
+    columns["status"] = commands.status
+    columns["shift_um"] = 1e3 * commands.shift
+    columns["sigma_um"] = 1e3 * commands.sigma
     if not commands.sent.all():
-        for joint in range(commands.q.shape[1]):
-            frame[f"nearest{joint + 1}"] = commands.nearest[:, joint]
-        frame["nearest_mm"] = commands.nearest_gap
-    return frame
+        _put(columns, "nearest", commands.nearest)
+        columns["nearest_mm"] = commands.nearest_gap
+    return columns
+
+
+def _put(columns: dict[str, np.ndarray], stem: str, values: np.ndarray) -> None:
+    columns.update({f"{stem}{joint + 1}": values[:, joint] for joint in range(values.shape[1])})
 
 
 def _summary(commands: Commands, out: str | None, network: bool, limit_mm: float) -> dict[str, Any]:

@@ -5,19 +5,17 @@ ever there for one chunk. To map and reduce on a cluster, `enter` the chunks onc
 needs no parameter), send each with its entry to a worker, and add what comes back.
 """
 
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import pairwise
-from multiprocessing import get_all_start_methods, get_context
 from typing import Any, TypeVar
 
 import numpy as np
 import torch
 
 from ptt.effects.memory import leave
+from ptt.run.cores import map_cores
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 from ptt.run.turns import Entry
@@ -29,7 +27,6 @@ SAMPLE = 8_000  # rows of a run that shapes and paths are found on
 STRETCH = 400
 EDGE = 5  # rows about each joint's lowest and highest place, so that the sample covers the range of all rows
 GOLDEN = 0.618034  # spreads stretches over a cycle that the run may repeat
-MOST_WORKERS = 4
 _OF_ROWS = (
     "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
     "mount", "link_load",
@@ -162,17 +159,11 @@ def map_chunks(work: Callable[[Problem], Part], chunks: Sequence[Callable[[], Pr
     Yields:
         The results, in order.
     """
-    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1, MOST_WORKERS, len(chunks))
-    if workers < 2 or "fork" not in get_all_start_methods():
-        yield from (work(make()) for make in chunks)
-        return
-    # Forked workers see the whole run without a copy of it; forward derivatives are not safe in threads.
-    _shared[:] = [work, chunks]
-    try:
-        with ProcessPoolExecutor(workers, get_context("fork"), torch.set_num_threads, (1,)) as pool:
-            yield from pool.map(_work_on, range(len(chunks)))
-    finally:
-        _shared.clear()
+    yield from map_cores(partial(_made, work), chunks)
+
+
+def _made(work: Callable[[Problem], Part], make: Callable[[], Problem]) -> Part:
+    return work(make())
 
 
 def map_sums(
@@ -198,9 +189,6 @@ def map_sums(
     return parts, total
 
 
-_shared: list[Any] = []
-
-
 @dataclass(frozen=True)
 class _Beside:
     """Work on a chunk beside which lies what belongs to it."""
@@ -213,11 +201,6 @@ class _Beside:
 
 def _beside(make: Callable[[], Problem], own: Any) -> Any:
     return make(), own
-
-
-def _work_on(index: int) -> Any:
-    work, chunks = _shared
-    return work(chunks[index]())
 
 
 def take_entered(problem: Problem, kept: Sequence[Stretch], entries: Sequence[Entry | None]) -> Problem:

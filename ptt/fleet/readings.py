@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ptt.fleet.database import ONE_THREAD, duckdb
-from ptt.run.table import COORDINATES, QUATERNION, Table, make_table, table_to_frame
+from ptt.run.table import Table, make_table, table_to_frame
+from ptt.run.written import COORDINATES, QUATERNION
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection as Connection

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import InputError, WorkspaceError
-from ptt.files import write_text
+from ptt.files import write_parts
 from ptt.machine import SerialSpec
 from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, follow_warmth
@@ -21,6 +21,7 @@ from ptt.rig.schedule import TARGET, Schedule, plan_rows, tell_time
 from ptt.rig.serial_arm import ArmRig
 from ptt.rig.thermal import room_temperature
 
+PART = 50_000  # rows that lie in memory as text at once
 MOST_ROWS = 20_000_000  # of one run: a year of readings, one a second and a half
 
 
@@ -148,7 +149,12 @@ def write_run(frame: pd.DataFrame, path: str | Path) -> None:
         frame: of a `RunResult`.
         path: where to.
     """
-    write_text(path, frame.to_csv(index=False, lineterminator="\n"))
+    parts = range(0, max(len(frame), 1), PART)
+    write_parts(path, (_text(frame[first : first + PART], first == 0) for first in parts))
+
+
+def _text(frame: pd.DataFrame, titles: bool) -> bytes:
+    return frame.to_csv(index=False, header=titles, lineterminator="\n").encode()
 
 
 def _require_rows(rig: Rig, targets: int) -> None:

@@ -10,15 +10,13 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import TableError
-from ptt.files import sha256, write_text
+from ptt.files import sha256, write_parts
 from ptt.run.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
 from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.joined import join_fields
 from ptt.run.readers.order import in_travel_order, refuse_order
 from ptt.run.readers.scale import scale_fix, scale_hint
-
-COORDINATES = ("x", "y", "z")
-QUATERNION = ("qx", "qy", "qz", "qw")
+from ptt.run.written import columns_of, text_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,30 +254,7 @@ def take_rows(table: Table, rows: np.ndarray) -> Table:
 
 def table_to_frame(table: Table) -> pd.DataFrame:
     """Columns of the file format, in its units and order; columns without content are left out."""
-    columns: dict[str, np.ndarray] = {}
-    angle = "_rad" if table.joint_prefix == "q" else ""
-    _put(columns, [f"{axis}_cmd" for axis in COORDINATES], table.target)
-    _put(columns, [f"{table.joint_prefix}{i + 1}_cmd{angle}" for i in range(table.joints)], table.command)
-    _put(columns, [f"{axis}_meas" for axis in COORDINATES], table.measured)
-    if (table.name != "").any():
-        columns["name"] = table.name
-    if (table.role != "pose").any():
-        columns["role"] = table.role
-    if table.run_label != ("",):
-        columns["run"] = np.asarray(table.run_label)[table.run]
-    for title in ("repeat", "time_s", "payload_kg", "temp_c", "feed_mm_s"):
-        _put(columns, [title], getattr(table, title))
-    for title, values in (("dir", table.direction), ("tau", table.torque)):
-        _put(columns, [f"{title}{i + 1}" for i in range(0 if values is None else values.shape[1])], values)
-    _put(columns, [f"{axis}_std" for axis in COORDINATES], table.std)
-    _put(columns, [f"{axis}_meas" for axis in QUATERNION], table.orientation_measured)
-    _put(columns, [f"{axis}_cmd" for axis in QUATERNION], table.orientation_command)
-    return pd.DataFrame(columns | dict(table.extra))
-
-
-def _put(columns: dict[str, np.ndarray], titles: list[str], values: np.ndarray | None) -> None:
-    if values is not None and not np.isnan(values).all():
-        columns.update(zip(titles, values.reshape(len(values), -1).T, strict=True))
+    return pd.DataFrame(columns_of(table))
 
 
 def write_table(table: Table, path: str | Path) -> None:
@@ -297,7 +272,7 @@ def write_table(table: Table, path: str | Path) -> None:
         broken = [text for text in texts.tolist() if "\n" in text or "\r" in text]
         if broken:
             raise TableError(f"line break in {broken[0]!r}", where=str(path), fix="remove it")
-    write_text(path, table_to_frame(table).to_csv(index=False, lineterminator="\n"))
+    write_parts(path, text_parts(columns_of(table)))
 
 
 def concat_tables(tables: Sequence[Table]) -> Table:
