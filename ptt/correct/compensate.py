@@ -1,22 +1,27 @@
 """Corrected commands: the joint values that put the real tool where it is wanted, each row with a status of its own."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.correct.blocks import Block, cut, settle_blocks
 from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, command_sigma, doubtful
-from ptt.correct.task import Task, first_order, nearest_commands, settle
+from ptt.correct.task import Task, first_order, nearest_commands
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
 from ptt.progress import Progress
+from ptt.run.cores import map_cores
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
+from ptt.run.view import elapsed
 
 __all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "compensate", "missing_context"]
 
@@ -69,32 +74,74 @@ def compensate(
     tell("invert", 0, 1)
     steady, turning, words = split_terms(model, reversal)
     task = _prepare(model, targets, correction, (steady, turning), limit)
-    solved, status, shift = settle(task)
-    sent = sent_rows(status)
+    found = _settle(task, tell)
+    sent = sent_rows(found.status)
     in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(task.wanted.numpy())
-    sigma = np.full(len(sent), np.nan)
-    if sent.any():
-        sigma, promised = command_sigma(model, task, [*steady, *turning], solved.q, in_domain, network)
-        status[sent & doubtful(sigma, shift, promised)] = UNCERTAIN
-    blank = torch.as_tensor(np.where(sent[:, None], 0.0, np.nan))  # shape: (n, 1)
-    simple = first_order(task, solved.height, sent)
-    gap = (task.mechanism.forward(simple) - task.mechanism.forward(solved.height)).norm(dim=1)
+    about = partial(_judge, task, found, sent, in_domain, network)
+    parts = list(map_cores(about, found.blocks))
+    sigma, simple, gap = (np.concatenate(values) for values in zip(*(part[:3] for part in parts), strict=True))
+    promised = next((part[3] for part in parts if part[3] is not None), None)  # the same for all
+    found.status[sent & doubtful(sigma, found.shift, promised)] = UNCERTAIN
     nearest, distance = nearest_commands(task, sent)
     tell("done", 1, 1)
+    blank = np.where(sent[:, None], 0.0, np.nan)
+    reversed_ = found.q - found.height
     return Commands(
-        (solved.q + blank).numpy(),
-        (solved.q - solved.height + blank).numpy(),
-        status,
+        found.q + blank,
+        reversed_ + blank,
+        found.status,
         in_domain,
-        shift,
-        (simple + (solved.q - solved.height)).numpy(),
-        gap.numpy(),
+        found.shift,
+        simple + reversed_,
+        gap,
         words,
-        np.where(sent, solved.missed.norm(dim=1).numpy(), np.nan),
+        np.where(sent, found.missed, np.nan),
         nearest,
         distance,
         np.where(sent, sigma, np.nan),
     )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What an inversion ends with, n rows: as `Solved`, the tool's miss in mm, and the blocks."""
+
+    height: np.ndarray
+    q: np.ndarray
+    missed: np.ndarray
+    status: np.ndarray
+    shift: np.ndarray
+    blocks: list[Block]
+
+
+def _settle(task: Task, tell: Progress) -> _Found:
+    rows, joints = task.nominal.shape
+    height, q, missed, shift = np.empty((rows, joints)), np.empty((rows, joints)), np.empty(rows), np.empty(rows)
+    status, blocks = np.empty(rows, dtype=object), []
+    for block, solved, said, moved in settle_blocks(task):
+        here, own = slice(block.first, block.last), block.own
+        height[here], q[here] = solved.height[own].numpy(), solved.q[own].numpy()
+        missed[here], status[here], shift[here] = solved.missed[own].norm(dim=1).numpy(), said[own], moved[own]
+        blocks.append(block)
+        if block.last < rows:
+            tell("invert", block.last, rows)
+    return _Found(height, q, missed, status, shift, blocks)
+
+
+def _judge(
+    task: Task, found: _Found, sent: np.ndarray, in_domain: np.ndarray, network: NetworkError | None, block: Block
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float | None]:
+    """Of the rows of a block: sigma, the first-order command and how far off it is; and the error that is promised."""
+    part, own, seen = cut(task, block), block.own, slice(block.low, block.high)
+    sigma, promised = np.full(block.high - block.low, np.nan), None
+    if sent[seen].any():
+        q, terms = torch.as_tensor(found.q[seen]), [*task.steady, *task.turning]
+        sigma, promised = command_sigma(task.model, part, terms, q, in_domain[seen], network)
+    here = slice(block.first, block.last)
+    height = torch.as_tensor(found.height[here])
+    simple = first_order(task.mechanism, task.wanted[here], height, sent[here])
+    gap = (task.mechanism.forward(simple) - task.mechanism.forward(height)).norm(dim=1)
+    return sigma[own], simple.numpy(), gap.numpy(), promised
 
 
 def missing_context(model: Model, targets: Table) -> list[str]:
@@ -156,4 +203,4 @@ def _prepare(
     nominal = mechanism.inverse(place, None, near)
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
-    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit)
+    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit, elapsed(targets))

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.effects.memory import standing
 from ptt.effects.reversal import Backlash
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts, predict
@@ -35,13 +36,20 @@ def holding(sent: np.ndarray) -> np.ndarray:
 
 
 def invert(
-    terms: Shifts, mechanism: Mechanism, see: Callable[[Tensor], View], start: Tensor, goal: Tensor, sent: np.ndarray
+    terms: Shifts,
+    mechanism: Mechanism,
+    see: Callable[[Tensor], View],
+    start: Tensor,
+    goal: Tensor,
+    sent: np.ndarray,
+    given: int = 0,
 ) -> tuple[Tensor, Tensor]:
     """Joint values at which the model puts the tool at its goal, by Newton steps.
 
     The view is taken anew in every round, because reversal effects remember the travel that the commands make. Where
-    they leave a step that no command can take, rows go to and fro; each row keeps its best round. While a row is not
-    sent the machine stands where the row before left it.
+    they leave a step that no command can take, rows go to and fro; each row keeps its best round, or the first in
+    which it has settled, so that it does not matter with how many others it is inverted. While a row is not sent the
+    machine stands where the row before left it.
 
     Args:
         terms: effects with their parameters.
@@ -49,12 +57,14 @@ def invert(
         see: commands (n, k) -> the view of the travel that they make.
         start: (n, k), finite where sent.
         goal: (n, 3) mm.
-        sent: (n,) bool, at least one.
+        sent: (n,) bool, at least one beyond those given.
+        given: how many rows at the start keep the commands that they begin with.
 
     Returns:
-        Commands (n, k), and by how much they miss, (n, 3) mm; infinite in rows that are not sent.
+        Commands (n, k), and by how much they miss, (n, 3) mm; infinite in rows that are not sent or were given.
     """
-    hold, rows = torch.as_tensor(holding(sent)), torch.as_tensor(sent)
+    place = np.arange(len(sent))
+    hold, rows = torch.as_tensor(holding(sent | (place < given))), torch.as_tensor(sent & (place >= given))
     q = start[hold]
     best, least = q, torch.full_like(goal, torch.inf)
     if not terms:
@@ -64,13 +74,16 @@ def invert(
         view = see(q)
         step = goal - predict(terms, view).p
         size, before = _size(step), _size(least)
-        better = (size < before)[:, None] & rows[:, None]
+        better = ((size < before) & (before > SETTLED))[:, None] & rows[:, None]
         idle = 0 if bool((rows & (size < NEARER * before) & (before > SETTLED)).any()) else idle + 1
         best, least = torch.where(better, q, best), torch.where(better, step, least)
-        if float(least[rows].abs().max()) < SETTLED or idle == IDLE:
+        settled = rows & (_size(least) <= SETTLED)
+        if bool((settled == rows).all()) or idle == IDLE:
             break
-        wanted = _ahead(terms, view, q + least_move(view.jacobian, step), hold)
-        q = _assembled(mechanism, best, wanted, q)[hold]
+        step[:given] = 0.0
+        wanted = _ahead(terms, view, q + least_move(view.jacobian, step), hold, given > 0)
+        q = torch.where(settled[:, None], best, _assembled(mechanism, best, wanted, q))[hold]
+        q = torch.cat([start[:given], q[given:]])
     return best[hold], least
 
 
@@ -92,7 +105,7 @@ def least_move(jacobian: Tensor, step: Tensor) -> Tensor:
     return torch.linalg.solve_ex(across @ jacobian, across @ step[..., None])[0][..., 0]
 
 
-def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor) -> Tensor:
+def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor, going: bool) -> Tensor:
     """Commands for a wanted move with every gap taken up, so that a joint inside its play does not stay there.
 
     Args:
@@ -100,6 +113,7 @@ def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor) -> Tensor:
         view: the travel as it was.
         wanted: commands whose play would be that of the view, (n, k).
         hold: which row's command holds at each row, (n,).
+        going: whether the travel began before the first row.
 
     Returns:
         Commands half a gap ahead of where the nuts have to be, (n, k).
@@ -110,6 +124,8 @@ def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor) -> Tensor:
     nut = (wanted + sum((effect.shift(theta, view) for effect, theta in gaps), torch.zeros_like(wanted)))[hold]
     turning = (nut + (view.turning - view.q)).numpy()
     direction = torch.as_tensor(arrival_direction(nut.numpy(), turning, view.starts.numpy()))
+    if going:
+        direction = torch.where(standing(nut, torch.as_tensor(turning)), view.direction[0], direction)
     return nut + 0.5 * sum(theta for _, theta in gaps) * direction
 
 

@@ -9,7 +9,9 @@ from torch import Tensor
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.nearest import find_ways
 from ptt.correct.newton import MISSED, holding, invert, least_move
+from ptt.effects.memory import Passed, go_on
 from ptt.effects.reversal import Backlash
+from ptt.fitting.chunks import enter
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular
 from ptt.model.chain import Shifts
@@ -36,6 +38,8 @@ class Task:
         nominal: joint values of the targets by the drawing, (n, k); NaN out of reach.
         start: where Newton steps begin, (n, k).
         limit: largest correction that is sent, mm.
+        time: seconds since the first row of the whole list, (n,) s.
+        behind: what rows before hand on; None where these are the first.
     """
 
     model: Model
@@ -48,14 +52,41 @@ class Task:
     nominal: Tensor
     start: Tensor
     limit: float
+    time: Tensor
+    behind: "Behind | None" = None
+
+    @property
+    def given(self) -> int:
+        """How many rows at the start are those before, whose commands are known."""
+        return 0 if self.behind is None else len(self.behind.q)
 
     def see(self, q: Tensor) -> View:
         """The travel that commands q (n, k) make, with the context of the targets."""
-        return build_view(self.model.file, replace(self.targets, command=q.numpy()))
+        view = build_view(self.model.file, replace(self.targets, command=q.numpy()))
+        return (
+            replace(view, time=self.time)
+            if self.behind is None
+            else go_on(replace(view, time=self.time), self.behind.passed)
+        )
 
     def shift(self, q: Tensor) -> Tensor:
         """How far commands q (n, k) ask the drawing to go from the target, (n,) mm."""
         return (self.mechanism.forward(q) - self.wanted).norm(dim=1)
+
+
+@dataclass(frozen=True)
+class Behind:
+    """What rows hand on to those behind them: their last commands, and the travel before these.
+
+    Attributes:
+        passed: the travel before the first of the rows.
+        height: their commands without reversal compensation, (m, k).
+        q: their commands with it, (m, k).
+    """
+
+    passed: Passed
+    height: Tensor
+    q: Tensor
 
 
 @dataclass(frozen=True)
@@ -85,12 +116,13 @@ def settle(task: Task) -> tuple[Solved, np.ndarray, np.ndarray]:
         Commands, status (n,), and static correction (n,) mm, NaN where no command was found.
     """
     status = _before(task)
+    status[: task.given] = OUT_OF_REACH  # they are done with
     shift = np.where(status == TOO_LARGE, (task.asked - task.wanted).norm(dim=1).numpy(), np.nan)
-    nothing = torch.full_like(task.asked, torch.inf)
-    solved = Solved(task.start, task.start, nothing, np.zeros(len(status), dtype=bool))
+    solved = _standing(task)
     for _ in range(PASSES):
         sent = sent_rows(status)
         if not sent.any():
+            solved = _standing(task)
             break
         solved = _solve(task, task.start, sent)  # whatever came before: an arm's posture follows its start
         status = np.where(sent, _after(task, solved), status)
@@ -98,6 +130,26 @@ def settle(task: Task) -> tuple[Solved, np.ndarray, np.ndarray]:
         if (sent_rows(status) == sent).all():
             break
     return solved, status, shift
+
+
+def hand_on(task: Task, solved: Solved, rows: int, beside: int) -> Behind | None:
+    """What the rows behind must know of those before them.
+
+    Args:
+        task: the targets, in travel order.
+        solved: their commands.
+        rows: how many of them are before; those behind were looked at on the way only.
+        beside: how many of them are handed on, at most.
+
+    Returns:
+        It; None where nothing was sent so far.
+    """
+    if task.behind is None and not solved.reached[:rows].any():
+        return None
+    first = max(rows - beside, 0)
+    view = task.see(solved.q)
+    passed = Passed(enter(view, [first])[0], view.direction[first], view.turning[first] - view.q[first])
+    return Behind(passed, solved.height[first:rows], solved.q[first:rows])
 
 
 def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -118,7 +170,9 @@ def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarr
     ways, table = find_ways(task.mechanism, task.wanted, task.nominal, sent), take_rows(task.targets, rows)
     for spare in SPARES:
         place, start = ways.places(spare)
-        part = replace(task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=())
+        part = replace(
+            task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=(), time=task.time[rows]
+        )
         solved, status, _ = settle(part)
         better = (status == OK) & solved.reached & np.isnan(distance[rows])
         q[rows[better]] = solved.q.numpy()[better]
@@ -128,23 +182,24 @@ def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return q, distance
 
 
-def first_order(task: Task, height: Tensor, sent: np.ndarray) -> Tensor:
+def first_order(mechanism: Mechanism, wanted: Tensor, height: Tensor, sent: np.ndarray) -> Tensor:
     """H_m(b - db) = f(p) - J_a dp (eq. 13 of the source paper) with dp = p - N(p), N the corrected target.
 
     J_a is taken half-way, at p - dp/2: there the first-order form is good to the third order in dp.
 
     Args:
-        task: the targets.
+        mechanism: the nominal one.
+        wanted: targets, (n, 3) mm.
         height: exact commands without reversal compensation, (n, k).
         sent: rows that have such commands, (n,) bool.
 
     Returns:
         (n, k); NaN in the other rows.
     """
-    rows, inverse = torch.as_tensor(sent), task.mechanism.inverse
-    near, wanted, simple = height[rows], task.wanted[rows], torch.full_like(height, torch.nan)
-    shift = wanted - task.mechanism.forward(near)
-    move = least_move(task.mechanism.jacobian(inverse(wanted - 0.5 * shift, None, near)), shift)
+    rows, inverse = torch.as_tensor(sent), mechanism.inverse
+    near, wanted, simple = height[rows], wanted[rows], torch.full_like(height, torch.nan)
+    shift = wanted - mechanism.forward(near)
+    move = least_move(mechanism.jacobian(inverse(wanted - 0.5 * shift, None, near)), shift)
     simple[rows] = inverse(wanted, None, near) - move
     return simple
 
@@ -158,15 +213,31 @@ def _before(task: Task) -> np.ndarray:
     return status
 
 
+def _standing(task: Task) -> Solved:
+    """Before anything was sent: where the rows before left the machine, else where the search will begin."""
+    height = q = task.start
+    if task.behind is not None:
+        height, q = (
+            held[torch.arange(len(q)).clamp(max=task.given - 1)] for held in (task.behind.height, task.behind.q)
+        )
+    return Solved(height, q, torch.full_like(task.asked, torch.inf), np.zeros(len(q), dtype=bool))
+
+
 def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
     """Commands that start from those near by: first for the steady effects, then for those that remember the way."""
-    height, step = invert(task.steady, task.mechanism, task.see, near, task.asked, sent)
+    given, behind = np.arange(len(sent)) < task.given, task.behind
+    near = near if behind is None else torch.cat([behind.height, near[task.given :]])
+    height, step = invert(task.steady, task.mechanism, task.see, near, task.asked, sent, task.given)
     reached = sent & (step.abs().amax(dim=1) < MISSED).numpy()
-    if not task.turning or not reached.any():
+    if not reached.any():
+        return replace(_standing(task), missed=step)
+    if not task.turning:
         return Solved(height, height, step, reached)
-    height = height[torch.as_tensor(holding(reached))]
+    height = height[torch.as_tensor(holding(reached | given))]
     opened = _opened(height, task.turning, task.see(height))
-    q, left = invert([*task.steady, *task.turning], task.mechanism, task.see, opened, task.asked, reached)
+    opened = opened if behind is None else torch.cat([behind.q, opened[task.given :]])
+    terms = [*task.steady, *task.turning]
+    q, left = invert(terms, task.mechanism, task.see, opened, task.asked, reached, task.given)
     return Solved(height, q, left, reached & torch.isfinite(left).all(dim=1).numpy())
 
 

@@ -1,11 +1,12 @@
 """Scans over the travel for effects with memory, in log depth: play and gradual reversal, with state handed on."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
+from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.turns import LINEAR, REACH, REACH_RAD, Entry, remember
 from ptt.run.view import View
 
@@ -77,6 +78,57 @@ def leave(view: View, row: int) -> Entry:
     start = int(torch.nonzero(way.starts)[-1])
     reach = REACH if float(view.travel_limits.abs().max()) > LINEAR else REACH_RAD
     return remember(way.q[start:], way.direction[start], row, reach)
+
+
+@dataclass(frozen=True)
+class Passed:
+    """The travel before a row, as far as the rows from there on must know it.
+
+    Attributes:
+        entry: how the joints came to the row; None where a run starts with it.
+        direction: in which each joint arrived there, (k,).
+        turned: from there to where each turned last on the way there, (k,); zero where none did.
+    """
+
+    entry: Entry | None
+    direction: Tensor
+    turned: Tensor
+
+
+def go_on(view: View, passed: Passed) -> View:
+    """The view of rows in the middle of a travel, which by themselves look like its beginning.
+
+    Args:
+        view: n rows, seen without those before.
+        passed: what was before its first row.
+
+    Returns:
+        The view as a part of the whole travel.
+    """
+    turning = torch.cat([view.q[:1] + passed.turned, view.turning[1:]])
+    view = keep_direction(replace(view, turning=turning), passed.direction)
+    direction = torch.cat([passed.direction[None], view.direction[1:]])
+    if passed.entry is None:
+        return replace(view, direction=direction)
+    starts = torch.cat([torch.zeros_like(view.starts[:1]), view.starts[1:]])
+    return replace(view, direction=direction, starts=starts, entries=(replace(passed.entry, row=0),))
+
+
+def keep_direction(view: View, direction: Tensor) -> View:
+    """Joints that have stood since before the first row go on in the direction (k,) of their last move."""
+    stood = standing(view.q, view.turning)
+    return replace(view, direction=torch.where(stood, direction, view.direction))
+
+
+def standing(q: Tensor, turning: Tensor) -> Tensor:
+    """Which joints have not moved since the first row, (n, k) bool.
+
+    Args:
+        q: joint values, (n, k).
+        turning: where they turned last on the way to each row, (n, k).
+    """
+    moved = (q.diff(dim=0, prepend=q[:1]).abs() > STANDSTILL) | ((q - turning).abs() > STANDSTILL)
+    return moved.cumsum(dim=0) == 0
 
 
 def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:

@@ -22,6 +22,7 @@ from ptt.run.turns import Entry
 from ptt.run.view import View
 
 CHUNK = 20_000  # rows: columns of all candidates take some 100 MB
+BESIDE = 200  # rows: the slope of a spline feels a knot k rows away by 0.27^k, less than rounding from 30 on
 LONG = 50_000  # rows beyond which columns of all rows at once take too much memory
 SAMPLE = 8_000  # rows of a run that shapes and paths are found on
 STRETCH = 400
@@ -62,7 +63,7 @@ def enter(view: View, cuts: Sequence[int]) -> list[Entry | None]:
         The entry of each; None where a run starts there.
     """
     entries: list[Entry | None] = []
-    entry, start = None, 0
+    entry, start = next((entry for entry in view.entries if entry.row == 0), None), 0
     for cut in cuts:
         if cut > start:
             entry = leave(_part_of_view(view, np.arange(start, cut), (entry,)), 0)

@@ -12,22 +12,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.memory import leave
+from ptt.effects.memory import keep_direction, leave
 from ptt.errors import InputError
-from ptt.fitting.chunks import CHUNK, stretches, take_entered
+from ptt.fitting.chunks import BESIDE, CHUNK, stretches, take_entered
 from ptt.fleet.database import ONE_THREAD, duckdb
 from ptt.fleet.readings import columns_to_table, plain_columns
 from ptt.machine import MachineFile
-from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem, into_base
 from ptt.run.ranges import ranges_of
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base
 from ptt.run.turns import Entry
-from ptt.run.view import View, build_view
+from ptt.run.view import build_view
 
-BESIDE = 200  # rows: the slope of a spline feels a knot k rows away by 0.27^k, less than rounding from 30 on
 SPREAD = 4_000  # rows all over a log that tell the frame and what varies
 FEW = 4  # rows of it that are kept
 GROUP = 20_480  # rows of a Parquet group, DuckDB's own unit times ten: a part reads one or two
@@ -166,7 +164,7 @@ def enter_part(problem: Problem, part: Part, state: State | None) -> Problem:
     number = problem.view.number
     assert number is not None
     if state is not None:
-        problem = replace(problem, view=_go_on(problem.view, state))
+        problem = replace(problem, view=keep_direction(problem.view, state.direction))
     low = int(number[0])
     return take_entered(problem, [(part[0] - low, part[1] - low)], [state.entry if state else None])
 
@@ -175,13 +173,6 @@ def hand_on(problem: Problem, part: Part, state: State | None) -> State:
     """What a part hands on to the next: cheap, and the only thing that is done one part after the other."""
     view = enter_part(problem, part, state).view
     return State(leave(view, 0), view.direction[-1])
-
-
-def _go_on(view: View, state: State) -> View:
-    """Joints that have stood since before the first row go on in the direction of their last move."""
-    moved = (view.q.diff(dim=0, prepend=view.q[:1]).abs() > STANDSTILL) | ((view.q - view.turning).abs() > STANDSTILL)
-    stood = moved.cumsum(dim=0) == 0
-    return replace(view, direction=torch.where(stood, state.direction, view.direction))
 
 
 def _require_one_run(problem: Problem, path: Path) -> None:

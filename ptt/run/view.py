@@ -215,7 +215,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         run=_tensor(table.run).long(),
         payload=payload,
         warmth=warmth,
-        time=_elapsed(table),
+        time=elapsed(table),
         torque=None if table.torque is None else _tensor(table.torque) * (1e3 if spec.kind == "serial" else 1.0),
         platform_mass=spec.platform_mass_kg if spec.kind == "three-ptt" else 0.0,
         platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
@@ -231,8 +231,8 @@ def _tensor(values: object) -> Tensor:
     return torch.tensor(np.asarray(values), dtype=torch.float64)  # a copy: columns read by pandas are read-only
 
 
-def _elapsed(table: "Table") -> Tensor:
-    """Seconds since the first row; runs whose clocks do not join are laid end to end."""
+def elapsed(table: "Table") -> Tensor:
+    """Seconds since the first row, (n,) s; runs whose clocks do not join are laid end to end."""
     if table.time_s is None:
         return torch.zeros(table.rows, dtype=torch.float64)
     clock = np.asarray(table.time_s, dtype=float)

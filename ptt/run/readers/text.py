@@ -3,7 +3,7 @@
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +59,10 @@ class RawText:
     body: list[str]
     line: np.ndarray
     thousands: str = ""
+
+    def part(self, first: int, stop: int) -> "RawText":
+        """Some of its data lines, with their numbers."""
+        return replace(self, body=self.body[first:stop], line=self.line[first:stop])
 
 
 def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> RawText:

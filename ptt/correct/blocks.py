@@ -1,0 +1,105 @@
+"""A long list of targets block by block: each block goes on where the one before left the machine.
+
+Rows beside a block are looked at with it, so that its speeds are those of the whole travel, and its direction where a
+run has only begun; what came before is handed on (`ptt.correct.task.Behind`).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from ptt.correct.task import Behind, Solved, Task, hand_on, settle
+from ptt.fitting.chunks import BESIDE, CHUNK, stretches
+from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.table import Table, take_rows
+
+ROWS = CHUNK - 2 * BESIDE  # of a block, so that with those beside it is one chunk
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some rows of a task, and those beside.
+
+    Attributes:
+        first: its first row.
+        last: the row after its last.
+        high: the row after those looked at with it.
+        behind: what the rows before hand on.
+    """
+
+    first: int
+    last: int
+    high: int
+    behind: Behind | None
+
+    @property
+    def low(self) -> int:
+        """The first row looked at with it."""
+        return self.first - (0 if self.behind is None else len(self.behind.q))
+
+    @property
+    def own(self) -> slice:
+        """Its rows among those looked at."""
+        return slice(self.first - self.low, self.last - self.low)
+
+
+def settle_blocks(task: Task) -> Iterator[tuple[Block, Solved, np.ndarray, np.ndarray]]:
+    """Invert block after block.
+
+    Args:
+        task: all targets.
+
+    Yields:
+        Each block; commands, status and static correction of its rows and those beside, as `settle` hands them back.
+    """
+    behind, table = None, task.targets
+    parts = stretches(table.rows, ROWS)
+    if len(parts) > 1:
+        task = replace(task, targets=_with_one_clock(table))
+    for first, last in parts:
+        high = _seen_to(task, first, last, behind)
+        block = Block(first, last, high, behind)
+        part = cut(task, block)
+        solved, status, shift = settle(part)
+        yield block, solved, status, shift
+        behind = hand_on(part, solved, block.own.stop, BESIDE) if last < table.rows else None
+
+
+def cut(task: Task, block: Block) -> Task:
+    """The task of a block and the rows beside it."""
+    rows = slice(block.low, block.high)
+    if (block.low, block.high) == (0, task.targets.rows):
+        return task
+    names = ("wanted", "asked", "nominal", "start", "time")
+    own = {name: getattr(task, name)[rows] for name in names}
+    table = take_rows(task.targets, np.arange(block.low, block.high))
+    return replace(task, targets=table, behind=block.behind, **own)
+
+
+def _seen_to(task: Task, first: int, last: int, behind: Behind | None) -> int:
+    """How far a block looks ahead: until each joint of a run that has begun in it was seen to move.
+
+    A joint that stands longer than a chunk is taken to go on upward, as one that never moves.
+    """
+    run, rows = task.targets.run, task.targets.rows
+    high = min(last + BESIDE, rows)
+    before = np.flatnonzero(run[first:last] != run[last - 1])
+    start = first + (int(before[-1]) + 1 if len(before) else 0)
+    begun = behind is None or start > first or run[first] != run[first - 1]
+    after = np.flatnonzero(run[last:high] != run[last - 1])
+    if not begun or len(after):
+        return high
+    place = task.nominal[start:high]
+    place = place[torch.isfinite(place).all(dim=1)]
+    if len(place) and bool((place.amax(dim=0) - place.amin(dim=0) > STANDSTILL).all()):
+        return high
+    return min(last + CHUNK, rows)
+
+
+def _with_one_clock(table: Table) -> Table:
+    """The column alone that tells speeds of the whole list, so that a block without it takes no other."""
+    if table.feed_mm_s is not None and np.nan_to_num(table.feed_mm_s).max() > 0.0:
+        return table.replace(feed_mm_s=np.nan_to_num(table.feed_mm_s), time_s=None)
+    return table.replace(feed_mm_s=None)

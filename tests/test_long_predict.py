@@ -1,0 +1,123 @@
+"""Long lists of targets block by block: the commands of the list as a whole, byte for byte."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from ptt.correct import blocks
+from ptt.correct.compensate import compensate
+from ptt.effects.drive import FollowingError
+from ptt.effects.reversal import Backlash, Windup
+from ptt.effects.towers import TowerTilt
+from ptt.errors import InputError
+from ptt.files import write_parts
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model, Term
+from ptt.run import written
+from ptt.run.readers import numbers
+from ptt.run.table import Table, make_table, read_table, write_table
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+
+
+def model_of(file: MachineFile, *more: Term) -> Model:
+    model = Model(file)
+    for effect, values in ((TowerTilt(), [2e-3, -1e-3, 1e-3, 3e-3, -2e-3, 1e-3]), (Backlash(), [0.04, 0.05, 0.06])):
+        model = model + Term(effect, torch.tensor(values, dtype=torch.float64))
+    for term in more:
+        model = model + term
+    return model
+
+
+def targets_of(file: MachineFile, rows: int = 260, *, stands: bool = True, **columns) -> Table:
+    """A path with turns, a slider that stands at first, a stretch of standstill, and rows out of reach."""
+    time = np.linspace(0.0, 26.0, rows)[:, None]
+    heights = 280.0 + 40.0 * np.sin(time * np.array([1.0, 1.3, 0.7]) + np.array([0.0, 1.0, 2.0]))
+    if stands:
+        heights[:45, 1] = heights[45, 1]
+        heights[120:150] = heights[120]
+    place = build_mechanism(file.machine).forward(torch.tensor(heights)).numpy()
+    place[[0, 1, 77, 78, 131]] = [900.0, 0.0, 0.0]
+    place[200:212] = [0.0, 0.0, 900.0]
+    return make_table(place, payload_kg=2.0, **columns)
+
+
+def in_blocks(monkeypatch: pytest.MonkeyPatch, rows: int, beside: int = 12) -> None:
+    monkeypatch.setattr(blocks, "ROWS", rows)
+    monkeypatch.setattr(blocks, "BESIDE", beside)
+
+
+@pytest.mark.parametrize("rows", [20, 45, 61])
+@pytest.mark.parametrize("runs", [1, 3])
+def test_blocks_give_the_commands_of_the_whole(bench: MachineFile, monkeypatch, rows: int, runs: int) -> None:
+    targets = targets_of(bench)
+    targets = targets.replace(run=np.arange(targets.rows) * runs // targets.rows, run_label=("a", "b", "c")[:runs])
+    whole = predict_text(bench, targets)
+    in_blocks(monkeypatch, rows)
+    assert predict_text(bench, targets) == whole
+
+
+def predict_text(file: MachineFile, targets: Table) -> str:
+    commands = compensate(model_of(file), targets)
+    assert 0 < (commands.status == "out of reach").sum() < 30
+    values = (commands.q, commands.reversal, commands.shift, commands.first_order, commands.nearest, commands.missed)
+    return repr([value.tolist() for value in values] + [commands.status.tolist()])
+
+
+@pytest.mark.parametrize("clock", ["time_s", "feed_mm_s"])
+def test_blocks_know_the_speed_and_the_turns_before_and_behind_them(bench: MachineFile, monkeypatch, clock) -> None:
+    lag = Term(FollowingError(), torch.full((3,), 0.02, dtype=torch.float64))
+    turn = Term(Windup(), torch.tensor([0.01, 0.02, 0.03, 2.0], dtype=torch.float64))
+    columns = {"time_s": np.arange(260.0)}
+    if clock == "feed_mm_s":  # tells the speeds of all rows once it tells one
+        columns["feed_mm_s"] = np.where(np.arange(260) < 160, 30.0, 0.0)
+    targets = targets_of(bench, stands=False, **columns)
+    model = model_of(bench, lag, turn)
+    whole = compensate(model, targets)
+    in_blocks(monkeypatch, 50, 60)
+    parts = compensate(model, targets)
+    assert (parts.status == whole.status).all()
+    for name in ("q", "reversal", "shift", "missed"):
+        np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=0.0, atol=1e-8)
+
+
+def test_what_is_handed_on_matters(bench: MachineFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks that forget what was before them would be told: the comparison above can fail."""
+    targets = targets_of(bench)
+    whole = compensate(model_of(bench), targets).q
+    in_blocks(monkeypatch, 20)
+    monkeypatch.setattr(blocks, "hand_on", lambda *given: None)
+    assert np.nanmax(np.abs(compensate(model_of(bench), targets).q - whole)) > 0.01
+
+
+def test_files_are_read_and_written_in_parts_as_in_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = read_table(DATA / "sealed_one" / "run.csv")
+    table = table.replace(name=np.array([f'p "{row}", #' if row % 3 else "" for row in range(table.rows)]))
+    write_table(table, tmp_path / "one.csv")
+    frame = pd.DataFrame(written.columns_of(table))
+    assert (tmp_path / "one.csv").read_text() == frame.to_csv(index=False, lineterminator="\n")
+    monkeypatch.setattr(written, "ROWS", 37)
+    monkeypatch.setattr(numbers, "ROWS", 41)
+    again = read_table(tmp_path / "one.csv")
+    write_table(again, tmp_path / "two.csv")
+    assert (tmp_path / "two.csv").read_bytes() == (tmp_path / "one.csv").read_bytes()
+    lines = (tmp_path / "one.csv").read_text().splitlines()
+    lines[100] = lines[100].rsplit(",", 1)[0] + ",x"
+    (tmp_path / "bad.csv").write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"row 101, column .*not a number \('x'\)"):
+        read_table(tmp_path / "bad.csv")
+
+
+def test_a_file_that_fails_in_the_middle_was_never_there(tmp_path: Path) -> None:
+    def parts():
+        yield b"first\n"
+        raise RuntimeError("no more")
+
+    (tmp_path / "out.csv").write_text("old")
+    with pytest.raises(RuntimeError):
+        write_parts(tmp_path / "out.csv", parts())
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("out.csv", "old")]
