@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from torch.testing import assert_close
 
 from ptt.machine import ThreePttSpec
-from ptt.mechanisms.dexterity import condition_number, determinant, manipulability, singular_values, singularities
+from ptt.mechanisms.dexterity import (
+    condition_number,
+    determinant,
+    manipulability,
+    near_singularity,
+    singular_values,
+    singularities,
+)
 from ptt.mechanisms.statics import GRAVITY, axis_forces, link_forces
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
@@ -211,6 +218,14 @@ def test_reach_names_the_status_of_each_target():
     status = reach(bench(), p)
     assert status.tolist() == ["ok", "out of travel", "out of travel", "out of reach", "near singular"]
     assert reach(bench(), torch.full((1, 3), math.nan, dtype=torch.float64)).tolist() == ["out of reach"]
+
+
+@pytest.mark.parametrize("platform_radius_mm", [100.0, 170.0, 196.0])
+def test_who_is_near_a_singularity_is_told_without_singular_values_where_a_bound_tells_it(platform_radius_mm):
+    mechanism, places = bench(platform_radius_mm=platform_radius_mm), rows(4000, size=320.0)
+    expected = singularities(mechanism, places).near
+    assert bool((near_singularity(mechanism, places) == expected).all())
+    assert bool(expected.any()) and bool(torch.isnan(mechanism.inverse(places)).any())
 
 
 def test_travel_margin_counts_to_the_nearest_end():

@@ -13,6 +13,7 @@ from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, command_sigma, doubtful
 from ptt.correct.task import Task, first_order, nearest_commands
 from ptt.correct.terms import Reversal, split_terms
+from ptt.effects import Effect
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts
@@ -203,4 +204,12 @@ def _prepare(
     nominal = mechanism.inverse(place, None, near)
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
-    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit, elapsed(targets))
+    time = elapsed(targets)
+    if not any(map(_follows_speed, (effect for part in terms for effect, _ in part))):
+        targets = targets.replace(time_s=None, feed_mm_s=None)  # speeds take half the time of a view
+    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit, time)
+
+
+def _follows_speed(effect: Effect) -> bool:
+    """Whether an effect may look at speeds; one of the user's own may do so without a word."""
+    return "speed" in effect.requires or not type(effect).__module__.startswith("ptt.")

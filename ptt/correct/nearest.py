@@ -1,5 +1,6 @@
 """For a row that cannot be sent: the last place on the way to it where the machine still works."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import near_singular, travel_margin
 
 HALVINGS = 20  # of the way: a metre to a micrometre
+
+Nearest = Callable[[Tensor], np.ndarray] | None
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,25 @@ class Ways:
         return place, torch.where(_works(self.mechanism, place, q)[:, None], q, torch.nan)
 
 
-def find_ways(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Ways:
+def nearest_of(wanted: Tensor, sent: np.ndarray) -> Nearest:
+    """Who knows the row that is sent nearest to a place.
+
+    Args:
+        wanted: targets, (n, 3) mm.
+        sent: (n,) bool.
+
+    Returns:
+        Places (m, 3) mm -> rows (m,) int; None where no target is sent, or all are.
+    """
+    if not sent.any() or sent.all():
+        return None
+    from scipy.spatial import cKDTree
+
+    rows, tree = np.flatnonzero(sent), cKDTree(wanted[sent].numpy())
+    return lambda goal: np.asarray(rows[tree.query(goal.numpy())[1]])
+
+
+def find_ways(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, goal: Tensor, nearest: Nearest) -> Ways:
     """Find how far the drawing can go from the nearest target that is sent toward each that is not.
 
     Where no target is sent, the ways begin at the home pose.
@@ -55,16 +76,14 @@ def find_ways(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, sent: np.nd
         mechanism: the nominal one.
         wanted: targets, (n, 3) mm.
         nominal: their joint values by the drawing, (n, k); NaN where there are none.
-        sent: (n,) bool, not all.
+        goal: those that are not sent, (m, 3) mm.
+        nearest: from places to the rows that are sent nearest; None where there are none.
 
     Returns:
         The ways.
     """
-    goal = wanted[~sent]
-    if sent.any():
-        from scipy.spatial import cKDTree
-
-        index = np.flatnonzero(sent)[cKDTree(wanted[sent].numpy()).query(goal.numpy())[1]]
+    if nearest is not None:
+        index = nearest(goal)
         begin, near = wanted[index], nominal[index]
     else:
         near = torch.as_tensor(mechanism.home(), dtype=torch.float64).expand(len(goal), -1)

@@ -7,11 +7,11 @@ import torch
 from torch import Tensor
 
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
-from ptt.correct.nearest import find_ways
+from ptt.correct.nearest import Nearest, find_ways, nearest_of
 from ptt.correct.newton import MISSED, holding, invert, least_move
 from ptt.effects.memory import Passed, go_on
 from ptt.effects.reversal import Backlash
-from ptt.fitting.chunks import enter
+from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular
 from ptt.model.chain import Shifts
@@ -164,20 +164,31 @@ def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarr
         to the target; NaN where there are none.
     """
     q, distance = np.full(task.nominal.shape, np.nan), np.full(len(sent), np.nan)
-    rows = np.flatnonzero(~sent)
-    if not len(rows):
-        return q, distance
-    ways, table = find_ways(task.mechanism, task.wanted, task.nominal, sent), take_rows(task.targets, rows)
+    rows, nearest = np.flatnonzero(~sent), nearest_of(task.wanted, sent)
+    for first, last in stretches(len(rows), CHUNK):
+        here = rows[first:last]
+        q[here], distance[here] = _nearest(task, here, nearest)
+    return q, distance
+
+
+def _nearest(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
+    """The same for some rows that are not sent, (m,) int."""
+    q, distance, goal = (
+        np.full((len(rows), task.nominal.shape[1]), np.nan),
+        np.full(len(rows), np.nan),
+        task.wanted[rows],
+    )
+    ways, table = find_ways(task.mechanism, task.wanted, task.nominal, goal, nearest), take_rows(task.targets, rows)
     for spare in SPARES:
         place, start = ways.places(spare)
         part = replace(
             task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=(), time=task.time[rows]
         )
         solved, status, _ = settle(part)
-        better = (status == OK) & solved.reached & np.isnan(distance[rows])
-        q[rows[better]] = solved.q.numpy()[better]
-        distance[rows[better]] = (place - task.wanted[rows]).norm(dim=1).numpy()[better]
-        if np.isfinite(distance[rows]).all():
+        better = (status == OK) & solved.reached & np.isnan(distance)
+        q[better] = solved.q.numpy()[better]
+        distance[better] = (place - goal).norm(dim=1).numpy()[better]
+        if np.isfinite(distance).all():
             break
     return q, distance
 

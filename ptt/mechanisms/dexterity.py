@@ -125,10 +125,8 @@ def singularities(mechanism: ThreePtt, p: Tensor) -> Singularities:
     vector = mechanism.link_vectors(p)
     along = (vector * mechanism.rail).sum(-1)
     across = vector - along.unsqueeze(-1) * mechanism.rail
-    unit = torch.nn.functional.normalize(vector, dim=-1)
+    unit, moment = _directions(mechanism, vector)
     ratio = (unit * mechanism.rail).sum(-1)
-    moment = vector - (vector * mechanism.outer_axis).sum(-1, keepdim=True) * mechanism.outer_axis
-    moment = torch.nn.functional.normalize(moment, dim=-1)
     spread = singular_values(unit)
     return Singularities(
         inverse_mm=along.abs().amin(-1),
@@ -141,6 +139,33 @@ def singularities(mechanism: ThreePtt, p: Tensor) -> Singularities:
         condition=condition_number(unit * (ratio.roll(-1, -1) * ratio.roll(-2, -1)).unsqueeze(-1)),
         manipulability=(along.prod(-1) / _volume(vector)).abs(),
     )
+
+
+def near_singularity(mechanism: ThreePtt, p: Tensor) -> Tensor:
+    """The same as `singularities(...).near`, singular values worked out only where a bound leaves that open.
+
+    Three unit vectors have singular values whose squares sum to 3, so the product of the two largest is at most 3/2
+    and the least is at least 2/3 of their volume.
+
+    Args:
+        mechanism: the machine.
+        p: (n, 3) mm, tool positions.
+
+    Returns:
+        (n,) bool, False out of reach.
+    """
+    unit, moment = _directions(mechanism, mechanism.link_vectors(p))
+    near = (unit * mechanism.rail).sum(-1).abs().amin(-1) < NEAR_RATIO
+    least = torch.minimum(_volume(unit).abs(), _volume(moment).abs()) / 1.5
+    open_ = (~near & (least < 1.01 * NEAR_RATIO)).nonzero()[:, 0]  # 1.01: beyond rounding
+    near[open_] = singularities(mechanism, p[open_]).near
+    return near
+
+
+def _directions(mechanism: ThreePtt, vector: Tensor) -> tuple[Tensor, Tensor]:
+    """Unit vectors of links and of the constraint moments of their joints, (n, 3, 3) each."""
+    moment = vector - (vector * mechanism.outer_axis).sum(-1, keepdim=True) * mechanism.outer_axis
+    return torch.nn.functional.normalize(vector, dim=-1), torch.nn.functional.normalize(moment, dim=-1)
 
 
 def condition_number(jacobian: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.dexterity import condition_number, singular_values, singularities
+from ptt.mechanisms.dexterity import condition_number, near_singularity, singular_values
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_inverse import spread
@@ -104,7 +104,7 @@ def near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:
         (n,) bool, False out of reach.
     """
     if isinstance(mechanism, ThreePtt):
-        return singularities(mechanism, p).near
+        return near_singularity(mechanism, p)
     return unevenness(mechanism, q) > NEAR_CONDITION
 
 
