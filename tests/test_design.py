@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,12 @@ from ptt.commands.plan import format_plan
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects import library
 from ptt.errors import InputError, WorkspaceError
+from ptt.fitting.chunks import view_chunks
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, parse_machine
 from ptt.mechanisms.dexterity import singularities
 from ptt.model.model import Model, Term
+from ptt.plan import foresight
 from ptt.plan.arm import telling_poses
 from ptt.plan.contest import open_contest
 from ptt.plan.first_run import plan_first_run, repeats_in
@@ -408,3 +411,16 @@ def test_options_that_cannot_be_read_are_refused_in_one_line(words: tuple[str, s
     assert ended.exit_code == 2
     assert words[0] in ended.stderr and ended.stderr.count("\n") == 1
     assert not (tmp_path / "t.csv").exists()
+
+
+def test_a_long_plan_is_foreseen_in_chunks_as_in_one(bench: MachineFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = Model(bench) + library()["link-length"]() + library()["backlash"]()
+    whole = plan_first_run(model, rows=300).effects
+    monkeypatch.setattr(foresight, "view_chunks", partial(view_chunks, size=41))
+    parts = plan_first_run(model, rows=300).effects
+    assert [(one.effect, one.seen, one.size, one.in_model) for one in parts] == [
+        (one.effect, one.seen, one.size, one.in_model) for one in whole
+    ]
+    for one, other in zip(parts, whole, strict=True):
+        stds = [[value.std or 0.0 for value in each.parameters] for each in (one, other)]
+        np.testing.assert_allclose(*stds, rtol=1e-7, atol=0.0)

@@ -1,5 +1,6 @@
 """What rows will be able to tell before they are measured: which effects, how many of their parameters, how well."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -9,6 +10,7 @@ from torch import Tensor
 
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame, rigid_basis
+from ptt.fitting.chunks import view_chunks
 from ptt.fitting.result import PRIOR_SHARE
 from ptt.fitting.sums import SEEN
 from ptt.machine import MachineFile
@@ -21,6 +23,7 @@ from ptt.run.table import Table
 from ptt.run.view import View, build_view
 
 DWELL, FEED = 10.0, 20.0  # s for a reading, mm/s between poses
+FRAME_USUAL = torch.tensor([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, dtype=torch.float64)
 FREE = 1e-6  # prior on what is fitted beside an effect, in usual sizes squared
 
 
@@ -74,35 +77,66 @@ def foresee(model: Model, view: View, rows: np.ndarray, known: Library, sigma: f
     Returns:
         The effects of the model first, then one for each other effect that fits the machine.
     """
-    kind, found = model.file.machine.kind, []
-    for term in model.terms:
-        others = model.without(term.effect.key)
-        one = _foresee(others, term.effect, view, rows, beside(others, view, rows, sigma), sigma)
-        found.append(replace(one, in_model=True))
-    nuisance = beside(model, view, rows, sigma)
+    kind = model.file.machine.kind
+    cases = [_Case(model.without(term.effect.key), term.effect, view) for term in model.terms]
     for name, cls in known.items():
         framed = cls is TrackerFrame and model.file.tracker.frame != "trusted"
         if kind in cls.mechanisms and name not in model.keys and not framed:
-            found.append(_foresee(model, cls(), view, rows, nuisance, sigma))
-    return tuple(found)
+            cases.append(_Case(model, cls(), view))
+    for part in view_chunks(view):
+        assert part.number is not None
+        read = rows[part.number.numpy().astype(int)]
+        shared = _read_beside(model, part, read, sigma)
+        for case in cases:
+            if not case.lack:
+                own = shared if case.model is model else _read_beside(case.model, part, read, sigma)
+                case.add(part, read, own, sigma)
+    return tuple(replace(_foresee(case), in_model=number < len(model.terms)) for number, case in enumerate(cases))
 
 
-def _foresee(
-    model: Model, effect: Effect, view: View, rows: np.ndarray, nuisance: np.ndarray, sigma: float
-) -> Foresight:
-    """What the rows will tell of one effect beside a model that does not have it."""
-    kind, lack = model.file.machine.kind, effect.needs(view)
-    sizes = tuple(p.on(kind) for p in effect.parameters if p.role == "linear" for _ in range(p.size(view.joints)))
-    names = parameter_names(effect, kind, view.joints)[: len(sizes)]
-    if lack:
+class _Case:
+    """One effect beside a model that does not have it, and what the rows so far tell of both.
+
+    That is R of the QR of the columns of all that is fitted, the effect's last: rows add to it chunk by chunk (TSQR:
+    Demmel et al. 2012), and it keeps the digits that normal equations lose.
+    """
+
+    def __init__(self, model: Model, effect: Effect, view: View) -> None:
+        kind = model.file.machine.kind
+        self.model, self.effect, self.lack = model, effect, effect.needs(view)
+        sizes = (p.on(kind) for p in effect.parameters if p.role == "linear" for _ in range(p.size(view.joints)))
+        self.sizes = tuple(sizes)
+        self.names = parameter_names(effect, kind, view.joints)[: len(self.sizes)]
+        self.usual = np.array([p.usual for p in self.sizes])
+        self.shape = {} if self.lack else _usual_shape(effect, view)
+        self.root = np.zeros((0, 0))
+        self.beside = 0  # columns of what is fitted beside it
+
+    def add(self, view: View, rows: np.ndarray, nuisance: np.ndarray, sigma: float) -> None:
+        """Add rows, of which some are read; what is fitted beside them in usual sizes, (r, m)."""
+        columns = _columns(self.model, self.effect, view, self.shape, sigma)[rows].reshape(-1, len(self.usual))
+        both = np.concatenate([nuisance, columns * self.usual], axis=1)
+        if not self.root.size:
+            self.beside = nuisance.shape[1]
+            prior = _prior_beside(self.model, self.beside)
+            self.root = np.concatenate([prior, np.zeros((len(prior), len(self.usual)))], axis=1)
+        self.root = np.asarray(np.linalg.qr(np.concatenate([self.root, both]), mode="r"))
+
+    def information(self) -> np.ndarray:
+        """On the effect's parameters when everything else is fitted beside them, (p, p)."""
+        left = self.root[self.beside :, self.beside :]
+        return np.asarray(left.T @ left)
+
+
+def _foresee(case: _Case) -> Foresight:
+    """What the rows will tell of one effect."""
+    names, sizes, usual = case.names, case.sizes, case.usual
+    if case.lack:
         blank = tuple(Expected(text, p.unit, None, p.usual) for text, p in zip(names, sizes, strict=True))
-        return Foresight(effect.key, 0, len(sizes), lack, blank)
-    usual = np.array([p.usual for p in sizes])
-    columns = columns_of(model, effect, view, sigma)[rows].reshape(-1, len(usual)) * usual
-    information = leftover(columns, nuisance)
+        return Foresight(case.effect.key, 0, len(sizes), case.lack, blank)
     # Held values are defined to be near zero: the rows need not see them.
     held = np.array([p.held for p in sizes], dtype=float)
-    information = information + np.diag(held)
+    information = case.information() + np.diag(held)
     strength, ways = np.linalg.eigh(information)
     unseen = ways[:, strength < SEEN]
     seen = len(usual) - unseen.shape[1] - int(held.sum())
@@ -111,7 +145,7 @@ def _foresee(
     std = [float(u * np.sqrt(v)) if own else None for u, v, own in zip(usual, variance, told, strict=True)]
     values = tuple(Expected(n, p.unit, s, p.usual) for n, p, s in zip(names, sizes, std, strict=True))
     kept = tuple(value for value, own in zip(values, held, strict=True) if not own)
-    return Foresight(effect.key, seen, len(kept), "", kept)
+    return Foresight(case.effect.key, seen, len(kept), "", kept)
 
 
 def see_plan(model: Model, table: Table) -> tuple[View, Table]:
@@ -135,9 +169,17 @@ def see_plan(model: Model, table: Table) -> tuple[View, Table]:
 
 def columns_of(model: Model, effect: Effect, view: View, sigma: float) -> np.ndarray:
     """Reading shift per unit of each linear parameter, in units of noise, (n, 3, P)."""
+    return _columns(model, effect, view, _usual_shape(effect, view), sigma)
+
+
+def _usual_shape(effect: Effect, view: View) -> Mapping[str, Tensor]:
     trials = effect.search(view)
+    return trials[len(trials) // 2]
+
+
+def _columns(model: Model, effect: Effect, view: View, shape: Mapping[str, Tensor], sigma: float) -> np.ndarray:
     terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
-    return np.asarray(signature_of(trace(terms, view), effect, trials[len(trials) // 2]).numpy()) / sigma
+    return np.asarray(signature_of(trace(terms, view), effect, shape).numpy()) / sigma
 
 
 def beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np.ndarray:
@@ -152,42 +194,31 @@ def beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np.ndarr
     Returns:
         (r, P) in usual sizes and units of noise; the first 3 x rows are readings.
     """
+    read = _read_beside(model, view, rows, sigma)
+    return np.concatenate([read, _prior_beside(model, read.shape[1])])
+
+
+def _read_beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np.ndarray:
+    """The readings among those rows, (3 x rows, P)."""
     terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
     at = linearise(terms, view)
     kind = model.file.machine.kind
     usual = [p.on(kind).usual for effect, _ in terms for p in effect.parameters for _ in range(p.size(view.joints))]
     parts: list[Tensor] = [at.jacobian * torch.tensor(usual, dtype=torch.float64)]
-    frame = torch.tensor([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, dtype=torch.float64)
-    fitted = model.file.tracker.frame != "trusted"
     if kind == "serial" and model.file.tracker.tool != "trusted":
         parts.append(at.by_mount * MOUNT_USUAL)
-    if fitted:
-        parts.append(rigid_basis(at.prediction.reading) * frame)
+    if model.file.tracker.frame != "trusted":
+        parts.append(rigid_basis(at.prediction.reading) * FRAME_USUAL)
     columns = torch.cat(parts, dim=-1).numpy()[rows] / sigma
-    width = columns.shape[-1]
-    stack = [columns.reshape(-1, width)]
-    if fitted and model.file.tracker.frame == "measured":
-        stack.append(_base_rows(model.file, frame, width))
-    return np.concatenate([*stack, np.sqrt(FREE) * np.eye(width)])
+    return np.asarray(columns.reshape(-1, columns.shape[-1]))
 
 
-def leftover(columns: np.ndarray, nuisance: np.ndarray) -> np.ndarray:
-    """Information on columns when others are fitted beside them.
-
-    Args:
-        columns: (r, p) of readings.
-        nuisance: (r + more, m), readings first.
-
-    Returns:
-        (p, p).
-    """
-    if not nuisance.shape[1]:
-        return columns.T @ columns
-    whole = np.zeros((len(nuisance), columns.shape[1]))
-    whole[: len(columns)] = columns
-    basis, _ = np.linalg.qr(nuisance)
-    left = whole - basis @ (basis.T @ whole)
-    return left.T @ left
+def _prior_beside(model: Model, width: int) -> np.ndarray:
+    """The others: readings of base reflectors, and what is known beforehand, (r, P)."""
+    free = np.sqrt(FREE) * np.eye(width)
+    if model.file.tracker.frame != "measured":
+        return np.asarray(free)
+    return np.concatenate([_base_rows(model.file, FRAME_USUAL, width), free])
 
 
 def _base_rows(file: MachineFile, frame: Tensor, width: int) -> np.ndarray:

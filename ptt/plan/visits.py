@@ -153,15 +153,16 @@ def table_of(visits: Sequence[Visit], space: Space, *, straight: bool, source: s
         The table: targets for a 3-PTT, joint commands for an arm.
     """
     q = torch.cat([visit.q for visit in visits])
-    role = np.array([visit.role for visit in visits for _ in range(visit.rows)])
+    rows = np.array([len(visit.name) for visit in visits])  # quicker than to ask a tensor
+    role = np.repeat([visit.role for visit in visits], rows)
     base = role == "base"
     decimals = DECIMALS if space.by_tool else DECIMALS_RAD
     places = np.round((space.mechanism.forward(q) if space.by_tool else q).numpy(), decimals) + 0.0
     places[base] = np.nan
     columns = {
-        "payload_kg": _column(visits, "payload"),
-        "temp_c": _column(visits, "temp"),
-        "feed_mm_s": _column(visits, "feed"),
+        "payload_kg": _column(visits, "payload", rows),
+        "temp_c": _column(visits, "temp", rows),
+        "feed_mm_s": _column(visits, "feed", rows),
     }
     name = np.array([text for visit in visits for text in visit.name])
     stated = {title: values for title, values in columns.items() if values is not None}
@@ -182,6 +183,6 @@ def _sent(space: Space, places: np.ndarray, base: np.ndarray) -> Tensor:
     return space.mechanism.inverse(known) if space.by_tool else known
 
 
-def _column(visits: Sequence[Visit], field: str) -> np.ndarray | None:
-    values = np.array([getattr(visit, field) for visit in visits for _ in range(visit.rows)])
-    return None if np.isnan(values).all() else values
+def _column(visits: Sequence[Visit], field: str, rows: np.ndarray) -> np.ndarray | None:
+    values = np.array([getattr(visit, field) for visit in visits])
+    return None if np.isnan(values).all() else np.repeat(values, rows)
