@@ -136,7 +136,7 @@ def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np
 def _all_rows(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
     """The foretold states of a few columns: a bidiagonal system."""
     side = np.zeros(flat.shape, order="F")
-    if len(flat) > 1:
+    if len(flat) > 1 and flat.shape[1]:  # of no column at all LAPACK would write the first one, past the end
         side[1:] = take[:, None] * flat[:-1]
         # No state decays by less than nothing, so no rows are exchanged.
         side = lapack.dgtsv(-keep, np.ones(len(flat)), np.zeros(len(flat) - 1), side, overwrite_b=1)[3]
