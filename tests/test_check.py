@@ -11,7 +11,7 @@ from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
 from ptt.commands.main import run_alone
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.run.table import Table, make_table, read_table, take_rows, write_table
-from ptt.setup import MISTAKES, check_setup
+from ptt.setup import MISTAKES, check_setup, rows
 from ptt.setup.machine import describe_machine
 
 DATA = Path(__file__).parent.parent / "data" / "sealed_one"
@@ -51,6 +51,19 @@ def test_the_sample_runs_are_sound(sound: tuple[MachineFile, Table]) -> None:
     root = DATA.parent
     for run, machine in (("experiment1.csv", "machine.toml"), ("volume.csv", "machine.toml")):
         assert check_setup(load_machine(root / machine), read_table(root / run)).findings == ()
+
+
+def test_a_block_on_another_reflector_is_found_as_well_one_start_at_a_time(
+    sound: tuple[MachineFile, Table], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, table = sound
+    measured = table.measured.copy()
+    measured[60:140] += [30.0, -12.0, 25.0]
+    run = table.replace(measured=measured)
+    together = check_setup(file, run)
+    assert [item.mistake for item in together.sure] == ["wrong-reflector"]
+    monkeypatch.setattr(rows, "AT_ONCE", 1)
+    assert check_setup(file, run).findings == together.findings
 
 
 @pytest.mark.parametrize("missed", [40, 121, 122, 200])

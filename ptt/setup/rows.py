@@ -18,6 +18,7 @@ BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips
 MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
 SEEN = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
 BEYOND_FAULTS = 2.0  # mm: what is left by the right reflectors is less
+AT_ONCE = 200_000  # rows of all starts that are aligned together: 100 MB
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 
 
@@ -225,7 +226,19 @@ def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[n
     count, row = len(place), np.arange(len(place))
     quarter = max(FEWEST // 2, count // 4)
     edges = range(0, count - quarter + 1, max(1, quarter // 2))
-    kept = np.stack([row >= 0, *((row >= at) & (row < at + quarter) for at in edges)])
+    starts = np.stack([row >= 0, *((row >= at) & (row < at + quarter) for at in edges)])
+    best: tuple[int, np.ndarray, np.ndarray] | None = None
+    for kept in np.array_split(starts, min(len(starts), -(-starts.size // AT_ONCE))):
+        near, left, turn = _best_start(place, reading, kept, free)
+        best = (near, left, turn) if best is None or near > best[0] else best
+    assert best is not None
+    return best[1], best[2]
+
+
+def _best_start(
+    place: np.ndarray, reading: np.ndarray, kept: np.ndarray, free: bool
+) -> tuple[int, np.ndarray, np.ndarray]:
+    """Of starts from some rows (h, n), the one whose frame suits most: how many, what stays, and its rotation."""
     spread = np.broadcast_to(place, (*kept.shape, 3))
     for again in (True, True, False):
         turn, shift, _ = align_many(spread, np.where(kept[..., None], reading, np.nan), free)
@@ -235,7 +248,7 @@ def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[n
         if again:
             kept = np.where(enough[:, None], near, kept)
     best = int(np.argmax(near.sum(axis=1)))
-    return left[best], turn[best]
+    return int(near[best].sum()), left[best], turn[best]
 
 
 def _bad_blocks(left: np.ndarray) -> list[np.ndarray]:
