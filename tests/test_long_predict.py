@@ -1,5 +1,6 @@
 """Long lists of targets block by block: the commands of the list as a whole, byte for byte."""
 
+from multiprocessing import get_all_start_methods, get_context
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +122,18 @@ def test_a_file_that_fails_in_the_middle_was_never_there(tmp_path: Path) -> None
     with pytest.raises(RuntimeError):
         write_parts(tmp_path / "out.csv", parts())
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("out.csv", "old")]
+
+
+def _texts(columns: dict[str, np.ndarray], said) -> None:
+    said.put(b"".join(written.text_parts(columns)))
+
+
+@pytest.mark.skipif("fork" not in get_all_start_methods(), reason="no fork")
+def test_a_worker_that_may_have_no_children_writes_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(written, "ROWS", 7)
+    columns, context = {"x": np.linspace(0.0, 1.0, 30)}, get_context("fork")
+    said = context.Queue()
+    worker = context.Process(target=_texts, args=(columns, said), daemon=True)
+    worker.start()
+    assert said.get(timeout=60) == b"".join(written.text_parts(columns)) == written.text_of(columns)
+    worker.join()

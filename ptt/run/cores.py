@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_all_start_methods, get_context
+from multiprocessing import current_process, get_all_start_methods, get_context
 from typing import Any, TypeVar
 
 MOST_WORKERS = 4
@@ -25,7 +25,7 @@ def map_cores(work: Callable[[Item], Part], items: Sequence[Item]) -> Iterator[P
         The results, in order.
     """
     workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1, MOST_WORKERS, len(items))
-    if workers < 2 or "fork" not in get_all_start_methods():
+    if workers < 2 or "fork" not in get_all_start_methods() or current_process().daemon:  # a daemon has no children
         yield from map(work, items)
         return
     # Forked workers see the whole run without a copy of it; forward derivatives are not safe in threads.
