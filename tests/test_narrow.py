@@ -4,8 +4,9 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.memory import Memory, RowSums
+from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.narrow import narrow
+from ptt.diagnosis.row_sums import FewSums, poses_of
 from ptt.diagnosis.wander import Clock
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.evidence import learn
@@ -52,7 +53,7 @@ def test_kept_sums_are_those_of_the_whole_covariance() -> None:
     random = np.random.default_rng(4)
     pose = np.array([0, 0, 1, 2, 2, 2, 3, 0])
     values = random.normal(size=(len(pose), 3))
-    sums = RowSums(values[:, :, None], np.zeros((1, 1)), Clock(np.arange(8.0), np.arange(8) == 0), pose)
+    sums = FewSums(values.T[None], np.zeros((1, 1)), Clock(np.arange(8.0), np.arange(8) == 0), poses_of(pose))
     for size in (0.0, 0.5, 40.0):
         found = sums.of(Memory(None, size))
         covariance = np.eye(len(pose)) + size * (pose[:, None] == pose)

@@ -9,12 +9,13 @@ from scipy.stats import multivariate_normal
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.memory import WHITE, Memory, sums_of_rows, whiten_rows
+from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.periods import _spectrum
+from ptt.diagnosis.row_sums import SumsOfRows, poses_of, sums_of_poses, sums_of_rows, white_rows
 from ptt.diagnosis.score import Scorer, prior_of
 from ptt.diagnosis.screen import BROAD, Basis, Screen
 from ptt.diagnosis.system import RowSystem
-from ptt.diagnosis.wander import MANY, Clock, Wander, likelihoods
+from ptt.diagnosis.wander import MANY, STRETCH, Clock, Wander, filtered, innovations, likelihoods
 from ptt.effects import library
 from ptt.fitting.evidence import learn
 from ptt.fitting.linear import linear_columns
@@ -43,7 +44,7 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
     columns[:, 9:16] += columns[:, 2:9]
     values = columns @ random.normal(0.0, 0.4, columns.shape[1]) + random.normal(size=3 * ROWS)
     own, group = np.array([4, 0, 2, 7]), np.array([1, 0, 0, 1])  # not in the order of their groups
-    sums = sums_of_rows(columns, values, 0.0)
+    sums = sums_of_rows(columns.T, values, 0.0)
     part = sums.of(own)
     fixed = np.array([0.3, 5.0])
     posterior = learn(part.gram, part.side, part.square, len(values), group, freedom=FREEDOM, start=fixed, floor=fixed,
@@ -71,14 +72,14 @@ def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, wid
     pose, time = np.array([0, 0, 1, 2, 2, 2, 3, 0]), np.array([0.0, 1.0, 3.0, 4.0, 9.0, 10.0, 0.0, 2.0])
     starts = np.isin(np.arange(8), [0, 6])
     values = random.normal(size=(8, 3, width))
-    white, log_noise = whiten_rows(values, memory, Clock(time, starts), pose)
+    white, log_noise = white_rows(values.T, memory, Clock(time, starts), poses_of(pose))
     covariance = np.eye(8) + memory.pose * (pose[:, None] == pose)
     if memory.wander is not None:
         run = np.cumsum(starts)
         apart = np.exp(-np.abs(time[:, None] - time) / memory.wander.constant)
         covariance += memory.wander.share * apart * (run[:, None] == run)
     density = sum(multivariate_normal(cov=covariance).logpdf(column) for column in values[:, :, -1].T)
-    mine = -0.5 * np.square(white[:, :, -1]).sum() - log_noise - 12.0 * np.log(2.0 * np.pi)
+    mine = -0.5 * np.square(white[-1]).sum() - log_noise - 12.0 * np.log(2.0 * np.pi)
     np.testing.assert_allclose(mine, density, rtol=1e-10)
 
 
@@ -109,15 +110,48 @@ def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
 @pytest.mark.parametrize("rows", [20, 100])
 def test_sums_are_those_of_all_columns_in_whatever_order_they_are_asked_for(rows: int) -> None:
     random = np.random.default_rng(7)
-    white, values = random.normal(size=(rows, 12)), random.normal(size=rows)
+    white, values = random.normal(size=(12, rows)), random.normal(size=rows)
     sums = sums_of_rows(white, values, 0.0)
-    gram = white.T @ white
+    gram = white @ white.T
     atoms = np.array([[0, 3], [11, 5]])
     for block, place in zip(sums.own(atoms), atoms, strict=True):
         np.testing.assert_allclose(block, gram[np.ix_(place, place)], rtol=1e-12)
-    for chosen in (np.array([5, 1]), np.array([1, 7, 0])):
-        np.testing.assert_allclose(sums.across(chosen), gram[chosen], rtol=1e-12)
+    for chosen, width in ((np.array([5, 1]), 2), (np.array([1, 7, 0]), 12), (np.array([4, 1]), 12)):
+        others = np.arange(width)
+        np.testing.assert_allclose(sums.across(chosen, others), gram[np.ix_(chosen, others)], rtol=1e-12)
         np.testing.assert_allclose(sums.of(chosen).gram, gram[np.ix_(chosen, chosen)], rtol=1e-12)
+
+
+def test_sums_beside_errors_of_poses_are_those_of_the_whole_covariance_and_stay_when_columns_come() -> None:
+    random, size = np.random.default_rng(11), 3.0
+    pose = random.integers(0, 9, 30)
+    rows, values = random.normal(size=(34, 3, 30)), random.normal(size=(3, 30))
+    inverse = np.linalg.inv(np.eye(30) + size * (pose[:, None] == pose))
+    gram, side = np.einsum("pcm,mn,qcn->pq", rows, inverse, rows), np.einsum("pcm,mn,cn->p", rows, inverse, values)
+    poses, flat = poses_of(pose), rows.reshape(34, -1)
+    plain = sums_of_rows(flat[:30], values.ravel(), 0.0)
+    assert isinstance(plain, SumsOfRows)
+    plain.across(np.array([3, 1]), np.arange(30))
+    wider = plain.widened(flat[30:], values.ravel())
+    np.testing.assert_allclose(wider.across(np.array([1]), np.arange(34))[0], flat[1] @ flat.T, rtol=1e-10)
+    sums = sums_of_poses(wider, poses.means(rows).reshape(34, -1), poses.means(values).ravel(), poses, size)
+    for chosen in (np.array([2, 32]), np.array([1, 2, 33])):
+        np.testing.assert_allclose(sums.of(chosen).gram, gram[np.ix_(chosen, chosen)], rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(sums.across(chosen, np.arange(34)), gram[chosen], rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(sums.own(chosen[None])[0], gram[np.ix_(chosen, chosen)], rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(sums.side, side, rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(sums.square, np.einsum("cm,mn,cn->", values, inverse, values), rtol=1e-10)
+    np.testing.assert_allclose(sums.log_noise, -1.5 * np.linalg.slogdet(inverse)[1], rtol=1e-10)
+
+
+def test_rows_behind_each_other_and_columns_behind_each_other_are_filtered_alike() -> None:
+    random, rows = np.random.default_rng(12), 3 * STRETCH + 7
+    clock = Clock(np.cumsum(random.uniform(1.0, 4.0, rows)), np.isin(np.arange(rows), [0, 17, 2 * STRETCH]))
+    values, wander = random.normal(size=(rows, 3)), Wander(2.0, 30.0)
+    mine, log_noise = filtered(values.T, wander, clock)
+    theirs, other = innovations(values, wander, clock)
+    np.testing.assert_allclose(mine.T, theirs, rtol=1e-9, atol=1e-12)
+    assert log_noise == other
 
 
 def test_all_moments_of_what_is_sudden_have_the_columns_that_each_has_alone() -> None:
@@ -169,7 +203,7 @@ def test_what_a_set_spans_already_has_nothing_left_but_rounding_of_either_sign()
         columns = 1e7 * random.normal(size=(3, 14))[[0, 1, 2] * ROWS]
         values = random.normal(size=3)[[0, 1, 2] * ROWS]
         own, group, fixed = np.arange(6), np.zeros(6, int), np.array([1e9])
-        sums = sums_of_rows(columns, values, 0.0)
+        sums = sums_of_rows(columns.T, values, 0.0)
         part = sums.of(own)
         given = {"freedom": FREEDOM, "start": fixed, "floor": fixed, "ceiling": fixed}
         posterior = learn(part.gram, part.side, part.square, len(values), group, **given)

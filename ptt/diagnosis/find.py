@@ -17,8 +17,8 @@ from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, loose, plainest, refilled, search, without
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.system import System, build_system
-from ptt.diagnosis.turn import best_moments, gross_beside, with_moments
+from ptt.diagnosis.system import RowSystem, System, build_system
+from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.effects.sudden import Sudden
@@ -107,7 +107,7 @@ def find(
             found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
             dated = _dated(found, candidates)
             if dated:
-                scorer, system = with_moments(scorer, dated)
+                scorer, system = with_shapes(scorer, dated)
                 state = search(scorer)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
@@ -162,7 +162,7 @@ def opening_rows(problem: Problem) -> np.ndarray:
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
     """The same, searched on with moments to the row."""
     moments = best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
-    scorer, system = with_moments(found.scorer, moments)
+    scorer, system = with_shapes(found.scorer, moments)
     state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
     return replace(found, system=system, scorer=scorer, state=state)
 
@@ -302,14 +302,9 @@ def _finest(found: Found, atom: Atom, problem: Problem) -> Mapping[str, Tensor]:
     finer = list(atom.effect.refine(problem.view, atom.shape))
     if len(finer) < 2:
         return atom.shape
-    state, old = found.state, found.system
-    rows = np.isin(np.arange(problem.table.rows), old.rows)
-    near = build_system(
-        found.fitted, problem, [atom.effect], old.noise, old.freedom, rows,
-        shapes={atom.effect.key: finer}, span=found.span,
-    )  # fmt: skip
-    scorer = Scorer(near, found.scorer.given)
-    rest = scorer.score([key for key in without(state, atom.key) if key in near.atoms], state.memory)
-    gains = scorer.screen(rest, lambda other: other.shape is not None)
-    best = next((gain for gain in gains if near.atoms[gain.key].name == atom.name), None)
-    return atom.shape if best is None else near.atoms[best.key].shape or atom.shape
+    assert isinstance(found.system, RowSystem)
+    state = found.state
+    scorer, near = with_shapes(Scorer(found.system.only(state.keys), found.scorer.given), {atom.name: finer})
+    rest = scorer.score(without(state, atom.key), state.memory, state.scales)
+    gains = scorer.screen(rest, lambda other: other.key not in state.keys)
+    return near.atoms[gains[0].key].shape or atom.shape if gains else atom.shape

@@ -111,11 +111,12 @@ class Scorer:
         self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
         self.begun: dict[str, np.ndarray] = {}
         self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
+        self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
 
     def widened(self, system: System) -> "Scorer":
         """The same for a system with atoms beside those that it has: what was scored and screened stays known."""
         wider = Scorer(system, self.given, self.steps, self.barred)
-        wider.scored, wider.begun = self.scored, self.begun
+        wider.scored, wider.begun, wider.suiting = self.scored, self.begun, self.suiting
         wider.known = {where: screen.gains for where, screen in self.screened.items()}
         return wider
 
@@ -186,6 +187,12 @@ class Scorer:
 
     def best_memory(self, state: State) -> tuple[Memory, float]:
         """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""
+        where = state.keys, state.memory
+        if where not in self.suiting:
+            self.suiting[where] = self._best_memory(state)
+        return self.suiting[where]
+
+    def _best_memory(self, state: State) -> tuple[Memory, float]:
         system, at = self.system, state.memory
         ways = self._ways(state)
         among = system.among(state.columns, ways)

@@ -75,9 +75,6 @@ class Screen:
             (family, columns, [place for place, atom in enumerate(family) if is_open(atom)])
             for family, columns in system.families
         ]
-        posterior = basis.posterior
-        self.across = basis.sums.across(basis.columns[posterior.order])
-        self.side = basis.sums.side - posterior.values[posterior.order] @ self.across
         self.known = system.freedom + system.spare
 
     def best(self, allowed: Allowed) -> list[Gain]:
@@ -101,25 +98,32 @@ class Screen:
             return
         own = np.concatenate([columns[places].ravel() for _, columns, places in new])
         # C of all of them at once, solved from the right: so it lies in memory as the products below want it.
-        root = self.basis.posterior.cholesky
-        solved = self.across[:, own]
+        posterior, sums = self.basis.posterior, self.basis.sums
+        root, solved = posterior.cholesky, sums.across(self.basis.columns[posterior.order], own)
+        side = sums.side[own] - posterior.values[posterior.order] @ solved
         if len(root):
             solved = blas.dtrsm(1.0, root, solved.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
         first = 0
         for family, columns, places in new:
             last = first + columns[places].size
             half = solved[:, first:last].reshape(len(root), len(places), columns.shape[1]).transpose(1, 2, 0)
-            self._look([family[i] for i in places], columns, places, half)
+            whole = sums.own(columns)[places]
+            self._look([family[i] for i in places], whole, half, side[first:last].reshape(len(places), -1))
             first = last
 
-    def _look(self, atoms: list[Atom], columns: np.ndarray, places: list[int], half: np.ndarray) -> None:
-        """Work out what atoms of one width add; `half` is each one's C^T, (atoms, width, p)."""
-        whole = self.basis.sums.own(columns)[places]
+    def _look(self, atoms: list[Atom], whole: np.ndarray, half: np.ndarray, side: np.ndarray) -> None:
+        """Work out what atoms of one width add.
+
+        Args:
+            atoms: of one width w.
+            whole: Z^T Z of each, (atoms, w, w).
+            half: C^T of each, (atoms, w, p).
+            side: Z^T (y - X b) of each, (atoms, w).
+        """
         gram = whole - half @ half.transpose(0, 2, 1)
         # What is left of a column that the set spans is rounding, of either sign: no less than that counts as left.
         every = np.arange(whole.shape[1])
         gram[:, every, every] += np.finfo(float).eps * (1 + half.shape[2]) * whole[:, every, every] * len(every)
-        side = self.side[columns[places]]
         single = np.array([atom.groups == 1 for atom in atoms])
         for index in np.flatnonzero(~single):
             self.gains[atoms[index].key] = self._learned(atoms[index], gram[index], side[index])

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ptt.diagnosis.atoms import Atom, is_block, is_effect
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
@@ -18,6 +20,8 @@ SCREENS = 150  # sets screened from which swaps are looked for no more: a machin
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
+FREED = 10.0  # nats beyond its odds that an atom may bring by going: variances of others that it held up
+PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
 
 
 def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
@@ -170,7 +174,10 @@ def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     lead = found[:TRIED]
     lead += [gain for gain in found if is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
     moves = [added(scorer, state, gain) for gain in lead]
-    weak = [key for key in loose(scorer, state) if state.worth(key) < SAFE]
+    # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
+    most = max((other.total for other in moves), default=-np.inf) - state.total - FREED
+    may_go = [key for key in loose(scorer, state) if scorer.system.atoms[key].odds > most]
+    weak = [key for key in may_go if state.worth(key) < SAFE]
     return moves + [scorer.score(without(state, key), state.memory, state.scales) for key in weak]
 
 
@@ -191,6 +198,8 @@ def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     memory, gained = scorer.best_memory(state)
     if gained > 0.0 and memory != state.memory:
         moves.append(scorer.score(state.keys, memory, state.scales))
+        if moves[0].total > state.total + PLAINLY:
+            return moves
     less = [scorer.score(without(state, key), state.memory, state.scales) for key in loose(scorer, state)]
     if state.memory != WHITE:
         less.append(scorer.score(state.keys, WHITE, state.scales))

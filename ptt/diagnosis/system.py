@@ -9,19 +9,18 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block, straight_sizes
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
-from ptt.diagnosis.memory import (
-    WHITE,
-    Hidden,
-    Memory,
-    RowSums,
-    Sums,
-    base_sums,
-    block_sums,
-    hide,
-    sums_of_rows,
-    whiten_rows,
-)  # fmt: skip
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, base_sums
 from ptt.diagnosis.narrow import narrow
+from ptt.diagnosis.row_sums import (
+    FewSums,
+    Poses,
+    SumsOfRows,
+    hide_rows,
+    poses_of,
+    sums_of_poses,
+    sums_of_rows,
+    white_rows,
+)  # fmt: skip
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.effects import Effect
@@ -32,6 +31,9 @@ from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
+
+
+KEPT = 3  # memories of the noise whose sums are kept
 
 
 @dataclass
@@ -172,49 +174,110 @@ class RowSystem(System):
         """Visits beyond the first of each pose."""
         return len(self.pose) - len(np.unique(self.pose))
 
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """The columns one behind the other, (P, 3, m)."""
+        return np.ascontiguousarray(self.columns.transpose(2, 1, 0))
+
+    @cached_property
+    def poses(self) -> Poses:
+        """Which rows are visits of which pose."""
+        return poses_of(self.pose)
+
     def sums(self, memory: Memory) -> Sums:
         """Normal sums of all columns; the last few memories are kept."""
         if memory not in self._sums:
-            if len(self._sums) > 3:
+            if len(self._sums) > KEPT:
                 self._sums.pop(next(key for key in self._sums if key != WHITE))
-            every = np.arange(self.columns.shape[2])
-            self._sums[memory] = sums_of_rows(*self._white(every, memory))
+            self._sums[memory] = self._sums_of_all(memory)
         return self._sums[memory]
+
+    def _sums_of_all(self, memory: Memory) -> Sums:
+        if memory.pose and memory.wander is None:
+            values = self.poses.means(self.values.T).ravel()
+            return sums_of_poses(self.sums(WHITE), self._means, values, self.poses, memory.pose)
+        return sums_of_rows(*self._white(None, memory))
+
+    @cached_property
+    def _means(self) -> np.ndarray:
+        return self.poses.means(self.flat).reshape(len(self.flat), -1)
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
         """Normal sums of chosen columns, from those of all where they are there."""
         if memory in self._sums:
             return super().sums_of(chosen, memory)
         white, values, log_noise = self._white(chosen, memory)
-        return Sums(white.T @ white, white.T @ values, float(values @ values), log_noise)
+        return Sums(white @ white.T, white @ values, float(values @ values), log_noise)
 
     def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
         """Normal sums of combinations of chosen columns, under any memory; what memories of poses share is kept."""
-        columns, base = self.columns[:, :, chosen] @ ways, self.base_columns[:, :, chosen] @ ways
-        joined = np.concatenate([columns, self.values[:, :, None]], axis=2)
+        rows = self.flat[chosen]
+        columns = (ways.T @ rows.reshape(len(chosen), -1)).reshape(-1, *rows.shape[1:])
+        joined = np.concatenate([columns, self.values.T[None]])
+        base = self.base_columns[:, :, chosen] @ ways
         more = base_sums(base, self.base_values) if len(self.base_values) else np.zeros((1, 1))
-        return RowSums(joined, more, self.clock, self.pose).of
+        return FewSums(joined, more, self.clock, self.poses).of
 
     def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
         """What a solution of chosen columns leaves, (m, 3) whitened."""
-        return self.values - self.columns[:, :, chosen] @ values
+        rows = self.flat[chosen]
+        return self.values - (values @ rows.reshape(len(chosen), -1)).reshape(rows.shape[1:]).T
 
     def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
         """Sums of chosen columns over each held-out block of travel."""
-        joined = np.concatenate([self.columns[:, :, chosen], self.values[:, :, None]], axis=2)
+        columns, unit = self.flat[chosen], np.linalg.inv(self.noise.whitener)
         for index in np.unique(self.block[self.block >= 0]):
-            yield hide(*block_sums(joined[self.block == index], self.noise))
+            own = np.flatnonzero(self.block == index)
+            yield hide_rows(columns[:, :, own], self.values.T[:, own], unit)
 
-    def _white(self, chosen: np.ndarray, memory: Memory) -> tuple[np.ndarray, np.ndarray, float]:
-        """Rows and readings that are white under a memory, base reflectors behind them, (r, p) and (r,)."""
-        every = len(chosen) == self.columns.shape[2]
-        columns, base = (part if every else part[:, :, chosen] for part in (self.columns, self.base_columns))
-        white, log_noise = whiten_rows(columns, memory, self.clock, self.pose)
-        values, _ = whiten_rows(self.values, memory, self.clock, self.pose)
-        flat = white.reshape(values.size, len(chosen))
-        if len(base):
-            flat = np.concatenate([flat, base.reshape(self.base_values.size, len(chosen))])
-        return flat, np.concatenate([values.ravel(), self.base_values.ravel()]), log_noise
+    def widened(self, atoms: dict[str, Atom], columns: np.ndarray, scale: np.ndarray) -> "RowSystem":
+        """The same with further atoms; sums that were worked out stay.
+
+        Args:
+            atoms: by key; their columns are numbered on from those that are there.
+            columns: of these atoms, (m, 3, w) whitened.
+            scale: (w,) size of a unit of each.
+        """
+        more = np.ascontiguousarray(columns.transpose(2, 1, 0))
+        flat = np.concatenate([self.flat, more])
+        base = np.pad(self.base_columns, [(0, 0), (0, 0), (0, len(more))])
+        wider = replace(
+            self, atoms=self.atoms | atoms, columns=flat.transpose(2, 1, 0), scale=np.concatenate([self.scale, scale]),
+            base_columns=base, _sums={},
+        )  # fmt: skip
+        for memory, sums in self._sums.items():
+            if isinstance(sums, SumsOfRows):
+                white, values, _ = wider._white(np.arange(len(self.flat), len(flat)), memory)
+                wider._sums[memory] = sums.widened(white, values)
+        return wider
+
+    def only(self, keys: Sequence[str]) -> "RowSystem":
+        """The same with the frame and a few atoms alone."""
+        atoms = [self.atoms[key] for key in keys]
+        chosen = np.concatenate([self.frame, *(atom.columns for atom in atoms)]).astype(int)
+        place = np.zeros(len(self.flat), dtype=int)
+        place[chosen] = np.arange(len(chosen))
+        few = {atom.key: replace(atom, columns=place[atom.columns]) for atom in atoms}
+        return replace(
+            self, frame=place[self.frame], atoms=few, columns=self.flat[chosen].transpose(2, 1, 0),
+            scale=self.scale[chosen], base_columns=self.base_columns[:, :, chosen], _sums={},
+        )  # fmt: skip
+
+    def _white(self, chosen: np.ndarray | None, memory: Memory) -> tuple[np.ndarray, np.ndarray, float]:
+        """Columns and readings that are white under a memory, base reflectors behind them, (p, r) and (r,).
+
+        Args:
+            chosen: (p,) indices; None for all.
+            memory: of the noise.
+        """
+        index = slice(None) if chosen is None else chosen
+        white, log_noise = white_rows(self.flat[index], memory, self.clock, self.poses)
+        values, _ = white_rows(self.values.T, memory, self.clock, self.poses)
+        flat = white.reshape(len(white), -1)
+        if not len(self.base_values):
+            return flat, values.ravel(), log_noise
+        base = self.base_columns[:, :, index].reshape(-1, len(white)).T
+        return np.concatenate([flat, base], axis=1), np.append(values.ravel(), self.base_values), log_noise
 
 
 def build_system(
@@ -267,12 +330,12 @@ def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows
     """Columns that are there already (n, 3, p), and behind them those of blocks, of the rows that count."""
     some = slice(None) if rows.all() else rows
     place, width = known.shape[2], sum(block.width for block in blocks)
-    columns = np.empty((int(rows.sum()), 3, place + width))
-    columns[:, :, :place] = known[some]
+    flat = np.empty((place + width, 3, int(rows.sum())))
+    flat[:place] = known[some].transpose(2, 1, 0)
     for block in blocks:
-        columns[:, :, place : place + block.width] = whitened(block, noise)[some]
+        flat[place : place + block.width] = whitened(block, noise)[some].transpose(2, 1, 0)
         place += block.width
-    return columns
+    return flat.transpose(2, 1, 0)
 
 
 def straightened(linear: Linear, fitted: FitResult, problem: Problem) -> Linear:

@@ -69,33 +69,29 @@ def best_moments(
     return found
 
 
-def with_moments(scorer: Scorer, moments: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
-    """The same problem with further moments of its sudden effects, at the price of those that it has.
+def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
+    """The same problem with further shapes of its effects, at the price of those that it has.
 
     Args:
         scorer: of a linearised problem.
-        moments: sudden effect -> its moments.
+        shapes: effect -> its further shapes.
 
     Returns:
         A scorer that knows what was scored before, and its system.
     """
     system, atoms, columns = scorer.system, dict[str, Atom](), list[np.ndarray]()
     assert isinstance(system, RowSystem)
-    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in moments}
+    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
     first = system.columns.shape[2]
     for name, atom in like.items():
-        for number, shape in enumerate(moments[name]):
-            assert atom.effect is not None
-            columns.append(system.at.columns(atom.effect, shape)[system.rows])
-            place = np.arange(first, first + columns[-1].shape[2])
-            key, first = f"{name}#moment {number}", first + len(place)
+        assert atom.effect is not None
+        columns.append(system.at.columns(atom.effect, *shapes[name])[system.rows])
+        for number, shape in enumerate(shapes[name]):
+            place = np.arange(first, first + len(atom.columns))
+            key, first = f"{name}#further {number}", first + len(place)
             atoms[key] = replace(atom, key=key, columns=place, shape=dict(shape))
     size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
-    wider = replace(
-        system, atoms=system.atoms | atoms, columns=np.concatenate([system.columns, *columns], axis=2),
-        scale=np.concatenate([system.scale, *size]),
-        base_columns=np.pad(system.base_columns, [(0, 0), (0, 0), (0, first - system.columns.shape[2])]), _sums={},
-    )  # fmt: skip
+    wider = system.widened(atoms, np.concatenate(columns, axis=2), np.concatenate(size)) if atoms else system
     return scorer.widened(wider), wider
 
 

@@ -11,6 +11,7 @@ SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the
 CONSTANTS = 7  # time constants between the shortest that is told from white noise and half the run
 SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
 LEAST_STEPS = 12
+STRETCH = 32  # rows whose innovations are worked out at once where columns lie one behind the other
 MANY = 200  # columns from which a row of them is worth a step of its own
 USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
 FAULT = 10.0  # variance over that of the white noise from which a wander is no tracker's: air and stand do three sigma
@@ -92,6 +93,23 @@ class Gains:
     root: np.ndarray
     log_noise: float
 
+    @cached_property
+    def stretches(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """For each stretch of w rows what its readings (w, w + 1), and the state before it (w + 1,), foretell in each
+        of its rows and in the next one."""
+        keep, take = np.append(self.keep, 0.0), np.append(self.take, 0.0)  # behind the last row nothing is foretold
+        return [_triangle(keep[i : i + STRETCH], take[i : i + STRETCH]) for i in range(0, len(keep), STRETCH)]
+
+
+def _triangle(keep: np.ndarray, take: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    width = len(keep)
+    taken, kept = np.zeros((width, width + 1)), np.ones(width + 1)
+    for row in range(width):
+        taken[:, row + 1] = keep[row] * taken[:, row]
+        taken[row, row + 1] = take[row]
+        kept[row + 1] = keep[row] * kept[row]
+    return taken, kept
+
 
 def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
     """What each row says beyond what the wander of those before it foretold (a Kalman filter, which is linear).
@@ -111,6 +129,37 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
     foretold = _row_by_row if flat.shape[1] > MANY else _all_rows
     white = (flat - foretold(flat, gains.keep, gains.take)) / gains.root[:, None]
     return white.reshape(values.shape), gains.log_noise
+
+
+def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
+    """The same where the rows come last: some rows at a time are one product of matrices.
+
+    Within a stretch the innovations are a triangle of weights times the readings, and the state with which it begins
+    goes on into each of them.
+
+    Args:
+        rows: (.., n) in noise units.
+        wander: None for white noise.
+        clock: of the rows.
+
+    Returns:
+        The same shape, white under the wander; and half the log-determinant of the noise's covariance.
+    """
+    if wander is None:
+        return rows, 0.0
+    gains = clock.gains(wander)
+    flat = rows.reshape(-1, rows.shape[-1])
+    white, state = np.empty_like(flat), np.zeros(len(flat))
+    for first, (taken, kept) in zip(range(0, flat.shape[1], STRETCH), gains.stretches, strict=True):
+        own = flat[:, first : first + STRETCH]
+        foretold = own @ taken
+        foretold += state[:, None] * kept
+        width = own.shape[1]
+        part = white[:, first : first + width]
+        np.subtract(own, foretold[:, :width], out=part)
+        part /= gains.root[first : first + width]
+        state = foretold[:, width]
+    return white.reshape(rows.shape), gains.log_noise
 
 
 def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np.ndarray:

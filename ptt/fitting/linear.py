@@ -126,9 +126,9 @@ class Place:
     whitener: np.ndarray
     motion: Tensor
 
-    def columns(self, effect: Effect, shape: Shape) -> np.ndarray:
-        """Columns of an effect in one shape, (n, 3, p), whitened, in usual sizes."""
-        return self.join([signature(self.chain, effect, shape)], usual_sizes(effect, self.problem))
+    def columns(self, effect: Effect, *shapes: Shape) -> np.ndarray:
+        """Columns of an effect in one shape after the other, (n, 3, p), whitened, in usual sizes."""
+        return self.join(self.shifts(effect, shapes), np.tile(usual_sizes(effect, self.problem), len(shapes)))
 
     def join(self, blocks: Sequence[Tensor], sizes: np.ndarray) -> np.ndarray:
         """Shifts of readings (n, 3, p) each, as the frames show them, side by side and whitened, in usual sizes."""

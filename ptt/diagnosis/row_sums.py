@@ -1,0 +1,257 @@
+"""Normal sums worked out from rows as they are asked for; columns lie one behind the other, so few of many are near."""
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ptt.diagnosis.memory import Hidden, Memory, PoseParts, Sums, as_sums, of_poses
+from ptt.diagnosis.wander import Clock, filtered
+
+PLENTY = 4  # rows for each column from which the sums of all columns are worked out at once
+MOST = 0.3  # share of the columns from which rows of the gram are worked out whole
+
+
+@dataclass(frozen=True)
+class LazySums(Sums):
+    """Normal sums that are worked out as they are asked for.
+
+    Most columns never meet: a screen sets each atom against itself and against the few of an explanation.
+
+    Attributes:
+        there: which rows of the gram are worked out, (P,) bool.
+    """
+
+    there: np.ndarray = field(kw_only=True)
+
+    @abstractmethod
+    def products(self, some: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
+        """Entries of the gram, (s, o), from the rows."""
+
+    def of(self, chosen: np.ndarray) -> Sums:
+        """Normal sums of chosen columns; what these lack is worked out among them alone: most sets lead no further."""
+        gram, lack = self.gram[np.ix_(chosen, chosen)], ~self.there[chosen]
+        if lack.any():
+            gram[lack] = self.products(chosen[lack], chosen)
+            gram[:, lack] = gram[lack].T
+        return Sums(gram, self.side[chosen], self.square, self.log_noise)
+
+    def across(self, chosen: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Rows of the gram, (p, o); where many others are asked for, the rows are worked out whole and kept."""
+        lack = chosen[~self.there[chosen]]
+        if len(lack) and len(others) > MOST * len(self.there):
+            self.gram[lack], self.there[lack] = self.products(lack, slice(None)), True
+            lack = lack[:0]
+        found = self.gram[np.ix_(chosen, others)]
+        if len(lack):
+            found[~self.there[chosen]] = self.products(lack, others)
+        return found
+
+
+@dataclass(frozen=True)
+class SumsOfRows(LazySums):
+    """Of rows that are white.
+
+    Attributes:
+        white: (P, r).
+    """
+
+    white: np.ndarray = field(kw_only=True)
+
+    def products(self, some: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
+        """Entries of the gram, (s, o)."""
+        return np.asarray(self.white[some] @ self.white[others].T)
+
+    def _blocks(self, columns: np.ndarray) -> np.ndarray:
+        own = self.white[columns]
+        return np.asarray(own @ own.transpose(0, 2, 1))
+
+    def widened(self, white: np.ndarray, values: np.ndarray) -> "SumsOfRows":
+        """The same with columns (w, r) behind those that are there; what was worked out stays."""
+        before, width = len(self.white), len(self.white) + len(white)
+        gram, there = np.empty((width, width)), np.concatenate([self.there, np.zeros(len(white), dtype=bool)])
+        gram[:before, :before] = self.gram
+        known = np.flatnonzero(there)
+        gram[known, before:] = self.white[known] @ white.T
+        return SumsOfRows(
+            gram, np.concatenate([self.side, white @ values]), self.square, self.log_noise, dict(self._own),
+            there=there, white=np.concatenate([self.white, white]),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SumsOfPoses(LazySums):
+    """Of rows whose poses have errors to themselves.
+
+    The inverse of the covariance I + v 1 1^T of k visits of a pose is I - v / (1 + k v) 1 1^T: the sums are those of
+    white rows less a share of those of each pose's mean.
+
+    Attributes:
+        plain: without those errors.
+        means: root of k times the mean over the visits of each pose, (P, 3 poses).
+        share: k v / (1 + k v) of each, (3 poses,).
+    """
+
+    plain: Sums = field(kw_only=True)
+    means: np.ndarray = field(kw_only=True)
+    share: np.ndarray = field(kw_only=True)
+
+    def products(self, some: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
+        """Entries of the gram, (s, o)."""
+        index = np.arange(len(self.there))[others]
+        return self.plain.across(some, index) - (self.means[some] * self.share) @ self.means[others].T
+
+    def _blocks(self, columns: np.ndarray) -> np.ndarray:
+        own = self.means[columns]
+        return np.asarray(self.plain.own(columns) - (own * self.share) @ own.transpose(0, 2, 1))
+
+
+def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float) -> Sums:
+    """Normal sums of white columns (P, r) and readings (r,); where rows are many, sums of all take less room."""
+    side, square, width = white @ values, float(values @ values), len(white)
+    if white.shape[1] > PLENTY * width:
+        return Sums(white @ white.T, side, square, log_noise)
+    room, there = np.empty((width, width)), np.zeros(width, dtype=bool)
+    return SumsOfRows(room, side, square, log_noise, white=white, there=there)
+
+
+def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: "Poses", size: float) -> Sums:
+    """Normal sums where each pose has an error to itself.
+
+    Args:
+        plain: without those errors.
+        means: of the columns, as `Poses.means` has them, (P, 3 poses).
+        values: of the readings, (3 poses,).
+        poses: of the rows.
+        size: variance of the errors over that of the white noise.
+    """
+    share, log_noise = poses.share(size)
+    width = len(means)
+    square = plain.square - float(values @ (share * values))
+    return SumsOfPoses(
+        np.empty((width, width)), plain.side - means @ (share * values), square, log_noise,
+        there=np.zeros(width, dtype=bool), plain=plain, means=means, share=share,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Which rows are visits of which pose.
+
+    Attributes:
+        order: the rows, pose by pose, (m,) int.
+        first: place of the first visit of each pose in this order.
+        visits: of each pose.
+    """
+
+    order: np.ndarray
+    first: np.ndarray
+    visits: np.ndarray
+
+    def means(self, rows: np.ndarray) -> np.ndarray:
+        """Root of the visits times the mean of each pose, (.., poses) of rows (.., m)."""
+        return np.asarray(np.add.reduceat(rows[..., self.order], self.first, axis=-1) / np.sqrt(self.visits))
+
+    def share(self, size: float) -> tuple[np.ndarray, float]:
+        """What errors of a size take off three coordinates' means, (3 poses,); half the log-determinant they cost."""
+        times = size * self.visits
+        return np.tile(times / (1.0 + times), 3), 1.5 * float(np.log1p(times).sum())
+
+
+def poses_of(pose: np.ndarray) -> Poses:
+    """Poses of rows (m,) int, equal for visits of one pose."""
+    order = np.argsort(pose, kind="stable")
+    first = np.flatnonzero(np.diff(pose[order], prepend=pose[order[:1]] - 1))
+    return Poses(order, first, np.diff(np.append(first, len(order))))
+
+
+@dataclass
+class FewSums:
+    """Normal sums of a few columns under any memory of the noise; what memories of poses share is kept.
+
+    Attributes:
+        joined: columns, and the readings as the last, (P + 1, 3, m) whitened.
+        base: sums of the base reflectors, (P + 1, P + 1), or a single zero.
+        clock: of the rows.
+        poses: of the rows.
+    """
+
+    joined: np.ndarray
+    base: np.ndarray
+    clock: Clock
+    poses: Poses
+
+    def of(self, memory: Memory) -> Sums:
+        """Normal sums under a memory."""
+        if memory.wander is None and not memory.pose:
+            return as_sums(self._white, 0.0)
+        if memory.wander is None:
+            taken, log_noise = of_poses(self._parts, memory)
+            return as_sums(self._white - taken, log_noise)
+        white, log_noise = white_rows(self.joined, memory, self.clock, self.poses)
+        return as_sums(_gram(white) + self.base, log_noise)
+
+    @cached_property
+    def _white(self) -> np.ndarray:
+        return np.asarray(_gram(self.joined) + self.base)
+
+    @cached_property
+    def _parts(self) -> PoseParts:
+        means, visits = self.poses.means(self.joined), self.poses.visits
+        every = [(int(count), np.flatnonzero(visits == count)) for count in np.unique(visits)]
+        return [(count, len(own), count * _gram(means[:, :, own])) for count, own in every]
+
+
+@dataclass(frozen=True)
+class HiddenRows(Hidden):
+    """A held-out block of travel whose rows are there.
+
+    Attributes:
+        columns: (p, 3, b) whitened.
+        values: (3, b).
+        unit: of the noise, mm, (3, 3).
+    """
+
+    columns: np.ndarray
+    values: np.ndarray
+    unit: np.ndarray
+
+    def square(self, values: np.ndarray) -> float:
+        """Sum of squares that a solution leaves in the block, mm^2."""
+        told = values @ self.columns.reshape(len(values), -1)
+        return float(np.square(self.unit @ (self.values - told.reshape(self.values.shape))).sum())
+
+
+def hide_rows(columns: np.ndarray, values: np.ndarray, unit: np.ndarray) -> Hidden:
+    """A held-out block from its rows, arguments as of `HiddenRows`."""
+    flat = columns.reshape(len(columns), -1)
+    return HiddenRows(flat @ flat.T, flat @ values.ravel(), values.shape[1], columns, values, unit)
+
+
+def _gram(rows: np.ndarray) -> np.ndarray:
+    flat = rows.reshape(len(rows), -1)
+    return np.asarray(flat @ flat.T)
+
+
+def white_rows(rows: np.ndarray, memory: Memory, clock: Clock, poses: Poses) -> tuple[np.ndarray, float]:
+    """Rows as they are white under a memory of the noise.
+
+    The covariance I + v 1 1^T of k visits of a pose has the inverse root I - c 1 1^T with c = (1 - 1/sqrt(1 + k v))/k.
+
+    Args:
+        rows: (.., m) in noise units.
+        memory: of the noise.
+        clock: of the rows.
+        poses: of the rows.
+
+    Returns:
+        The same shape, and half the log-determinant of the noise's covariance.
+    """
+    white, log_noise = filtered(rows, memory.wander, clock)
+    if not memory.pose:
+        return white, log_noise
+    times, less = memory.pose * poses.visits, np.empty_like(white)
+    total = poses.means(white) * (1.0 - 1.0 / np.sqrt(1.0 + times)) / np.sqrt(poses.visits)
+    less[..., poses.order] = np.repeat(total, poses.visits, axis=-1)
+    return white - less, log_noise + 1.5 * float(np.log1p(times).sum())
