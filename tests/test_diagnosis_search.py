@@ -207,7 +207,8 @@ class Endless:
 
     def __init__(self) -> None:
         atoms = [
-            SimpleNamespace(key=f"a{i}", name=f"a{i}", columns=range(3), effect=None, block=None) for i in range(60)
+            SimpleNamespace(key=f"a{i}", name=f"a{i}", columns=range(3), effect=None, block=None, odds=9.0)
+            for i in range(60)
         ]
         self.system = SimpleNamespace(atoms={atom.key: atom for atom in atoms})
         self.given, self.screens, self.scored = (), 0, 0
@@ -224,6 +225,9 @@ class Endless:
     def screen(self, state: SimpleNamespace, allowed: object) -> list[Gain]:
         self.screens += 1
         return [Gain(50.0, key, np.ones(1)) for key in self.system.atoms if key not in state.keys]
+
+    def replacements(self, state: SimpleNamespace, keys: Sequence[str], *of: object) -> dict[str, set[str]]:
+        return {key: set(self.system.atoms) - set(state.keys) for key in keys}
 
     def best_memory(self, state: SimpleNamespace) -> tuple[Memory, float]:
         return state.memory, 0.0

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.periods import _spectrum
 from ptt.diagnosis.row_sums import SumsOfRows, poses_of, sums_of_poses, sums_of_rows, white_rows
@@ -152,6 +153,42 @@ def test_rows_behind_each_other_and_columns_behind_each_other_are_filtered_alike
     theirs, other = innovations(values, wander, clock)
     np.testing.assert_allclose(mine.T, theirs, rtol=1e-9, atol=1e-12)
     assert log_noise == other
+
+
+def test_no_atom_does_more_in_the_place_of_another_than_it_is_foretold() -> None:
+    random, passed = np.random.default_rng(13), 0
+    flat = random.normal(size=(15, 3, ROWS))
+    flat[9:12] = flat[0:3] + 0.02 * flat[9:12]  # nearly what the first of the set is
+    values = np.tensordot(random.normal(0.0, 1.5, 9), flat[:9], 1) + random.normal(size=(3, ROWS))
+    atoms = {
+        str(i): Atom(str(i), str(i), np.arange(3 * i, 3 * i + 3), np.zeros(3, int), np.full(1, 1e4), 9.0,
+                     np.zeros(3, bool)) for i in range(5)
+    }  # fmt: skip
+    clock, none = Clock(np.arange(float(ROWS)), np.arange(ROWS) == 0), np.zeros((0, 3))
+    system = RowSystem(
+        np.arange(ROWS), np.zeros(0, int), atoms, clock, Noise(np.eye(3), "first guess"), FREEDOM, np.ones(15),
+        flat.transpose(2, 1, 0), values.T, np.arange(ROWS), np.zeros(ROWS, int), {}, SimpleNamespace(),
+        np.zeros((0, 3, 15)), none,
+    )  # fmt: skip
+    scorer = Scorer(system)
+    state = scorer.score(("0", "1", "2"), WHITE)
+    here = {gain.key: gain.nats for gain in scorer.screen(state)}
+    found = scorer.replacements(state, state.keys, lambda atom: True, 5.0)
+    for key in state.keys:
+        chosen = [other for other in state.keys if other != key]
+        prior = {other: state.scales[other] for other in chosen}
+        own = np.concatenate([atoms[other].columns for other in chosen])
+        sums = system.sums_of(own, WHITE)
+        fixed = np.concatenate([prior[other] for other in chosen])
+        posterior = learn(sums.gram, sums.side, sums.square, system.spare, np.repeat(np.arange(2), 3), freedom=FREEDOM,
+                          start=fixed, floor=fixed, ceiling=fixed)  # fmt: skip
+        screen = Screen(system, Basis(own, posterior, system.sums(WHITE)), scorer.opens(chosen), {})
+        gains = {gain.key: gain.nats for gain in screen.best(lambda atom: True)}
+        for other in ("3", "4"):
+            if gains[other] > gains[key] - 4.0:
+                assert other in found[key]
+                passed += 1
+    assert passed == 1 and "4" not in found["0"] and here["3"] < 0.0
 
 
 def test_all_moments_of_what_is_sudden_have_the_columns_that_each_has_alone() -> None:

@@ -33,6 +33,7 @@ from ptt.run.problem import Problem
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
 MOST_FIRST = 0.05  # share of the rows that may open a run and be left out for it
+HOPELESS = 1.5  # times the chi-squared that would do, above which a refit without an effect is not brought to its end
 OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
 
 
@@ -188,15 +189,20 @@ def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
     return total
 
 
-def _fit_less(model: Model, problem: Problem, carried: np.ndarray, gross: np.ndarray, noise: Noise) -> FitResult:
-    """Fit the model to what the blocks leave of the readings."""
+def _fit_less(
+    model: Model, problem: Problem, carried: np.ndarray, gross: np.ndarray, noise: Noise, hopeless: float = np.inf
+) -> FitResult:
+    """Fit the model to what the blocks leave of the readings; where that is hopeless, not to the end."""
     less = replace(problem, measured=problem.measured - carried).masked(gross)
-    fitted = fit(model, less, noise=noise, robust=False, coarse=True)
+
+    def ended(other: Model) -> FitResult:
+        return fit(other, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+
+    fitted = ended(model)
     dated = place_own_moments(fitted, less)
     if dated is not fitted.model:
-        fitted = fit(dated, less, noise=noise, robust=False, coarse=True)
-    others = [fit(other, less, noise=noise, robust=False, coarse=True) for other in exchanged(fitted)]
-    return min([fitted, *others], key=lambda each: each.chi2)
+        fitted = ended(dated)
+    return min([fitted, *map(ended, exchanged(fitted))], key=lambda each: each.chi2)
 
 
 def settled(state: State, system: System) -> bool:
@@ -240,8 +246,10 @@ def _needless(found: Found, current: Model, problem: Problem) -> tuple[str, ...]
     for key in sorted(loose(scorer, state), key=lambda key: state.worth(key) if key in current.keys else np.inf):
         if atoms[key].effect is None or key not in current.keys or len(current.terms) == 1 or key in lenders:
             continue  # nor is one that a curve beside it would take over
-        fewer = _fit_less(whole.model.without(key), problem, found.carried, found.gross, found.noise)
-        if 0.5 * (fewer.chi2 - whole.chi2) / state.posterior.phi < atoms[key].odds:
+        most = whole.chi2 + 2.0 * state.posterior.phi * atoms[key].odds
+        less = whole.model.without(key)
+        fewer = _fit_less(less, problem, found.carried, found.gross, found.noise, HOPELESS * most)
+        if fewer.chi2 < most:
             whole, current = fewer, current.without(key)
             dropped.append(key)
     return tuple(dropped)

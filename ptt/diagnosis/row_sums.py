@@ -219,18 +219,23 @@ class HiddenRows(Hidden):
 
     def square(self, values: np.ndarray) -> float:
         """Sum of squares that a solution leaves in the block, mm^2."""
-        told = values @ self.columns.reshape(len(values), -1)
+        told = values @ flattened(self.columns)
         return float(np.square(self.unit @ (self.values - told.reshape(self.values.shape))).sum())
 
 
 def hide_rows(columns: np.ndarray, values: np.ndarray, unit: np.ndarray) -> Hidden:
     """A held-out block from its rows, arguments as of `HiddenRows`."""
-    flat = columns.reshape(len(columns), -1)
+    flat = flattened(columns)
     return HiddenRows(flat @ flat.T, flat @ values.ravel(), values.shape[1], columns, values, unit)
 
 
+def flattened(rows: np.ndarray) -> np.ndarray:
+    """Columns (p, 3, m) as (p, 3 m); there may be none."""
+    return rows.reshape(len(rows), rows.shape[1] * rows.shape[2])
+
+
 def _gram(rows: np.ndarray) -> np.ndarray:
-    flat = rows.reshape(len(rows), -1)
+    flat = flattened(rows)
     return np.asarray(flat @ flat.T)
 
 

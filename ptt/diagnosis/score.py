@@ -11,6 +11,7 @@ from scipy.linalg import lapack
 from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.screen import Basis, Gain, Screen
+from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import SHARES, Wander, likelihoods
 from ptt.fitting.evidence import WIDTH, Posterior, learn
@@ -61,14 +62,19 @@ class State:
         return 0.5 * float(values @ lapack.dpotrs(factor, values, lower=1)[0])
 
     @cached_property
+    def inverse(self) -> np.ndarray:
+        """(X^T X + diag(1 / prior))^-1, (p, p)."""
+        return self.posterior.inverse
+
+    @property
     def covariance(self) -> np.ndarray:
         """Of the posterior, (p, p)."""
-        return self.posterior.covariance
+        return self.posterior.phi * self.inverse
 
     @property
     def decided(self) -> float:
         """Degrees of freedom that the readings decide."""
-        return len(self.columns) - float((np.diag(self.posterior.inverse) / self.posterior.prior).sum())
+        return len(self.columns) - float((np.diag(self.inverse) / self.posterior.prior).sum())
 
     @property
     def std(self) -> np.ndarray:
@@ -171,16 +177,29 @@ class Scorer:
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
         """What every atom would add to a state, the best shape of each name; best first."""
+        return self._screen(state).best(allowed)
+
+    def all_gains(self, state: State, allowed: Callable[[Atom], bool]) -> list[Gain]:
+        """The same of every shape, in no order."""
+        return [gain for _, gain in self._screen(state).each(allowed)]
+
+    def replacements(
+        self, state: State, keys: Sequence[str], allowed: Callable[[Atom], bool], near: float
+    ) -> dict[str, set[str]]:
+        """As `ptt.diagnosis.swap.replacements`."""
+        return replacements(self, state, keys, allowed, near)
+
+    def _screen(self, state: State) -> Screen:
         where = state.keys, state.memory
         if where not in self.screened:
             basis = Basis(state.columns, state.posterior, self.system.sums(state.memory))
-            self.screened[where] = Screen(self.system, basis, self._open(state), self.begun)
+            self.screened[where] = Screen(self.system, basis, self.opens(state.keys), self.begun)
             self.screened[where].gains |= self.known.get(where, {})
-        return self.screened[where].best(allowed)
+        return self.screened[where]
 
-    def _open(self, state: State) -> Callable[[Atom], bool]:
-        """Whether an atom may be added to a state."""
-        atoms = [self.system.atoms[key] for key in state.keys]
+    def opens(self, keys: Sequence[str]) -> Callable[[Atom], bool]:
+        """Whether an atom may be added to a set."""
+        atoms = [self.system.atoms[key] for key in keys]
         names, effects = {atom.name for atom in atoms} | self.barred, [atom.name for atom in atoms if atom.effect]
         full = len(effects) - len(self.given) >= self.steps
         return lambda atom: atom.name not in names and not (atom.effect and full) and not _excluded(atom, effects)

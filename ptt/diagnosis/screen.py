@@ -80,14 +80,16 @@ class Screen:
     def best(self, allowed: Allowed) -> list[Gain]:
         """What each allowed atom would add, the best shape of each name; best first."""
         best: dict[str, Gain] = {}
+        for atom, gain in self.each(allowed):
+            if atom.name not in best or gain.nats > best[atom.name].nats:
+                best[atom.name] = gain
+        return sorted(best.values(), key=lambda gain: -gain.nats)
+
+    def each(self, allowed: Allowed) -> list[tuple[Atom, Gain]]:
+        """What each allowed atom would add, in every shape."""
         wanted = [(family, columns, [i for i in open_ if allowed(family[i])]) for family, columns, open_ in self.open]
         self._work_out(wanted)
-        for family, _, places in wanted:
-            for place in places:
-                gain, name = self.gains[family[place].key], family[place].name
-                if name not in best or gain.nats > best[name].nats:
-                    best[name] = gain
-        return sorted(best.values(), key=lambda gain: -gain.nats)
+        return [(family[i], self.gains[family[i].key]) for family, _, places in wanted for i in places]
 
     def _work_out(self, wanted: Sequence[tuple[tuple[Atom, ...], np.ndarray, list[int]]]) -> None:
         """Work out what all those atoms add that nobody has asked for before."""

@@ -1,6 +1,7 @@
 """Search: the set of atoms with the highest score, by adding, dropping and swapping, from three starts."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ LEAST = 0.3  # nats that a move has to gain
 SEEN = 1.0  # nats by the screen from which an atom is worth an exact score
 TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and effects beside them
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less
+MISJUDGED = 5.0  # nats by which variances that are learned anew may change what goes before any screen
 NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
 SWAPS = 3
 SCREENS = 150  # sets screened from which swaps are looked for no more: a machine with a few faults asks for far fewer
@@ -200,20 +202,34 @@ def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
         moves.append(scorer.score(state.keys, memory, state.scales))
         if moves[0].total > state.total + PLAINLY:
             return moves
-    less = [scorer.score(without(state, key), state.memory, state.scales) for key in loose(scorer, state)]
+    may_go = loose(scorer, state)
+    less = list[tuple[State, set[str] | None]]()
+    for key, others in scorer.replacements(state, may_go, allowed, NEAR + MISJUDGED).items():
+        if others:
+            less.append((scorer.score(without(state, key), state.memory, state.scales), others))
     if state.memory != WHITE:
-        less.append(scorer.score(state.keys, WHITE, state.scales))
-        moves.append(less[-1])
+        moves.append(scorer.score(state.keys, WHITE, state.scales))
+        less.append((moves[-1], None))
     else:
-        moves += [
-            _remembering(scorer, state, key) for key in loose(scorer, state) if _wanders(scorer.system.atoms[key])
-        ]
-    names = {key: scorer.system.atoms[key].name for key in state.keys}
-    for fewer in less:
-        gone = {names[key] for key in set(state.keys) - set(fewer.keys)}
-        found = [(gain, scorer.system.atoms[gain.key].name) for gain in scorer.screen(fewer, allowed)]
-        # The screen holds the others' variances, so what it says of the one that went is what to compare with.
-        usual = max((gain.nats for gain, name in found if name in gone), default=state.total - fewer.total)
-        near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, SEEN)]
-        moves += [added(scorer, fewer, gain) for gain in near[:SWAPS]]
+        moves += [_remembering(scorer, state, key) for key in may_go if _wanders(scorer.system.atoms[key])]
+    for fewer, few in less:
+        moves += _swapped(scorer, state, fewer, partial(_is_among, few, allowed))
     return moves
+
+
+def _is_among(keys: set[str] | None, allowed: Allowed, atom: Atom) -> bool:
+    return allowed(atom) and (keys is None or atom.key in keys)
+
+
+def _swapped(scorer: Scorer, state: State, fewer: State, allowed: Allowed) -> list[State]:
+    """The atoms that do best beside fewer than a state's."""
+    names = {key: scorer.system.atoms[key].name for key in state.keys}
+    gone = {names[key] for key in set(state.keys) - set(fewer.keys)}
+    found = [
+        (gain, scorer.system.atoms[gain.key].name)
+        for gain in scorer.screen(fewer, lambda atom: allowed(atom) or atom.name in gone)
+    ]
+    # The screen holds the others' variances, so what it says of the one that went is what to compare with.
+    usual = max((gain.nats for gain, name in found if name in gone), default=state.total - fewer.total)
+    near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, SEEN)]
+    return [added(scorer, fewer, gain) for gain in near[:SWAPS]]

@@ -15,6 +15,7 @@ from ptt.diagnosis.row_sums import (
     FewSums,
     Poses,
     SumsOfRows,
+    flattened,
     hide_rows,
     poses_of,
     sums_of_poses,
@@ -31,7 +32,6 @@ from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
-
 
 KEPT = 3  # memories of the noise whose sums are kept
 
@@ -200,7 +200,7 @@ class RowSystem(System):
 
     @cached_property
     def _means(self) -> np.ndarray:
-        return self.poses.means(self.flat).reshape(len(self.flat), -1)
+        return flattened(self.poses.means(self.flat))
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
         """Normal sums of chosen columns, from those of all where they are there."""
@@ -212,7 +212,7 @@ class RowSystem(System):
     def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
         """Normal sums of combinations of chosen columns, under any memory; what memories of poses share is kept."""
         rows = self.flat[chosen]
-        columns = (ways.T @ rows.reshape(len(chosen), -1)).reshape(-1, *rows.shape[1:])
+        columns = (ways.T @ flattened(rows)).reshape(ways.shape[1], *rows.shape[1:])
         joined = np.concatenate([columns, self.values.T[None]])
         base = self.base_columns[:, :, chosen] @ ways
         more = base_sums(base, self.base_values) if len(self.base_values) else np.zeros((1, 1))
@@ -221,7 +221,7 @@ class RowSystem(System):
     def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
         """What a solution of chosen columns leaves, (m, 3) whitened."""
         rows = self.flat[chosen]
-        return self.values - (values @ rows.reshape(len(chosen), -1)).reshape(rows.shape[1:]).T
+        return self.values - (values @ flattened(rows)).reshape(rows.shape[1:]).T
 
     def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
         """Sums of chosen columns over each held-out block of travel."""
@@ -273,10 +273,10 @@ class RowSystem(System):
         index = slice(None) if chosen is None else chosen
         white, log_noise = white_rows(self.flat[index], memory, self.clock, self.poses)
         values, _ = white_rows(self.values.T, memory, self.clock, self.poses)
-        flat = white.reshape(len(white), -1)
+        flat = flattened(white)
         if not len(self.base_values):
             return flat, values.ravel(), log_noise
-        base = self.base_columns[:, :, index].reshape(-1, len(white)).T
+        base = self.base_columns[:, :, index].reshape(self.base_values.size, len(white)).T
         return np.concatenate([flat, base], axis=1), np.append(values.ravel(), self.base_values), log_noise
 
 

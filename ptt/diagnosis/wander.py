@@ -95,8 +95,10 @@ class Gains:
 
     @cached_property
     def stretches(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """For each stretch of w rows what its readings (w, w + 1), and the state before it (w + 1,), foretell in each
-        of its rows and in the next one."""
+        """What readings of each stretch of w rows (w, w + 1), and the state before it (w + 1,), foretell in it.
+
+        In each of its rows, and in the next one.
+        """
         keep, take = np.append(self.keep, 0.0), np.append(self.take, 0.0)  # behind the last row nothing is foretold
         return [_triangle(keep[i : i + STRETCH], take[i : i + STRETCH]) for i in range(0, len(keep), STRETCH)]
 

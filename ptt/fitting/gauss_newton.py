@@ -13,7 +13,10 @@ TRIES = 8
 FEW_TRIES = 3  # of a coarse search
 RELATIVE = 1e-4  # where much more than noise is left, so much of it, in units of the decrease still to be had, is none
 FINE = 1e-3  # decrease below which a step that keeps less than half its promise is the last: kinks are near
+PROMISE = 5.0  # times the decrease that the tangent promises, or the last step brought, that may still be to come
 ROUGH = 1e-4  # share of chi-squared below which a step that does not help is put down to kinks, as play has them
+
+HOPELESS = "not converged: far above what was asked for"
 
 Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, float]]
 
@@ -32,8 +35,9 @@ class Descent:
 
 
 def descend(
-    equations: Equations, start: np.ndarray, lower: np.ndarray, upper: np.ndarray, done: float = DONE
-) -> Descent:
+    equations: Equations, start: np.ndarray, lower: np.ndarray, upper: np.ndarray, done: float = DONE,
+    hopeless: float = np.inf,
+) -> Descent:  # fmt: skip
     """Minimise a sum of squares between bounds.
 
     Source: Nocedal and Wright, Numerical Optimization (2006), 10.3 (Gauss-Newton) and 16.5 (active sets).
@@ -44,23 +48,28 @@ def descend(
         lower: (u,).
         upper: (u,).
         done: decrease still to be had at which it ends.
+        hopeless: cost above which nobody asks where it ends.
 
     Returns:
         Where it ended.
     """
     at = np.clip(start, lower, upper)
     normal, side, cost = equations(at)
+    gained = np.inf
     for _ in range(STEPS):
         step = bounded_step(normal, side, lower - at, upper - at)
         decrease = float(2.0 * side @ step - step @ normal @ step)
         if decrease <= done * (1.0 + RELATIVE * cost) + 1e-13 * cost:
             return Descent(at, "converged")
+        if cost - PROMISE * min(decrease, gained) > hopeless:
+            return Descent(at, HOPELESS)
         found = _search_line(equations, at, step, cost, decrease, max(FINE, done))
         if found is None:
             kinked = decrease <= max(ROUGH * cost, FINE)
             return Descent(at, "converged" if kinked else "not converged: no step lowers the error further")
         before, (at, (normal, side, cost)) = cost, found
-        if decrease <= max(FINE, 10.0 * done) and before - cost < 0.5 * decrease:
+        gained = before - cost
+        if decrease <= max(FINE, 10.0 * done) and gained < 0.5 * decrease:
             return Descent(at, "converged")
     return Descent(at, f"not converged after {STEPS} steps")
 

@@ -12,7 +12,7 @@ from ptt.errors import PosesError
 from ptt.fitting.alike import excess, times_of
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.evidence import inverse
-from ptt.fitting.gauss_newton import DONE, Equations, descend
+from ptt.fitting.gauss_newton import DONE, HOPELESS, Equations, descend
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator, LongSystem
 from ptt.fitting.outliers import inside, linear_residual
@@ -41,6 +41,7 @@ def fit(
     noise: Noise | None = None,
     lean: bool = False,
     coarse: bool = False,
+    hopeless: float = np.inf,
 ) -> FitResult:
     """Fit all effects and frames of a model.
 
@@ -51,6 +52,7 @@ def fit(
         noise: the noise floor; None takes the problem's, or a first guess where it has none.
         lean: skip the confirmation that the set of outliers is stable.
         coarse: stop a hundredth of chi-squared from the end, which is near enough to compare models.
+        hopeless: chi-squared, prior and all, above which the fit is of no use and ends where it is.
 
     Returns:
         The fit; what kept it from converging is in its status.
@@ -69,8 +71,11 @@ def fit(
             break
         if len(unknowns):
             done = NEAR if coarse else DONE
-            ended = descend(_equations(evaluate, kept, prior), unknowns, layout.lower, layout.upper, done)
+            equations = _equations(evaluate, kept, prior)
+            ended = descend(equations, unknowns, layout.lower, layout.upper, done, hopeless)
             unknowns, status = ended.unknowns, ended.status
+            if status == HOPELESS:
+                break
         sifting = robust and not (lean or coarse)
         again = inside(evaluate(unknowns).residual, problem.used, problem, noise) if sifting else kept
         settled = bool((again == kept).all())
