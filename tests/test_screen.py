@@ -174,6 +174,7 @@ def test_no_atom_does_more_in_the_place_of_another_than_it_is_foretold() -> None
     state = scorer.score(("0", "1", "2"), WHITE)
     here = {gain.key: gain.nats for gain in scorer.screen(state)}
     found = scorer.replacements(state, state.keys, lambda atom: True, 5.0)
+    assert scorer.replacements(scorer.score((), WHITE), (), lambda atom: True, 5.0) == {}
     for key in state.keys:
         chosen = [other for other in state.keys if other != key]
         prior = {other: state.scales[other] for other in chosen}

@@ -42,6 +42,8 @@ def replacements(
     Returns:
         For each key those that may do as well, and those that it alone keeps out.
     """
+    if not keys:
+        return {}
     atoms = scorer.system.atoms
     gains = {gain.key: gain.nats for gain in scorer.all_gains(state, allowed)}
     found = {}
