@@ -15,7 +15,7 @@ from ptt.effects import Effect, library
 from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
 from ptt.errors import MachineError, ModelError, PosesError, TableError
-from ptt.fitting.gauss_newton import bounded_step, descend
+from ptt.fitting.gauss_newton import HOPELESS, bounded_step, descend
 from ptt.fitting.observability import correlations, unobservable
 from ptt.fitting.outliers import inside
 from ptt.fitting.report import format_fit, report_fit
@@ -150,6 +150,23 @@ def test_descent_that_cannot_go_down_says_so() -> None:
 
     ended = descend(wrong, np.zeros(1), np.full(1, -np.inf), np.full(1, np.inf))
     assert ended.status.startswith("not converged")
+
+
+def test_a_descent_ends_where_what_was_asked_for_is_out_of_reach():
+    design, far = np.array([[1.0, 0.2], [0.0, 1.0], [0.5, 0.5]]), np.array([3.0, 1.0, 20.0])
+    least = np.linalg.lstsq(design, far, rcond=None)[1][0]
+    asked = []
+
+    def equations(at):
+        asked.append(at)
+        left = far - design @ at
+        return design.T @ design, design.T @ left, float(left @ left)
+
+    free = np.full(2, np.inf)
+    assert descend(equations, np.zeros(2), -free, free, hopeless=1.01 * least).status == "converged"
+    asked.clear()
+    ended = descend(equations, np.full(2, 11.0), -free, free, hopeless=0.01 * least)
+    assert ended.status == HOPELESS and len(asked) <= 2
 
 
 def test_a_reversal_that_is_not_there_stops_at_its_bound() -> None:
