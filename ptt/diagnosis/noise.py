@@ -16,12 +16,14 @@ from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.problem import Problem
-from ptt.run.tails import f_cdf
+from ptt.run.tails import f_cdf, f_sf
 
 MOST_REPEATS = 300.0  # degrees of freedom that repeats may claim: they see less than what varies between poses
 STATED = 100.0  # degrees of freedom of a figure that somebody states
 LEAST_FREEDOM = 12.0
 AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
+ONE_AXIS = 1e-3  # chance at which the axes of a wander are not alike: of a thousand sound wanders one is called a fault
+TINY = 1e-6  # of the scatter: what an axis that does not wander is taken to wander by
 ROUNDS = 3
 ONE_FIGURE = "machine file"  # source of a noise that is stated for all axes alike
 SHORT_SEARCH = 12  # shapes from which an effect is left out of the saturated model
@@ -63,21 +65,28 @@ def wanders_beyond(system: System, state: State) -> bool:
 
     Air and stand move a reading along every axis alike; what bends or warms moves one. The memory knows one share for
     all axes, so an axis is asked for itself: what was foretold, against the scatter of all axes together, for along its
-    beam a tracker scatters by a tenth of what it does across, and wanders no less.
+    beam a tracker scatters by a tenth of what it does across, and wanders no less. What forgets within a few rows is no
+    stand that leans to one side as it warms: there the axes are asked whether they are alike, by Fisher's test of as many
+    degrees of freedom as the run has times in which the wander forgets.
 
     Args:
         system: the linearised problem.
         state: the set.
     """
     wander = state.memory.wander
-    if wander is None or not system.clock.is_slow(wander):
+    if wander is None:
         return False
     if system.clock.is_fault(wander):
         return True
     left = system.left(state.columns, state.posterior.values)
     whole = np.var(system.in_mm(left), axis=0)
     white = np.var(system.in_mm(system.innovation(state.columns, state.posterior.values, state.memory)), axis=0)
-    return bool((whole - white > FAULT * white.mean()).any())
+    taken = np.maximum(whole - white, 0.0)
+    if system.clock.is_slow(wander):
+        return bool((taken > FAULT * white.mean()).any())
+    others = np.maximum((taken.sum() - taken) / 2.0, TINY * white.mean())
+    free = max(system.clock.span / (2.0 * wander.constant), 1.0)
+    return bool((3.0 * f_sf(taken / others, free, 2.0 * free) < ONE_AXIS).any())
 
 
 def noise_again(problem: Problem, system: System, state: State) -> Noise:

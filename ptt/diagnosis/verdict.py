@@ -30,8 +30,7 @@ from ptt.run.problem import Problem
 
 Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 LEAST = 12  # readings: twice what a rigid motion alone takes
-EXCESS = 1.5  # times a stated noise from which an error is not nothing
-BESIDE = 2.0  # the same beside what is named: one stated figure for all axes and distances is often half too small
+EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
 
 
 @dataclass(frozen=True)
@@ -245,8 +244,7 @@ def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict
     odd = any(system.atoms[key].block is not None for key in state.keys) or state.memory.pose > 0.0
     if odd or wanders_beyond(system, state) or rest.significant:
         return "unknown"
-    most = BESIDE if named else EXCESS
-    if problem.noise is not None and noise_left(system, state).total > most * problem.noise.total:
+    if problem.noise is not None and noise_left(system, state).total > EXCESS * problem.noise.total:
         return "unknown"
     return "missing" if named else "nothing-missing"
 

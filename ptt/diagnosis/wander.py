@@ -55,6 +55,11 @@ class Clock:
         return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
     @cached_property
+    def span(self) -> float:
+        """Time from the first row of a run to its last, of all runs together."""
+        return float(np.maximum(np.diff(self.time), 0.0)[~self.starts[1:]].sum())
+
+    @cached_property
     def constants(self) -> np.ndarray:
         """Time constants worth trying; none where rows are too few."""
         if len(self.time) < LEAST_STEPS or not self.step:
