@@ -13,9 +13,9 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.periods import _spectrum
 from ptt.diagnosis.row_sums import SumsOfRows, poses_of, sums_of_poses, sums_of_rows, white_rows
+from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer, prior_of
 from ptt.diagnosis.screen import BROAD, Basis, Screen
-from ptt.diagnosis.system import RowSystem
 from ptt.diagnosis.wander import MANY, STRETCH, Clock, Wander, filtered, innovations, likelihoods
 from ptt.effects import library
 from ptt.fitting.evidence import learn

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.again.before import Before
 from ptt.again.changes import Change, atoms_of_changes
-from ptt.diagnosis.system import RowSystem, build_system
+from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.effects import Effect
 from ptt.fitting.linear import Shape, linear_columns
 from ptt.fitting.solve import FitResult, fit, hold

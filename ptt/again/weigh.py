@@ -13,10 +13,10 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
+from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import PLAIN, improve, search, without
 from ptt.diagnosis.steps import BESIDE
-from ptt.diagnosis.system import RowSystem
 from ptt.diagnosis.turn import best_moments, gross_beside
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Shape, few_shapes, linear_columns

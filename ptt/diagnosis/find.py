@@ -14,10 +14,11 @@ from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import exchanged, place_own_moments
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
+from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, loose, plainest, refilled, search, without
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.system import RowSystem, System, build_system
+from ptt.diagnosis.system import System
 from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
 from ptt.effects import Effect, Library
 from ptt.effects.base import flatten

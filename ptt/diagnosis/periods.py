@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.atoms import odds_of_block
+from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.system import RowSystem
 from ptt.diagnosis.wander import innovations
 from ptt.run.problem import Problem
 

@@ -9,9 +9,9 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.gross import MOST, alone, places_of, stand_out
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import best_moment
+from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import without
-from ptt.diagnosis.system import RowSystem
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape

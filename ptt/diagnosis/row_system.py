@@ -1,0 +1,240 @@
+"""The linearised problem with its rows: columns of everything that may explain the readings, one behind the other."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block
+from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, base_sums
+from ptt.diagnosis.narrow import narrow
+from ptt.diagnosis.row_sums import (
+    FewSums,
+    Poses,
+    SumsOfRows,
+    flattened,
+    hide_rows,
+    poses_of,
+    sums_of_poses,
+    sums_of_rows,
+    white_rows,
+)  # fmt: skip
+from ptt.diagnosis.span import Span
+from ptt.diagnosis.system import System, clock_of, straightened, whitened
+from ptt.effects import Effect
+from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
+from ptt.fitting.result import FitResult
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import pose_groups
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+KEPT = 3  # memories of the noise whose sums are kept
+
+
+@dataclass
+class RowSystem(System):
+    """A system whose rows are there.
+
+    Attributes:
+        columns: (m, 3, P) whitened.
+        values: (m, 3) whitened.
+        pose: (m,) int, equal for visits of one pose.
+        block: (m,) int, held-out block of travel, -1 for none.
+        levers: joint -> how it moves each reading, (m, 3) whitened.
+        at: where columns of further shapes come from.
+        base_columns: of the base reflectors, (b, 3, P) in units of their own noise.
+        base_values: (b, 3).
+    """
+
+    columns: np.ndarray
+    values: np.ndarray
+    pose: np.ndarray
+    block: np.ndarray
+    levers: dict[int, np.ndarray]
+    at: Place
+    base_columns: np.ndarray
+    base_values: np.ndarray
+    _sums: dict[Memory, Sums] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return self.values.size + self.base_values.size
+
+    @property
+    def repeats(self) -> int:
+        """Visits beyond the first of each pose."""
+        return len(self.pose) - len(np.unique(self.pose))
+
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """The columns one behind the other, (P, 3, m)."""
+        return np.ascontiguousarray(self.columns.transpose(2, 1, 0))
+
+    @cached_property
+    def poses(self) -> Poses:
+        """Which rows are visits of which pose."""
+        return poses_of(self.pose)
+
+    def sums(self, memory: Memory) -> Sums:
+        """Normal sums of all columns; the last few memories are kept."""
+        if memory not in self._sums:
+            if len(self._sums) > KEPT:
+                self._sums.pop(next(key for key in self._sums if key != WHITE))
+            self._sums[memory] = self._sums_of_all(memory)
+        return self._sums[memory]
+
+    def _sums_of_all(self, memory: Memory) -> Sums:
+        if memory.pose and memory.wander is None:
+            values = self.poses.means(self.values.T).ravel()
+            return sums_of_poses(self.sums(WHITE), self._means, values, self.poses, memory.pose)
+        return sums_of_rows(*self._white(None, memory))
+
+    @cached_property
+    def _means(self) -> np.ndarray:
+        return flattened(self.poses.means(self.flat))
+
+    def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
+        """Normal sums of chosen columns, from those of all where they are there."""
+        if memory in self._sums:
+            return super().sums_of(chosen, memory)
+        white, values, log_noise = self._white(chosen, memory)
+        return Sums(white @ white.T, white @ values, float(values @ values), log_noise)
+
+    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
+        """Normal sums of combinations of chosen columns, under any memory; what memories of poses share is kept."""
+        rows = self.flat[chosen]
+        columns = (ways.T @ flattened(rows)).reshape(ways.shape[1], *rows.shape[1:])
+        joined = np.concatenate([columns, self.values.T[None]])
+        base = self.base_columns[:, :, chosen] @ ways
+        more = base_sums(base, self.base_values) if len(self.base_values) else np.zeros((1, 1))
+        return FewSums(joined, more, self.clock, self.poses).of
+
+    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """What a solution of chosen columns leaves, (m, 3) whitened."""
+        rows = self.flat[chosen]
+        return self.values - (values @ flattened(rows)).reshape(rows.shape[1:]).T
+
+    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
+        """Sums of chosen columns over each held-out block of travel."""
+        columns, unit = self.flat[chosen], np.linalg.inv(self.noise.whitener)
+        for index in np.unique(self.block[self.block >= 0]):
+            own = np.flatnonzero(self.block == index)
+            yield hide_rows(columns[:, :, own], self.values.T[:, own], unit)
+
+    def widened(self, atoms: dict[str, Atom], columns: np.ndarray, scale: np.ndarray) -> "RowSystem":
+        """The same with further atoms; sums that were worked out stay.
+
+        Args:
+            atoms: by key; their columns are numbered on from those that are there.
+            columns: of these atoms, (m, 3, w) whitened.
+            scale: (w,) size of a unit of each.
+        """
+        more = np.ascontiguousarray(columns.transpose(2, 1, 0))
+        flat = np.concatenate([self.flat, more])
+        base = np.pad(self.base_columns, [(0, 0), (0, 0), (0, len(more))])
+        wider = replace(
+            self, atoms=self.atoms | atoms, columns=flat.transpose(2, 1, 0), scale=np.concatenate([self.scale, scale]),
+            base_columns=base, _sums={},
+        )  # fmt: skip
+        for memory, sums in self._sums.items():
+            if isinstance(sums, SumsOfRows):
+                white, values, _ = wider._white(np.arange(len(self.flat), len(flat)), memory)
+                wider._sums[memory] = sums.widened(white, values)
+        return wider
+
+    def only(self, keys: Sequence[str]) -> "RowSystem":
+        """The same with the frame and a few atoms alone."""
+        atoms = [self.atoms[key] for key in keys]
+        chosen = np.concatenate([self.frame, *(atom.columns for atom in atoms)]).astype(int)
+        place = np.zeros(len(self.flat), dtype=int)
+        place[chosen] = np.arange(len(chosen))
+        few = {atom.key: replace(atom, columns=place[atom.columns]) for atom in atoms}
+        return replace(
+            self, frame=place[self.frame], atoms=few, columns=self.flat[chosen].transpose(2, 1, 0),
+            scale=self.scale[chosen], base_columns=self.base_columns[:, :, chosen], _sums={},
+        )  # fmt: skip
+
+    def _white(self, chosen: np.ndarray | None, memory: Memory) -> tuple[np.ndarray, np.ndarray, float]:
+        """Columns and readings that are white under a memory, base reflectors behind them, (p, r) and (r,).
+
+        Args:
+            chosen: (p,) indices; None for all.
+            memory: of the noise.
+        """
+        index = slice(None) if chosen is None else chosen
+        white, log_noise = white_rows(self.flat[index], memory, self.clock, self.poses)
+        values, _ = white_rows(self.values.T, memory, self.clock, self.poses)
+        flat = flattened(white)
+        if not len(self.base_values):
+            return flat, values.ravel(), log_noise
+        base = self.base_columns[:, :, index].reshape(self.base_values.size, len(white)).T
+        return np.concatenate([flat, base], axis=1), np.append(values.ravel(), self.base_values), log_noise
+
+
+def build_system(
+    fitted: FitResult,
+    problem: Problem,
+    candidates: Sequence[Effect],
+    noise: Noise,
+    freedom: float,
+    rows: np.ndarray,
+    periods: Sequence[tuple[int, float]] = (),
+    shapes: Shapes | None = None,
+    span: Span | None = None,
+    linear: Linear | None = None,
+) -> RowSystem:
+    """Linearise around a model, with all effects and all blocks beside it.
+
+    Args:
+        fitted: the model.
+        problem: n rows.
+        candidates: effects that may be added.
+        noise: the noise floor.
+        freedom: degrees of freedom behind it.
+        rows: rows that count, (n,) bool.
+        periods: joint and length of periods that were seen.
+        shapes: of candidates by key; None asks each.
+        span: of the run that the problem is a part of; None for all of it.
+        linear: all effects in these shapes, where they are linearised there already.
+
+    Returns:
+        The system.
+    """
+    linear = straightened(linear or linear_columns(fitted, problem, candidates, noise, shapes), fitted, problem)
+    assert linear.at is not None
+    blocks = unknown_blocks(problem, linear.at.chain, periods, span)
+    columns = _side_by_side(linear.columns, blocks, noise, rows)
+    atoms = atoms_of(linear, fitted, problem, candidates)
+    atoms |= atoms_of_blocks(blocks, linear.columns.shape[2], odds_of_block(len(blocks)))
+    more = columns.shape[2] - len(linear.scale)
+    scale = np.concatenate([linear.scale, np.ones(more)])
+    few = narrow(atoms, columns, scale)
+    return RowSystem(
+        np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
+        few.scale(scale), few.columns(columns), linear.values[rows], pose_groups(problem.table)[rows],
+        travel_blocks(problem.table)[rows], _levers(linear, noise, rows), linear.at,
+        few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
+    )  # fmt: skip
+
+
+def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows: np.ndarray) -> np.ndarray:
+    """Columns that are there already (n, 3, p), and behind them those of blocks, of the rows that count."""
+    some = slice(None) if rows.all() else rows
+    place, width = known.shape[2], sum(block.width for block in blocks)
+    flat = np.empty((place + width, 3, int(rows.sum())))
+    flat[:place] = known[some].transpose(2, 1, 0)
+    for block in blocks:
+        flat[place : place + block.width] = whitened(block, noise)[some].transpose(2, 1, 0)
+        place += block.width
+    return flat.transpose(2, 1, 0)
+
+
+def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndarray]:
+    """How each joint moves the readings that count."""
+    assert linear.at is not None
+    by_joint = linear.at.chain.by_joint.numpy()[rows] * SIZE
+    return {j: by_joint[:, :, j] @ noise.whitener.T for j in range(by_joint.shape[2])}
