@@ -67,8 +67,8 @@ def wanders_beyond(system: System, state: State) -> bool:
     Air and stand move a reading along every axis alike; what bends or warms moves one. The memory knows one share for
     all axes, so an axis is asked for itself: what was foretold, against the scatter of all axes together, for along its
     beam a tracker scatters by a tenth of what it does across, and wanders no less. What forgets within a few rows is no
-    stand that leans to one side as it warms: there the axes are asked whether they are alike, by Fisher's test of as many
-    degrees of freedom as the run has times in which the wander forgets.
+    stand that leans to one side as it warms: there the axes are asked whether they are alike, by Fisher's test with as
+    many degrees of freedom as the run has times in which the wander forgets.
 
     Args:
         system: the linearised problem.
