@@ -21,6 +21,7 @@ from ptt.fitting.sums import accumulate, gain, project, solve
 from ptt.machine import format_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
+from ptt.rig import parse_rig
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.noise import Noise
@@ -150,6 +151,21 @@ def test_two_effects_are_both_found(tmp_path):
     picks = [set(step) for step in found.suggested]
     assert all(any(name in step for step in picks) for name in truth)
     assert len(found.suggested) == len(truth)
+
+
+def test_play_is_named_on_a_path_that_takes_it_up_over_many_rows(tmp_path):
+    """Near its turns a slider on a fine circle moves by less than the gap from row to row."""
+    angle = np.linspace(0.0, 8.0 * np.pi, 400)
+    circle = np.column_stack([10.0 * np.cos(angle), 10.0 * np.sin(angle), np.linspace(-8.0, 8.0, 400)]).round(3)
+    drive = {"backlash_mm": [0.09, 0.06, 0.012], "homing_mm": [0.3, -0.2, 0.05]}
+    rig = parse_rig({"machine": MACHINE.machine.model_dump(), "seed": 3, "drive": drive})
+    frame = simulate(rig, pd.DataFrame(circle, columns=["x_cmd", "y_cmd", "z_cmd"]), noise=False).frame
+    frame[["x_meas", "y_meas", "z_meas"]] += np.random.default_rng(5).normal(0.0, 0.005, circle.shape)
+    write_run(frame, tmp_path / "circle.csv")
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(tmp_path / "circle.csv")))
+    assert found.verdict == "missing" and {step[0] for step in found.suggested} == {"backlash", "homing-offset"}
+    gaps = [value for name, _, value, _ in found.candidates[0].parameters if name.startswith("gap")]
+    assert gaps == pytest.approx(drive["backlash_mm"], abs=0.003)
 
 
 def test_json_holds_what_is_documented(tmp_path):

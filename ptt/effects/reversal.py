@@ -18,6 +18,9 @@ from ptt.run.view import View
 
 WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
 
+GAPS = (0.02, 0.06, 0.2)  # mm, from ground to worn screws: between them a row more or less takes the gap up
+LATE = 0.02  # of the gap, mean over the rows: rows that wait for it, from which they are worth a trial
+
 SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal compensation of {who} by {what}")
 
 
@@ -76,9 +79,20 @@ class Backlash(Effect):
         shade="direction",
     )
 
+    def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
+        """The limit of a small gap, and gaps that moves as short as these take up only over several rows."""
+        scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
+        gaps = [torch.tensor([gap * scale], dtype=torch.float64) for gap in GAPS]
+        late = [gap for gap in gaps if float((self._at(view, gap) + 0.5 * view.direction).abs().mean()) > LATE]
+        return ({}, *({"about": gap} for gap in late))
+
+    def _at(self, view: View, gap: Tensor) -> Tensor:
+        """What a gap does, per unit of it, (n, k)."""
+        return play(view, gap.expand(view.joints)) / gap
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """The limit of a small gap: half of it against the direction of arrival."""
-        return per_joint(-0.5 * view.direction)
+        """Half the gap against the direction of arrival, the limit of a small one; or as the gap `about` does."""
+        return per_joint(self._at(view, shape["about"]) if "about" in shape else -0.5 * view.direction)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
         """The play operator itself, which knows when the gap is not taken up yet; below zero the sign alone."""
