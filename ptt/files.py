@@ -20,7 +20,8 @@ from ptt.record import plain
 LARGEST = 2 * 1024**3  # bytes; ten million rows of a tracker run are 1.5 GB
 LARGEST_TOML = 64 * 1024**2  # bytes; a model of every effect with a thousand steps of history is 2 MB
 DEEPEST = 60  # levels of a TOML or JSON file; ours have 5
-GREATEST = 1e12  # of any number in a TOML file: in mm a million km, in s thirty thousand years
+GREATEST = 1e12  # of any number in a TOML file: in s thirty thousand years
+LONGEST = 1e7  # mm, of any `_mm` in a TOML file: ten km; beyond, doubles no longer tell a micrometre's slopes apart
 FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
@@ -87,7 +88,8 @@ def parse_toml(text: str, where: str, error: type[InputError] = InputError, fix:
         fix: the way out where it is no TOML.
 
     Returns:
-        The document: every number finite and below `GREATEST`, whole numbers of 64 bits, at most `DEEPEST` levels.
+        The document: every number finite and below `GREATEST`, lengths below `LONGEST`, whole numbers of 64 bits, at
+        most `DEEPEST` levels.
 
     Raises:
         InputError: it is not (as the given `error` type).
@@ -102,7 +104,8 @@ def parse_toml(text: str, where: str, error: type[InputError] = InputError, fix:
         whole = isinstance(value, int) and not isinstance(value, bool)
         if whole and not -(2**63) <= value < 2**63:
             raise error(f"a whole number of {len(str(abs(value)))} digits", where=f"{where} key {key}", fix="mend it")
-        if isinstance(value, float) and abs(value) > GREATEST:
+        long = any(part.endswith("_mm") for part in key.split("."))
+        if isinstance(value, int | float if long else float) and abs(value) > (LONGEST if long else GREATEST):
             raise error(f"{value:g} is beyond any machine", where=f"{where} key {key}", fix="mend it")
     return document
 

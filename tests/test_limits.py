@@ -54,6 +54,10 @@ def test_numbers_of_a_machine_file_have_theirs() -> None:
     assert parse_toml("a = 0.9e12", "m.toml") == {"a": 0.9e12}
     with pytest.raises(InputError, match=r"m.toml key a: 1.1e\+12 is beyond any machine"):
         parse_toml("a = 1.1e12", "m.toml")
+    assert parse_toml("[m]\na_mm = [1e6, 9_999_999]", "m.toml")["m"]["a_mm"][1] == 9_999_999
+    for length in ("1.1e7", "11_000_000", "[0.0, -1e11]"):
+        with pytest.raises(InputError, match=r"m.toml key m.a_mm.*is beyond any machine"):
+            parse_toml(f"[m]\na_mm = {length}", "m.toml")
 
 
 @pytest.mark.parametrize(("count", "fits"), [(1990, True), (2010, False)])
