@@ -31,8 +31,11 @@ def draw_reliability(said: list[tuple[float, bool]], place: Path) -> None:
             half = 1.96 * np.sqrt(agreed * (1.0 - agreed) / (count + 4.0))
             bars = [[max(right - max(agreed - half, 0.0), 0.0)], [max(min(agreed + half, 1.0) - right, 0.0)]]
             axes.errorbar(chance[here].mean(), right, yerr=bars, fmt="o", color="#1f5a96", capsize=3)
-            axes.annotate(str(count), (chance[here].mean(), right), textcoords="offset points", xytext=(6, -12))
-    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="probability stated", ylabel="share that was so")
+            last = high == 1.0  # stands close to the others: its number is above it
+            end = (chance[here].mean(), right + bars[1][0] if last else right - bars[0][0])
+            aside = (0, 5 if last else -12)
+            axes.annotate(str(count), end, textcoords="offset points", xytext=aside, ha="center")
+    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.07), xlabel="probability stated", ylabel="share that was so")
     axes.set_title(f"{len(said)} statements")
     axes.grid(alpha=0.3)
     figure.savefig(place, dpi=150)
