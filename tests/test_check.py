@@ -166,6 +166,8 @@ def test_verbs_refuse_what_is_sure_and_go_on_anyway(
 
 def test_a_machine_file_alone_is_described_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_verb("check", DATA / "machine.toml", "--drawing", tmp_path / "bench.png") == 0
+    assert run_verb("check", DATA / "machine.toml", "--drawing", tmp_path / "bench.csv") == 2
+    assert not (tmp_path / "bench.csv").exists()
     assert "b1 = 282.843" in capsys.readouterr().out  # sqrt(300^2 - 100^2)
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
 

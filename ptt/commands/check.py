@@ -38,6 +38,8 @@ def check(
     from ptt.door.model import load
     from ptt.errors import InputError
 
+    if drawing is not None and drawing.suffix.lower() != ".png":
+        raise InputError("a drawing is a picture", where=str(drawing), fix="let its name end in .png")
     if model is None and (run.suffix == ".toml" or run.is_dir()):
         _show_machine(run, drawing, effects, json)
         return
