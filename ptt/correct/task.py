@@ -62,12 +62,8 @@ class Task:
 
     def see(self, q: Tensor) -> View:
         """The travel that commands q (n, k) make, with the context of the targets."""
-        view = build_view(self.model.file, replace(self.targets, command=q.numpy()))
-        return (
-            replace(view, time=self.time)
-            if self.behind is None
-            else go_on(replace(view, time=self.time), self.behind.passed)
-        )
+        view = replace(build_view(self.model.file, replace(self.targets, command=q.numpy())), time=self.time)
+        return view if self.behind is None else go_on(view, self.behind.passed)
 
     def shift(self, q: Tensor) -> Tensor:
         """How far commands q (n, k) ask the drawing to go from the target, (n,) mm."""
@@ -173,11 +169,8 @@ def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _nearest(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
     """The same for some rows that are not sent, (m,) int."""
-    q, distance, goal = (
-        np.full((len(rows), task.nominal.shape[1]), np.nan),
-        np.full(len(rows), np.nan),
-        task.wanted[rows],
-    )
+    q, distance = np.full((len(rows), task.nominal.shape[1]), np.nan), np.full(len(rows), np.nan)
+    goal = task.wanted[rows]
     ways, table = find_ways(task.mechanism, task.wanted, task.nominal, goal, nearest), take_rows(task.targets, rows)
     for spare in SPARES:
         place, start = ways.places(spare)

@@ -16,7 +16,7 @@ from ptt.run.problem import Problem
 from ptt.run.view import View
 
 MISSING = "Something is missing that no known effect describes"
-EXCESS = 1.5  # times the noise that are worth a word
+NOTED = 1.5  # times the noise that are worth a word
 LINES = 5  # that anybody reads
 
 
@@ -273,7 +273,7 @@ def _near(place: tuple[float, float]) -> str:
 def _excess(after_um: float, noise: Noise, wander: Wander | None) -> str:
     """A word where much more is left than the noise is said to be, though it follows nothing that was recorded."""
     times = after_um / max(noise.total * 1e3, 1e-12)
-    if times < EXCESS:
+    if times < NOTED:
         return ""
     if wander is not None:
         size = np.sqrt(wander.share) * noise.total * 1e3
