@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from ptt.effects.shapes import KNOTS, natural_pieces
 from ptt.run import tails
 from ptt.run.frames import rotation_vector
-from ptt.run.travel import spline_slopes
+from ptt.run.pace import spline_slopes
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"

@@ -57,7 +57,7 @@ def settle_blocks(task: Task) -> Iterator[tuple[Block, Solved, np.ndarray, np.nd
     behind, table = None, task.targets
     parts = stretches(table.rows, ROWS)
     if len(parts) > 1:
-        task = replace(task, targets=_with_one_clock(table))
+        task = replace(task, clock=None if task.clock is None else _with_one_clock(task.clock))
     for first, last in parts:
         high = _seen_to(task, first, last, behind)
         block = Block(first, last, high, behind)
@@ -74,8 +74,9 @@ def cut(task: Task, block: Block) -> Task:
         return task
     names = ("wanted", "asked", "nominal", "start", "time")
     own = {name: getattr(task, name)[rows] for name in names}
-    table = take_rows(task.targets, np.arange(block.low, block.high))
-    return replace(task, targets=table, behind=block.behind, **own)
+    index = np.arange(block.low, block.high)
+    clock = None if task.clock is None else take_rows(task.clock, index)
+    return replace(task, targets=take_rows(task.targets, index), clock=clock, behind=block.behind, **own)
 
 
 def _seen_to(task: Task, first: int, last: int, behind: Behind | None) -> int:

@@ -136,7 +136,7 @@ def _judge(
     part, own, seen = cut(task, block), block.own, slice(block.low, block.high)
     sigma, promised = np.full(block.high - block.low, np.nan), None
     if sent[seen].any():
-        q, terms = torch.as_tensor(found.q[seen]), [*task.steady, *task.turning]
+        q, terms, part = torch.as_tensor(found.q[seen]), [*task.steady, *task.turning], part.paced(sent[seen])
         sigma, promised = command_sigma(task.model, part, terms, q, in_domain[seen], network)
     here = slice(block.first, block.last)
     height = torch.as_tensor(found.height[here])
@@ -205,9 +205,9 @@ def _prepare(
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
     time = elapsed(targets)
-    if not any(map(_follows_speed, (effect for part in terms for effect, _ in part))):
-        targets = targets.replace(time_s=None, feed_mm_s=None)  # speeds take half the time of a view
-    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit, time)
+    follows = any(map(_follows_speed, (effect for part in terms for effect, _ in part)))
+    clock, targets = targets if follows else None, targets.replace(time_s=None, feed_mm_s=None)
+    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit, time, clock=clock)
 
 
 def _follows_speed(effect: Effect) -> bool:

@@ -87,6 +87,50 @@ def invert(
     return best[hold], least
 
 
+def invert_together(
+    terms: Shifts,
+    mechanism: Mechanism,
+    see: Callable[[Tensor], View],
+    start: Tensor,
+    goal: Tensor,
+    sent: np.ndarray,
+    given: int,
+    lead: Callable[[Tensor], Tensor],
+) -> tuple[Tensor, Tensor]:
+    """The same where a row feels how its neighbours move: axes that lag follow their velocity.
+
+    All rows end with the same round, because each is right only beside those of its round.
+
+    Args:
+        terms: effects with their parameters, none of which remembers the way.
+        mechanism: the nominal one.
+        see: commands (n, k) -> the view of the travel that they make.
+        start: (n, k), finite where sent.
+        goal: (n, 3) mm.
+        sent: (n,) bool, at least one beyond those given.
+        given: how many rows at the start keep the commands that they begin with.
+        lead: moves of the axes -> moves of their commands, (n, k).
+
+    Returns:
+        As `invert`.
+    """
+    place = np.arange(len(sent))
+    hold, rows = torch.as_tensor(holding(sent | (place < given))), torch.as_tensor(sent & (place >= given))
+    q, least, idle = start[hold], torch.full((len(sent),), torch.inf, dtype=torch.float64), 0
+    for turn in range(ROUNDS):
+        view = see(q)
+        step = goal - predict(terms, view).p
+        size = torch.where(rows, _size(step), 0.0)
+        idle = 0 if bool((rows & (size < NEARER * least)).any()) else idle + 1
+        least = torch.minimum(least, size)
+        if bool((size <= SETTLED).all()) or idle == IDLE or turn == ROUNDS - 1:
+            break
+        step[:given] = 0.0
+        wanted = q + lead(least_move(view.jacobian, step))
+        q = torch.cat([start[:given], _assembled(mechanism, q, wanted, q)[hold][given:]])
+    return q, torch.where(rows[:, None], step, torch.inf)
+
+
 def least_move(jacobian: Tensor, step: Tensor) -> Tensor:
     """Smallest joint move that takes the tool by a step; NaN where the Jacobian is singular or not a number.
 

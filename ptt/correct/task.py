@@ -7,8 +7,10 @@ import torch
 from torch import Tensor
 
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
+from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways, nearest_of
-from ptt.correct.newton import MISSED, holding, invert, least_move
+from ptt.correct.newton import MISSED, holding, invert, invert_together, least_move
+from ptt.effects.drive import FollowingError
 from ptt.effects.memory import Passed, go_on
 from ptt.effects.reversal import Backlash
 from ptt.fitting.chunks import CHUNK, enter, stretches
@@ -16,7 +18,9 @@ from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
+from ptt.run.pace import Pace, pace_of
 from ptt.run.table import Table, take_rows
+from ptt.run.travel import run_starts
 from ptt.run.view import View, build_view, joint_limits
 
 SPARES = (1e-3, 1e-2, 0.1, 0.4, 1.0)  # shares of the way to a row that is not sent, left unused one after the other
@@ -40,6 +44,9 @@ class Task:
         limit: largest correction that is sent, mm.
         time: seconds since the first row of the whole list, (n,) s.
         behind: what rows before hand on; None where these are the first.
+        clock: the targets with what tells speeds; None where no effect follows them.
+        pace: of the travel, where it is known.
+        velocity: of the joints, (n, k), where it no longer depends on the commands.
     """
 
     model: Model
@@ -54,6 +61,9 @@ class Task:
     limit: float
     time: Tensor
     behind: "Behind | None" = None
+    clock: Table | None = None
+    pace: Pace | None = None
+    velocity: Tensor | None = None
 
     @property
     def given(self) -> int:
@@ -63,7 +73,28 @@ class Task:
     def see(self, q: Tensor) -> View:
         """The travel that commands q (n, k) make, with the context of the targets."""
         view = replace(build_view(self.model.file, replace(self.targets, command=q.numpy())), time=self.time)
+        if self.velocity is not None:
+            view = replace(view, velocity=self.velocity)
+        elif self.pace is not None:
+            view = replace(view, velocity=torch.as_tensor(self.pace.velocity(q.numpy())))
         return view if self.behind is None else go_on(view, self.behind.passed)
+
+    def paced(self, sent: np.ndarray) -> "Task":
+        """The same with the pace of its travel: that of the targets, since a correction does not change a program's.
+
+        Args:
+            sent: rows with a command of their own, (n,) bool.
+        """
+        if self.clock is None:
+            return self
+        return replace(self, pace=pace_of(self.stands(sent).numpy(), run_starts(self.clock.run), self.clock))
+
+    def stands(self, sent: np.ndarray) -> Tensor:
+        """Targets at which the machine is, (n, 3) mm: of a row that is not sent, that of the row before."""
+        place, given = self.wanted, np.arange(len(sent)) < self.given
+        if self.behind is not None:
+            place = torch.cat([self.behind.place, place[self.given :]])
+        return place[torch.as_tensor(holding(sent | given))]
 
     def shift(self, q: Tensor) -> Tensor:
         """How far commands q (n, k) ask the drawing to go from the target, (n,) mm."""
@@ -78,11 +109,13 @@ class Behind:
         passed: the travel before the first of the rows.
         height: their commands without reversal compensation, (m, k).
         q: their commands with it, (m, k).
+        place: their targets, (m, 3) mm; of rows that are not sent, that of the row before.
     """
 
     passed: Passed
     height: Tensor
     q: Tensor
+    place: Tensor
 
 
 @dataclass(frozen=True)
@@ -145,7 +178,8 @@ def hand_on(task: Task, solved: Solved, rows: int, beside: int) -> Behind | None
     first = max(rows - beside, 0)
     view = task.see(solved.q)
     passed = Passed(enter(view, [first])[0], view.direction[first], view.turning[first] - view.q[first])
-    return Behind(passed, solved.height[first:rows], solved.q[first:rows])
+    sent = solved.reached & torch.isfinite(solved.missed).all(dim=1).numpy()
+    return Behind(passed, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
 
 
 def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,8 +209,9 @@ def _nearest(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray
     for spare in SPARES:
         place, start = ways.places(spare)
         part = replace(
-            task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=(), time=task.time[rows]
-        )
+            task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=(), clock=None,
+            time=task.time[rows],
+        )  # fmt: skip
         solved, status, _ = settle(part)
         better = (status == OK) & solved.reached & np.isnan(distance)
         q[better] = solved.q.numpy()[better]
@@ -229,9 +264,13 @@ def _standing(task: Task) -> Solved:
 
 def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
     """Commands that start from those near by: first for the steady effects, then for those that remember the way."""
-    given, behind = np.arange(len(sent)) < task.given, task.behind
+    given, behind, task = np.arange(len(sent)) < task.given, task.behind, task.paced(sent)
     near = near if behind is None else torch.cat([behind.height, near[task.given :]])
-    height, step = invert(task.steady, task.mechanism, task.see, near, task.asked, sent, task.given)
+    lead, goal = _lead(task, sent), (task.asked, sent, task.given)
+    if lead is None:
+        height, step = invert(task.steady, task.mechanism, task.see, near, *goal)
+    else:
+        height, step = invert_together(task.steady, task.mechanism, task.see, near, *goal, lead)
     reached = sent & (step.abs().amax(dim=1) < MISSED).numpy()
     if not reached.any():
         return replace(_standing(task), missed=step)
@@ -241,6 +280,8 @@ def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
     opened = _opened(height, task.turning, task.see(height))
     opened = opened if behind is None else torch.cat([behind.q, opened[task.given :]])
     terms = [*task.steady, *task.turning]
+    if task.pace is not None:  # a gap is crossed at once while the slider stands: no motion that anything lags behind
+        task = replace(task, velocity=torch.as_tensor(task.pace.velocity(height.numpy())))
     q, left = invert(terms, task.mechanism, task.see, opened, task.asked, reached, task.given)
     return Solved(height, q, left, reached & torch.isfinite(left).all(dim=1).numpy())
 
@@ -254,6 +295,16 @@ def _after(task: Task, solved: Solved) -> np.ndarray:
     status[~(shift <= task.limit).numpy()] = TOO_LARGE
     status[~solved.reached] = OUT_OF_REACH
     return status
+
+
+def _lead(task: Task, sent: np.ndarray) -> Lead | None:
+    """How commands run ahead of axes that lag; None where none does."""
+    late = [theta for effect, theta in task.steady if isinstance(effect, FollowingError)]
+    if task.pace is None or not late:
+        return None
+    given = np.arange(len(sent)) < task.given
+    lag = sum(late, torch.zeros(task.nominal.shape[1], dtype=torch.float64))
+    return lead_of(task.pace, lag.numpy(), holding(sent | given), sent & ~given)
 
 
 def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:

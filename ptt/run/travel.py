@@ -1,7 +1,6 @@
 """Travel: from which side each joint arrives, where it turned on the way, and how fast it was."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,13 +9,12 @@ from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
 from ptt.run.backlash.reversal import STANDSTILL, hold_direction
+from ptt.run.pace import pace_of
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
 OVERTRAVEL = 1.0  # mm or rad: how far past a pose an arrival that the table states, but the rows do not show, began
-SMOOTH = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
-SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
 TRANSIT_STEPS = 12  # points along a straight tool move at which the joints are looked at
 
 
@@ -68,10 +66,12 @@ def read_travel(mechanism: Mechanism, q: Tensor, p: Tensor, table: "Table", *, s
     direction = arrival_direction(q.numpy(), turning, starts)
     if stated is not None:
         direction = np.where(known, stated, direction)
+    pace = pace_of(p.numpy(), starts, table)
+    velocity = np.zeros_like(q.numpy()) if pace is None else pace.velocity(q.numpy())
     return Travel(
         torch.as_tensor(direction),
         torch.as_tensor(turning),
-        torch.as_tensor(_velocity(q.numpy(), p.numpy(), starts, table)),
+        torch.as_tensor(velocity),
         torch.as_tensor(starts),
     )
 
@@ -120,88 +120,3 @@ def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) ->
     turned = against.any(axis=1) & ~starts[:, None]
     value = np.take_along_axis(joints, last[:, None] + 1, axis=1)[:, 0]
     return np.where(turned & np.isfinite(value), value, q.numpy())
-
-
-def _velocity(q: np.ndarray, p: np.ndarray, starts: np.ndarray, table: "Table") -> np.ndarray:
-    """Velocity at each row: along smooth stretches that of a cubic spline, at corners the mean of both sides."""
-    if len(q) < 2:
-        return np.zeros_like(q)
-    moved = np.diff(p, axis=0)
-    length = np.linalg.norm(moved, axis=1)
-    if table.feed_mm_s is not None and np.nanmax(table.feed_mm_s) > 0:
-        feed = np.asarray(table.feed_mm_s, dtype=float)[1:]
-        lasts = np.divide(length, feed, out=np.zeros_like(length), where=feed > 0)
-    elif table.time_s is not None:
-        lasts = np.diff(np.asarray(table.time_s, dtype=float))
-    else:
-        return np.zeros_like(q)
-    sound = (lasts > 1e-9) & ~starts[1:]
-    ends = np.flatnonzero(_corners(moved, length, lasts, sound))
-    total, sides = _straight_stretches(q, lasts, sound, ends)
-    for first, last in pairwise(ends):
-        if last - first > 2 and sound[first:last].all():
-            clock = np.concatenate([[0.0], np.cumsum(lasts[first:last])])
-            total[first : last + 1] += spline_slopes(clock, q[first : last + 1])
-            sides[first : last + 1] += 1
-    return total / np.maximum(sides, 1.0)[:, None]
-
-
-def spline_slopes(at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Slopes at its points of the cubic spline without knots at the second and the last but one.
-
-    By hand, because scipy.interpolate takes half a second to load.
-
-    Source: C. de Boor, A Practical Guide to Splines, 1978, chapter IV.
-
-    Args:
-        at: (n,) ascending, n of at least 4.
-        values: (n, k).
-
-    Returns:
-        (n, k).
-    """
-    from scipy.linalg import solve_banded
-
-    step = np.diff(at)
-    rise = np.diff(values, axis=0) / step[:, None]
-    first, last = at[2] - at[0], at[-1] - at[-3]
-    bands, right = np.zeros((3, len(at))), np.empty_like(values, dtype=float)
-    bands[0, 2:], bands[1, 1:-1], bands[2, :-2] = step[:-1], 2.0 * (step[:-1] + step[1:]), step[1:]
-    right[1:-1] = 3.0 * (step[1:, None] * rise[:-1] + step[:-1, None] * rise[1:])
-    bands[1, 0], bands[0, 1], bands[1, -1], bands[2, -2] = step[1], first, step[-2], last
-    right[0] = ((step[0] + 2.0 * first) * step[1] * rise[0] + step[0] ** 2 * rise[1]) / first
-    right[-1] = (step[-1] ** 2 * rise[-2] + (2.0 * last + step[-1]) * step[-2] * rise[-1]) / last
-    return np.asarray(solve_banded((1, 1), bands, right))
-
-
-def _straight_stretches(
-    q: np.ndarray, lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities summed over the stretches of two or three rows that each row belongs to, (n, k), and their number."""
-    total, sides = np.zeros_like(q), np.zeros(len(q))
-    slope = np.diff(q, axis=0) / np.where(sound, lasts, np.inf)[:, None]
-    first, size = ends[:-1], np.diff(ends)
-    single = first[(size == 1) & sound[first]]
-    double = first[size == 2]
-    double = double[sound[double] & sound[double + 1]]
-    before, after = lasts[double, None], lasts[double + 1, None]
-    middle = (after * slope[double] + before * slope[double + 1]) / (before + after)  # a parabola through the three
-    for rows, value in (
-        (single, slope[single]),
-        (single + 1, slope[single]),
-        (double, slope[double]),
-        (double + 1, middle),
-        (double + 2, slope[double + 1]),
-    ):
-        total[rows] += value
-        sides[rows] += 1
-    return total, sides
-
-
-def _corners(moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray) -> np.ndarray:
-    """Rows at which the tool turns sharply, changes its speed or stands, (n,) bool; the first and last row are."""
-    rate = length / np.where(sound, lasts, np.inf)
-    unit = moved / np.maximum(length, 1e-9)[:, None]
-    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < SMOOTH
-    change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
-    return np.concatenate([[True], bend | change | ~sound[1:] | ~sound[:-1], [True]])

@@ -1,0 +1,91 @@
+"""Commands ahead of axes that lag: what follows their velocity is moved as well when they are.
+
+An axis at q - T D q, where D takes commands to velocities, is moved by dq with (I - T D) dq. D is linear once the pace
+of the travel is fixed (`ptt.run.pace`), and nearly skew, so that the system can be solved however large the lag is
+beside the time between two rows; steps that leave D out would not settle there.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.run.pace import Pace, Shares
+
+
+@dataclass(frozen=True)
+class Lead:
+    """Moves of lagging axes.
+
+    Attributes:
+        solvers: of each joint; None where it does not lag.
+        rows: n.
+        moved: rows that may move, (n,) float: 1 or 0.
+    """
+
+    solvers: tuple[Callable[[np.ndarray], np.ndarray] | None, ...]
+    rows: int
+    moved: np.ndarray
+
+    def __call__(self, move: Tensor) -> Tensor:
+        """Moves of commands that move the axes.
+
+        Args:
+            move: of the axes, (n, k); what is not a number is left out.
+
+        Returns:
+            Of the commands, (n, k).
+        """
+        wanted, found = move.numpy(), move.numpy().copy()
+        for joint, solve in enumerate(self.solvers):
+            if solve is not None:
+                found[:, joint] = solve(np.nan_to_num(wanted[:, joint]) * self.moved)
+        return torch.as_tensor(np.where(np.isfinite(wanted), found, wanted))
+
+
+def lead_of(pace: Pace, lag: np.ndarray, hold: np.ndarray, moved: np.ndarray) -> Lead:
+    """Factor the system of each joint.
+
+    Args:
+        pace: of the travel, n rows.
+        lag: of each joint, (k,) s.
+        hold: which row's command holds at each row, (n,) int.
+        moved: rows that may move, (n,) bool.
+
+    Returns:
+        The moves.
+    """
+    rows, free = len(hold), moved.astype(float)
+    known = {value: _solver(pace, value, hold, free) for value in set(lag.tolist()) if value}
+    return Lead(tuple(known.get(value) for value in lag.tolist()), rows, free)
+
+
+def _solver(pace: Pace, lag: float, hold: np.ndarray, free: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Solve x - T (S H x + m) = r together with B m = R H x: straight stretches S, slopes m of the splines, H held."""
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    rows, slopes = len(hold), len(pace.owner)
+    share = sparse.diags(lag * free / np.maximum(pace.sides, 1.0))
+    held = sparse.csr_matrix((np.ones(rows), (np.arange(rows), hold)), shape=(rows, rows))
+    straight = _matrix(pace.straight, pace.lasts, rows) @ held
+    blocks = [[sparse.identity(rows) - share @ straight]]
+    if slopes:
+        owned = sparse.csr_matrix((np.ones(slopes), (pace.owner, np.arange(slopes))), shape=(rows, slopes))
+        band = sparse.dia_matrix((pace.bands, (1, 0, -1)), shape=(slopes, slopes))
+        blocks = [[blocks[0][0], -share @ owned], [-_matrix(pace.right, pace.lasts, slopes) @ held, band]]
+    factors: Any = splu(sparse.bmat(blocks, format="csc"))
+    return lambda wanted: np.asarray(factors.solve(np.concatenate([wanted, np.zeros(slopes)]))[:rows])
+
+
+def _matrix(shares: Shares, lasts: np.ndarray, sums: int) -> Any:
+    """Sums of weighted slopes as a matrix on joint values, (sums, n)."""
+    from scipy import sparse
+
+    row, interval, weight = shares
+    rate = weight / lasts[interval]
+    places = np.concatenate([row, row]), np.concatenate([interval + 1, interval])
+    return sparse.csr_matrix((np.concatenate([rate, -rate]), places), shape=(sums, len(lasts) + 1))

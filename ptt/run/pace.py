@@ -1,0 +1,186 @@
+"""How fast the joints are at each row of a travel: linear in their values, once it is known where the motion is smooth.
+
+Along smooth stretches the velocity is that of a cubic spline over time, at corners the mean of both sides.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ptt.run.table import Table
+
+SMOOTH = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
+SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
+INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
+
+Shares = tuple[np.ndarray, np.ndarray, np.ndarray]  # place in a sum, interval between two rows, its weight
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Durations of a travel of n rows, and the stretches between its corners.
+
+    Attributes:
+        lasts: from row to row, (n - 1,) s; infinite where nothing tells.
+        sides: stretches that each row belongs to, (n,).
+        straight: what intervals' slopes add to rows, in stretches of two or three rows.
+        bands: system of the slopes of all splines, (3, m).
+        owner: whose rows these slopes are, (m,) int.
+        right: what intervals' slopes add to the right-hand side of that system.
+    """
+
+    lasts: np.ndarray
+    sides: np.ndarray
+    straight: Shares
+    bands: np.ndarray
+    owner: np.ndarray
+    right: Shares
+
+    def velocity(self, q: np.ndarray) -> np.ndarray:
+        """Velocity at each row.
+
+        Args:
+            q: joint values, (n, k) mm or rad.
+
+        Returns:
+            (n, k) mm/s or rad/s, zero where nothing tells.
+        """
+        slope = np.diff(q, axis=0) / self.lasts[:, None]
+        total = _added(self.straight, slope, len(q))
+        if len(self.owner):
+            from scipy.linalg import solve_banded
+
+            slopes = solve_banded((1, 1), self.bands, _added(self.right, slope, len(self.owner)))
+            np.add.at(total, self.owner, slopes)
+        return total / np.maximum(self.sides, 1.0)[:, None]
+
+
+def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
+    """Durations and smooth stretches of a travel.
+
+    Args:
+        p: tool positions, (n, 3) mm.
+        starts: first rows of runs, (n,) bool.
+        table: the rows, with feed or time.
+
+    Returns:
+        The pace; None where nothing tells it.
+    """
+    if len(p) < 2:
+        return None
+    moved = np.diff(p, axis=0)
+    length = np.linalg.norm(moved, axis=1)
+    if table.feed_mm_s is not None and np.nanmax(table.feed_mm_s) > 0:
+        feed = np.asarray(table.feed_mm_s, dtype=float)[1:]
+        lasts = np.divide(length, feed, out=np.zeros_like(length), where=feed > 0)
+    elif table.time_s is not None:
+        lasts = np.diff(np.asarray(table.time_s, dtype=float))
+    else:
+        return None
+    sound = (lasts > INSTANT) & ~starts[1:]
+    lasts = np.where(sound, lasts, np.inf)
+    ends = np.flatnonzero(_corners(moved, length, lasts, sound))
+    sides = np.zeros(len(p))
+    straight = _straight(lasts, sound, ends, sides)
+    splines = [(a, b) for a, b in pairwise(ends.tolist()) if b - a > 2 and sound[a:b].all()]
+    bands, owner, right = _splines(lasts, splines, sides)
+    return Pace(lasts, sides, straight, bands, owner, right)
+
+
+def spline_slopes(at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Slopes at its points of the cubic spline without knots at the second and the last but one.
+
+    By hand, because scipy.interpolate takes half a second to load.
+
+    Args:
+        at: (n,) ascending, n of at least 4.
+        values: (n, k).
+
+    Returns:
+        (n, k).
+    """
+    from scipy.linalg import solve_banded
+
+    step = np.diff(at)
+    bands, right = _spline(step)
+    return np.asarray(solve_banded((1, 1), bands, _added(right, np.diff(values, axis=0) / step[:, None], len(at))))
+
+
+def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
+    """System of a spline's slopes over intervals of length step (n - 1,).
+
+    Source: C. de Boor, A Practical Guide to Splines, 1978, chapter IV.
+    """
+    rows = len(step) + 1
+    first, last = step[0] + step[1], step[-1] + step[-2]
+    bands, before, after = np.zeros((3, rows)), np.empty(rows), np.empty(rows)
+    bands[0, 2:], bands[1, 1:-1], bands[2, :-2] = step[:-1], 2.0 * (step[:-1] + step[1:]), step[1:]
+    bands[1, 0], bands[0, 1], bands[1, -1], bands[2, -2] = step[1], first, step[-2], last
+    before[1:-1], after[1:-1] = 3.0 * step[1:], 3.0 * step[:-1]
+    before[0], after[0] = (step[0] + 2.0 * first) * step[1] / first, step[0] ** 2 / first
+    before[-1], after[-1] = step[-1] ** 2 / last, (2.0 * last + step[-1]) * step[-2] / last
+    row = np.arange(rows)
+    interval = np.clip(row - 1, 0, rows - 3)
+    return bands, (np.tile(row, 2), np.concatenate([interval, interval + 1]), np.concatenate([before, after]))
+
+
+def _splines(
+    lasts: np.ndarray, stretches: list[tuple[int, int]], sides: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Shares]:
+    """One system for the splines of all stretches, whose rows it counts; and whose rows the slopes are."""
+    bands, owner, shares, place = [np.zeros((3, 0))], [np.zeros(0, dtype=int)], [_none()], 0
+    for first, last in stretches:
+        band, (row, interval, weight) = _spline(lasts[first:last])
+        bands.append(band)
+        owner.append(np.arange(first, last + 1))
+        shares.append((row + place, interval + first, weight))
+        place += last + 1 - first
+        sides[first : last + 1] += 1.0
+    return np.concatenate(bands, axis=1), np.concatenate(owner), _joined(shares)
+
+
+def _straight(lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray, sides: np.ndarray) -> Shares:
+    """What intervals add to the rows of stretches of two or three rows, which are counted."""
+    first, size = ends[:-1], np.diff(ends)
+    single = first[(size == 1) & sound[first]]
+    double = first[size == 2]
+    double = double[sound[double] & sound[double + 1]]
+    before = lasts[double] / (lasts[double] + lasts[double + 1])  # a parabola through the three
+    shares = [_whole(single, single), _whole(single + 1, single), _whole(double, double)]
+    shares += [(double + 1, double, 1.0 - before), (double + 1, double + 1, before), _whole(double + 2, double + 1)]
+    for rows in (single, single + 1, double, double + 1, double + 2):
+        sides[rows] += 1.0
+    return _joined(shares)
+
+
+def _whole(rows: np.ndarray, interval: np.ndarray) -> Shares:
+    return rows, interval, np.ones(len(rows))
+
+
+def _none() -> Shares:
+    return np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
+
+
+def _joined(shares: list[Shares]) -> Shares:
+    row, interval, weight = (np.concatenate(parts) for parts in zip(*shares, strict=True))
+    return row, interval, weight
+
+
+def _added(shares: Shares, slope: np.ndarray, rows: int) -> np.ndarray:
+    """Sums of weighted slopes (n - 1, k), (rows, k)."""
+    row, interval, weight = shares
+    total = np.zeros((rows, slope.shape[1]))
+    np.add.at(total, row, weight[:, None] * slope[interval])
+    return total
+
+
+def _corners(moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray) -> np.ndarray:
+    """Rows at which the tool turns sharply, changes its speed or stands, (n,) bool; the first and last row are."""
+    rate = length / lasts
+    unit = moved / np.maximum(length, 1e-9)[:, None]
+    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < SMOOTH
+    change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
+    return np.concatenate([[True], bend | change | ~sound[1:] | ~sound[:-1], [True]])
