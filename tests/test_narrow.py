@@ -1,9 +1,10 @@
-"""Fewer columns say the same of a wide effect, and kept sums are those of the whole covariance."""
+"""Fewer columns say the same of a wide effect or block, and kept sums are those of the whole covariance."""
 
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, atoms_of_blocks
+from ptt.diagnosis.blocks import SIZE, Block, Place
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.row_sums import FewSums, poses_of
@@ -11,7 +12,7 @@ from ptt.diagnosis.wander import Clock
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.evidence import learn
 
-ROWS, WIDTH, KNOWN = 60, 160, 3
+ROWS, WIDTH, KNOWN = 440, 160, 3
 
 
 def wide() -> tuple[dict[str, Atom], np.ndarray, np.ndarray, np.ndarray]:
@@ -46,6 +47,22 @@ def test_fewer_columns_have_the_evidence_and_the_values_of_all() -> None:
     np.testing.assert_allclose(few.scales, whole.scales, rtol=0.02)
     error = np.sqrt(np.diag(whole.covariance)) * scale[KNOWN:]
     assert np.abs((mapped - plain) / error).max() < 0.02
+
+
+def test_a_block_on_fewer_columns_puts_the_same_into_the_readings() -> None:
+    """60 curves along a path of a twentieth of their travel are a handful of ways."""
+    random = np.random.default_rng(5)
+    along = np.linspace(0.0, 0.05, ROWS)
+    place = Place("tool", np.broadcast_to(np.eye(3), (ROWS, 3, 3)))
+    block = Block("tool on x", place, ("x",), np.cos(np.pi * along[:, None] * np.arange(20)))
+    atoms, scale = atoms_of_blocks([block], 0, 9.0), np.ones(60)
+    columns = block.features / SIZE
+    narrowed = narrow(atoms, columns, scale)
+    few = narrowed.atoms["tool on x"]
+    assert len(few.columns) < 30
+    values = random.normal(size=len(few.columns))
+    part = block.features @ few.amplitudes(values, narrowed.scale(scale))
+    np.testing.assert_allclose(part, SIZE * narrowed.columns(columns)[:, :, few.columns] @ values, atol=1e-12)
 
 
 def test_kept_sums_are_those_of_the_whole_covariance() -> None:

@@ -20,7 +20,7 @@ SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
 
 @dataclass(frozen=True)
 class Turn:
-    """How the values of an effect follow from those of the fewer columns that its rows tell apart.
+    """How the values of an effect or a block follow from those of the fewer columns that its rows tell apart.
 
     Attributes:
         ways: (w, r) orthonormal columns.

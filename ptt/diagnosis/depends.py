@@ -53,10 +53,11 @@ def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown
     whole = float(np.nanmean(np.square(rest)))
     found = []
     for key in state.keys:
-        block = scorer.system.atoms[key].block
+        atom = scorer.system.atoms[key]
+        block = atom.block
         if block is None:
             continue
-        part = block.features @ state.posterior.values[state.of(key)]
+        part = block.features @ atom.amplitudes(state.posterior.values[state.of(key)], scorer.system.scale)
         nats = state.total - scorer.score(without(state, key), state.memory, state.scales).total
         moved = part[rows] - part[rows].mean(axis=0)  # a level is another's to take: the frame's, an offset's
         energy = float(np.square(moved).mean()) / max(whole, 1e-300)

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.find import Found, moved, settled
 from ptt.diagnosis.moment import at_rows
@@ -92,8 +92,11 @@ def find_everywhere(told: Found, task: Task) -> Found:
 
 def _ansatz(fitted: FitResult, told: Found, freedom: float) -> Ansatz:
     """What was found, as all chunks are to be linearised at it; blocks that were dropped may come back."""
-    blocks = tuple(a for a in told.system.atoms.values() if a.block is not None and a.key in told.state.keys)
-    return Ansatz(fitted, blocks, told.periods, told.noise, freedom, told.state.memory)
+    blocks = dict[str, Atom]()
+    for atom in told.system.atoms.values():
+        if atom.block is not None and atom.key in told.state.keys:
+            blocks |= atoms_of_blocks([atom.block], 0, atom.odds)  # in all of its columns
+    return Ansatz(fitted, tuple(blocks.values()), told.periods, told.noise, freedom, told.state.memory)
 
 
 def _settle(
@@ -109,8 +112,9 @@ def _settle(
 
 def _carried(found: Found) -> dict[str, np.ndarray]:
     """Values of the blocks of an explanation."""
-    state, atoms = found.state, found.system.atoms
-    return {key: state.posterior.values[state.of(key)] for key in state.keys if atoms[key].block is not None}
+    state, atoms, scale = found.state, found.system.atoms, found.system.scale
+    blocks = [key for key in state.keys if atoms[key].block is not None]
+    return {key: atoms[key].amplitudes(state.posterior.values[state.of(key)], scale) for key in blocks}
 
 
 def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:

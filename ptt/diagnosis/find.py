@@ -184,9 +184,9 @@ def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
     """What the blocks of a state put into the readings, (n, 3) mm."""
     total = np.zeros((problem.table.rows, 3))
     for key in state.keys:
-        block = system.atoms[key].block
-        if block is not None:
-            total += block.features @ state.posterior.values[state.of(key)]
+        atom = system.atoms[key]
+        if atom.block is not None:
+            total += atom.block.features @ atom.amplitudes(state.posterior.values[state.of(key)], system.scale)
     return total
 
 

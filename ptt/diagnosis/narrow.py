@@ -1,4 +1,4 @@
-"""Wide effects in as few columns as the rows can tell apart: maps of many harmonics are mostly the same few curves.
+"""Wide atoms in as few columns as the rows can tell apart: of a field or a map, a path shows but a few ways.
 
 Unknowns that share one prior variance may be turned into others that do, so nothing of an explanation changes.
 """
@@ -10,7 +10,8 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, Turn
 
-WIDE = 150  # columns up to which an effect costs a search little
+WIDE = 50  # columns up to which an atom costs a search little
+REPAID = 8  # coordinates for each column from which a search gains more by fewer columns than it takes to find them
 UNSEEN = 1e-9  # of the largest eigenvalue: a shape of which the rows show less than rounding
 LEAST = 1e-3  # variance over noise that a shape puts into the readings when it is as large as it may be
 
@@ -49,7 +50,7 @@ class Narrowed:
 
 
 def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) -> Narrowed:
-    """Turn the columns of wide effects, group by group, to the directions that the rows show.
+    """Turn the columns of wide atoms, group by group, to the directions that the rows show.
 
     Args:
         atoms: by key.
@@ -59,7 +60,8 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
     Returns:
         The atoms on fewer columns.
     """
-    wide = [key for key, atom in atoms.items() if _is_wide(atom)]
+    most = columns[:, :, 0].size / REPAID
+    wide = [key for key, atom in atoms.items() if WIDE < len(atom.columns) < most and not atom.bounded.any()]
     if not wide:
         return Narrowed(dict(atoms), np.arange(columns.shape[2]), (), {})
     stays = np.ones(columns.shape[2], dtype=bool)
@@ -76,10 +78,6 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
         found[key] = replace(atom, columns=own, group=group, bounded=np.zeros(len(own), dtype=bool), turn=turn)
         first += len(group)
     return Narrowed(found, place, tuple(wide), {key: atoms[key].columns for key in wide})
-
-
-def _is_wide(atom: Atom) -> bool:
-    return atom.effect is not None and len(atom.columns) > WIDE and not atom.bounded.any()
 
 
 def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
