@@ -16,7 +16,8 @@ import pytest
 from ptt.challenge.challenge import open_challenge
 from ptt.commands.main import run
 from ptt.errors import InputError, SetupError
-from ptt.machine import parse_machine
+from ptt.machine import load_machine, parse_machine
+from ptt.rig.draw_arm import draw_arm
 from ptt.run.readers import load_mapping
 from ptt.show.card.bar import bar_html, parts_of_bar
 from ptt.show.card.ghost import ghosts_of
@@ -24,9 +25,11 @@ from ptt.show.card.scene import Lines, legs_at_fault, moved, parts_of, usual_tim
 from ptt.show.card.words import how_sure, length, parameter_in_words, prefixed, pretty
 from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
+from ptt.show.studio.card_figures import ruler_words
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import COOKIE, Guard, same_origin
+from ptt.show.studio.machine_figure import ROOM, chain_figure
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.outcomes import JobFailedError, SetupFoundError
 from ptt.show.studio.page import doing, told_of
@@ -35,8 +38,10 @@ from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
 from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Learned, Source, Trained
+from ptt.show.studio.seal_table import seal_html, truth_in_words
 from ptt.show.studio.session import Session
 from ptt.show.studio.store import Place, Store
+from ptt.show.studio.tool_tables import dexterity_html
 from ptt.show.studio.verbs import use
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
@@ -337,6 +342,75 @@ def test_the_fit_goes_through_this_runs_data(learned: Learned):
     number = int(fit["labels"][1].split()[1])
     gap = sealed_gaps_um()[number - 1]
     assert np.ptp(through) == pytest.approx(gap, rel=0.7)  # the frame takes a part of it
+
+
+def test_the_card_of_an_arm_shows_the_joint_at_fault_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The virtual arm's play of 362 and 300 urad: two branches half the gap from zero, whatever the lever of a pose."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("run.csv", "machine.toml"):
+        (tmp_path / name).write_bytes((DATA.parent / "arm" / name).read_bytes())
+    learned = jobs.learn(Source("run.csv"), (tmp_path / "machine.toml").read_text(encoding="utf-8"), silent)
+    fit, hidden = learned.fits["backlash"], draw_arm(load_machine("machine.toml").machine, "backlash", 41).rig.faults
+    label, name, unit = fit["labels"]
+    gaps = [1e6 * gap for gap in hidden.gap.tolist()]
+    joint = int(name.split()[1]) - 1
+    assert gaps[joint] == max(gaps) and label.startswith(f"angle of joint {joint + 1}") and unit == "urad"
+    through = np.asarray(fit["fit_um"])
+    for side in (through[through > 0.0], -through[through < 0.0]):
+        assert np.median(side) == pytest.approx(0.5 * gaps[joint], rel=0.15)  # the frame takes a part of it
+        assert np.quantile(np.abs(side - np.median(side)), 0.9) < 0.25 * np.median(side)
+    finding = learned.card["findings"][0]
+    assert "screw" not in finding["cause"] and "joint" in finding["cause"]
+    middle = ruler_words(finding["values"][0])[2]
+    assert middle == "usual 500 \N{MICRO SIGN}rad"
+
+
+def test_the_marks_of_a_ruler_are_sizes():
+    micro = "\N{MICRO SIGN}m"
+    value = {"size": 40.0, "worth": 0.8, "unit": micro}
+    assert ruler_words(value) == (f"0.5 {micro}", f"5 {micro}", f"usual 50 {micro}", f"500 {micro}", "5 mm")
+    assert ruler_words(value | {"worth": 0.0})[2] == "usual"
+
+
+def test_an_opened_seal_is_said_in_units_with_prefixes():
+    micro = "\N{MICRO SIGN}m"
+    said = truth_in_words({"backlash_mm": [0.04028, 0.0179], "kind": "hose", "stiffness_n_per_mm": 0.5662})
+    assert said == f"backlash 40, 18 {micro}; kind hose; stiffness 0.57 N/mm"
+    assert truth_in_words({"frame_um_per_m_k": 12.84, "slip_time_s": 90.0}) == f"frame 13 {micro}/m/K; slip time 90 s"
+    opened = {
+        "right": False, "left_um": 0.2, "noise_um": {"total": 5.0},
+        "hidden": [{"effect": "backlash", "is": "found", "instead": [], "size_um": 1234.0,
+                    "truth": {"backlash_mm": [-0.04]}, "model": [{"name": "gap_mm 1", "value": -0.04, "std": 1e-4}]}],
+        "named": [{"effect": "windup", "is": "wrong", "parameters": []}],
+        "tool_error_um": {"before": {"x": 1.0, "y": 1.0, "z": 1.0, "total": 1.7}, "after": None},
+    }  # fmt: skip
+    page = seal_html(opened)
+    for words in ("1.23 mm", f"\N{MINUS SIGN}40 {micro}", "nothing of the kind", "cannot be followed", "Not right"):
+        assert words in page
+
+
+def test_dexterity_of_both_kinds_of_machine_is_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    home = {"q": [0.1], "condition": 21.5}
+    space = {"poses": 9, "condition": {"least": 2.7, "median": 14.0, "largest": 868_894.3}}
+    arm = space | {"most_isotropic_q": [-1.0, 0.5], "singular": [{"joints": [2, 3], "share": 0.22, "q": [0.0, 1.0]}]}
+    page = dexterity_html({"home": home, "workspace": arm})
+    assert "869,000" in page and "singular by joints 2 and 3: 22 % of walks" in page and "57 deg" in page
+    page = dexterity_html({"home": home | {"edge_mm": 200.0}, "workspace": space | {"near_singular_share": 0.1}})
+    assert "200 mm" in page and "10.0 %" in page
+
+
+def test_an_arm_is_drawn_whole(tmp_path: Path):
+    """A long thin arm lies within its axes, and its box is no longer for the camera than a cube."""
+    drawn = chain_figure([[0.0, 0.0, 0.0], [0.0, 0.0, 127.0], [-1184.0, 0.0, 127.0], [-1184.0, -256.0, 12.0]])
+    scene, ratio = drawn["layout"]["scene"], drawn["layout"]["scene"]["aspectratio"]
+    for axis in "xyz":
+        low, high = scene[f"{axis}axis"]["range"]
+        values = [value for trace in drawn["data"] for value in trace[axis]]
+        assert low < min(values) and max(values) < high
+    assert np.linalg.norm([ratio[axis] for axis in "xyz"]) == pytest.approx(ROOM)
+    spans = [np.ptp(scene[f"{axis}axis"]["range"]) / ratio[axis] for axis in "xyz"]
+    assert spans == pytest.approx([spans[0]] * 3)  # no axis is stretched
 
 
 def test_a_ghost_moves_the_slider_that_lags_and_no_rail(learned: Learned):

@@ -29,7 +29,7 @@ from ptt.run.readers import Mapping
 from ptt.show.card.solids import arrows
 from ptt.show.report.contents import gather
 from ptt.show.report.of_run import report_run
-from ptt.show.studio import figures, jobs, machine_figure, opening
+from ptt.show.studio import arrow_figure, figures, jobs, machine_figure, opening
 from ptt.show.studio.answers import agreed
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import LIMIT
@@ -40,6 +40,7 @@ from ptt.show.studio.page_model import ladder_of, words_of
 from ptt.show.studio.page_understood import parted
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.samples import ARM, sample_files
+from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.server import Opening, keep_opening
 from ptt.show.studio.session import Session, key_of, parameter_rows
 from ptt.show.studio.uploads import RESERVED, keep, safe_name
@@ -390,7 +391,7 @@ def test_a_fresh_challenge_can_be_read_and_its_seal_opened(tmp_path: Path, monke
     assert again == (run, machine)
     text = (tmp_path / machine).read_text()
     assert jobs.look(Source(run), text, silent).rows > 100
-    assert "hidden (single" in jobs.reveal(text, silent)["text"]
+    assert "<td" in seal_html(jobs.reveal(text, silent))
 
 
 def test_a_challenge_of_an_arm_is_drawn_and_opened_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -399,7 +400,7 @@ def test_a_challenge_of_an_arm_is_drawn_and_opened_as_one(tmp_path: Path, monkey
     run, machine = jobs.challenge("single", 5, drawing, silent)
     text = (tmp_path / machine).read_text()
     assert jobs.look(Source(run), text, silent).serial and 'kind = "serial"' in text
-    assert "hidden (single" in jobs.reveal(text, silent)["text"]
+    assert "<td" in seal_html(jobs.reveal(text, silent))
 
 
 def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed):
@@ -424,7 +425,7 @@ def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed
 
 
 def test_arrows_are_means_of_poses_and_as_long_as_stated(look: Look):
-    place, mean, count = machine_figure.mean_arrows(look)
+    place, mean, count = arrow_figure.mean_arrows(look)
     assert count.sum() == look.kept.sum() and len(place) < look.rows
     solid, owner = arrows(place, 250.0 * mean, 1.0)
     for number in (0, len(place) // 2, len(place) - 1):
@@ -441,8 +442,8 @@ def test_a_large_run_is_thinned_but_what_is_picked_is_drawn(look: Look):
     large = replace(look, line=np.arange(len(many)), target=spread, residual=look.residual[many], kept=look.kept[many])
     rows = figures.shown_rows(large, [3, 1001])
     assert figures.MOST <= len(rows) <= figures.MOST + 2 and {3, 1001} <= set(rows.tolist())
-    place, _, count = machine_figure.mean_arrows(large)
-    assert len(place) <= machine_figure.SHOWN_ARROWS and count.sum() == large.kept.sum()
+    place, _, count = arrow_figure.mean_arrows(large)
+    assert len(place) <= arrow_figure.SHOWN and count.sum() == large.kept.sum()
 
 
 @pytest.mark.parametrize(

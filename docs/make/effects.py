@@ -35,7 +35,7 @@ def _chapter(cls: type[Effect]) -> str:
         f"- **Equation:** {_math(card.equation)}",
         f"- **Source:** {card.source}",
         f"- **On:** {', '.join(machines[kind] for kind in cls.mechanisms)}. **Needs:** {card.needs}",
-        f"- **Usual size:** {card.size}",
+        f"- **Usual size:** {card.size}{f'; on arms {card.arm_size}' if card.arm_size else ''}",
         f"- **Fingerprint:** {card.fingerprint}",
         *(f"- **Confused with** {what}: {separates}" for what, separates in card.confused_with),
         f"- **Remedy:** {card.remedy}\n",

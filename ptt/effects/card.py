@@ -1,6 +1,6 @@
 """Card of an effect: cause, equation, source, fingerprint, what it is confused with, how it is mended."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 TELLING: dict[str, str] = {
     "b": "joint command [mm or rad]",
@@ -38,6 +38,10 @@ class Card:
         residual: component of the residual that shows it, one of `RESIDUALS`; 'joint' is J e, in the joints' own space.
         telling: variable that the residual follows, one of `TELLING`.
         shade: second variable that matters, one of `TELLING`, or ''.
+        arm_cause: what is wrong on a serial arm, which has no screws and rails; '' for the same words.
+        arm_size: what is usual there.
+        arm_fingerprint: what it looks like there.
+        arm_remedy: how one mends it there.
     """
 
     cause: str
@@ -51,3 +55,21 @@ class Card:
     residual: str = "joint"
     telling: str = "b"
     shade: str = ""
+    arm_cause: str = ""
+    arm_size: str = ""
+    arm_fingerprint: str = ""
+    arm_remedy: str = ""
+
+    def on(self, kind: str) -> "Card":
+        """The card in the words of a mechanism family.
+
+        Args:
+            kind: 'three-ptt' or 'serial'.
+
+        Returns:
+            On an arm the same with its own words, where it has some.
+        """
+        if kind != "serial":
+            return self
+        own = {name: getattr(self, f"arm_{name}") for name in ("cause", "size", "fingerprint", "remedy")}
+        return replace(self, **{name: words for name, words in own.items() if words})

@@ -28,7 +28,8 @@ def _from_docstring(cls: type[Effect]) -> Card:
         cause=first.strip(),
         equation=" ".join(rest.split()) or UNSAID,
         source=UNSAID,
-        size=", ".join(f"{p.stem} {p.usual:g} {p.unit}".removesuffix(" 1") for p in cls.parameters),
+        size=_sizes(cls, "three-ptt"),
+        arm_size=_sizes(cls, "serial"),
         fingerprint=UNSAID,
         confused_with=(),
         remedy=UNSAID,
@@ -36,3 +37,9 @@ def _from_docstring(cls: type[Effect]) -> Card:
         residual=residual,
         telling="b" if residual == "joint" else "x",
     )
+
+
+def _sizes(cls: type[Effect], kind: str) -> str:
+    """Usual sizes of the parameters as the class states them, for a mechanism family."""
+    own = [parameter.on(kind) for parameter in cls.parameters]
+    return ", ".join(f"{each.stem} {each.usual:g} {each.unit}".removesuffix(" 1") for each in own)

@@ -45,7 +45,7 @@ class DhOffsets(Effect):
             "Hui Jizhuang et al., Mechanical Engineering and Technology 5(4), 2016, eq. 7; parallel axes: Hayati and "
             "Mirmirani, J. Robotic Systems 2, 1985"
         ),
-        size="a and d 0.1 to 1 mm, angles 0.1 to 5 mrad",
+        size="a and d 100 um to 1 mm, angles 0.1 to 5 mrad",
         fingerprint="A field that is smooth in the joint values, with periods of one turn of each joint.",
         confused_with=(
             ("homing-offset", "is the dtheta of every joint, so only one of the two goes in"),

@@ -38,7 +38,7 @@ class HomingOffset(Effect):
         cause="The reference switch or index mark of an axis is not where the drawing has its zero.",
         equation="dq_i = c_i",
         source="first-order geometry: J dp = dq",
-        size="0.05 to 1 mm",
+        size="50 um to 1 mm",
         fingerprint="A constant in J e, one for each slider; changes by a jump each time the machine is homed.",
         confused_with=(
             ("tracker-frame", "the common part is tracker z: base reflectors, or a height gauge on the base"),
@@ -46,6 +46,9 @@ class HomingOffset(Effect):
             ("joint-offset", "its rail part is the same thing: no tracker can tell; a linear scale on the axis can"),
         ),
         remedy="Enter the offset in the controller's homing table, or shift the switch or the index mark.",
+        arm_size="mastered by a gauge 0.1 to 1 mrad, by marks 1 to 10 mrad",
+        arm_fingerprint="A constant in J e, one for each joint; changes by a jump each time the joint is mastered.",
+        arm_remedy="Enter the offset in the controller's table of joint zeros, or master the joint again.",
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
@@ -78,7 +81,7 @@ class HomingSlip(Sudden):
         cause="An axis was homed anew, hit a stop, or its coupling or belt slipped: its zero moved during the run.",
         equation="dq_i = c_i after a moment, zero until then (seconds, or rows where there is no clock)",
         source="first-order geometry: J dp = dq",
-        size="0.01 to 0.5 mm",
+        size="10 to 500 um",
         fingerprint="From one row on J e of a slider has another level; the other sliders and base reflectors stay.",
         confused_with=(
             ("setup-jump", "moves every reflector like a rigid body: read base reflectors, revisit a datum"),
@@ -88,6 +91,10 @@ class HomingSlip(Sudden):
         remedy="Tighten coupling and clamps, home again, measure again; the model serves from the slip on.",
         needs="time_s or rows in order of measuring, at least 20",
         telling="time",
+        arm_cause="A joint was mastered anew, hit a stop, or a belt or clamp slipped: its zero moved during the run.",
+        arm_size="0.1 to 5 mrad; a tooth of a belt or gear is tens of mrad",
+        arm_fingerprint="From one row on J e of a joint has another level; the other joints and base reflectors stay.",
+        arm_remedy="Tighten belts and clamps, master again, measure again; the model serves from the slip on.",
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
@@ -111,7 +118,7 @@ class FollowingError(Effect):
         cause="The position loop lags behind a moving command, and the reading is taken on the move.",
         equation="dq_i = -v_i tau_i, v_i from the feed and the path, else from the time stamps",
         source="velocity lag of a proportional position loop: tau = 1/K_v",
-        size="v/K_v: 0.67 mm at 20 mm/s and K_v = 30/s; none at standstill",
+        size="v/K_v: 670 um at 20 mm/s and K_v = 30/s; none at standstill",
         fingerprint="J e is proportional to the slider's velocity and points backward along the path.",
         confused_with=(
             ("backlash", "both change sign with direction: two speeds, or dwell before reading"),
@@ -120,6 +127,8 @@ class FollowingError(Effect):
         remedy="Dwell before reading; raise the loop gain or use velocity feed-forward.",
         needs="two or more speeds (feed_mm_s, or time_s while moving)",
         telling="speed",
+        arm_size="v/K_v: 17 mrad at 0.5 rad/s and K_v = 30/s; none at standstill",
+        arm_fingerprint="J e is proportional to the joint's velocity and points backward along the path.",
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
@@ -158,6 +167,10 @@ class AxisCompliance(Effect):
         needs="payload_kg (or measured loads tau1, tau2, ...) that varies",
         telling="load",
         shade="payload",
+        arm_cause="Gear and bearings of a joint yield under the load that it carries.",
+        arm_size="1 to 20 urad/N m (gears of 0.05 to 1 MN m/rad)",
+        arm_fingerprint="Proportional to payload and its lever: the tool sags, most with the arm stretched out level.",
+        arm_remedy="Stiffer gears and bearings; keep payloads alike and correct by payload.",
     )
 
     def needs(self, view: View) -> str | None:

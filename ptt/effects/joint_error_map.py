@@ -41,7 +41,7 @@ class JointErrorMap(Effect):
             "positioning error of a rotary axis: ISO 230-2; kinematic error of strain-wave gears: Ghorbel, Gandhi and "
             "Alpeter, J. Mechanical Design 123, 2001"
         ),
-        size="1e-4 rad a harmonic up to about the thirtieth",
+        size="100 urad a harmonic up to about the thirtieth",
         fingerprint="J e of a joint against its angle: one wavy curve, the same at every turn and in every pose.",
         confused_with=(
             ("once-per-rev", "its first harmonic alone: joint angles spread over the turn"),

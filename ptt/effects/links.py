@@ -41,7 +41,7 @@ class LinkLength(ThreePttEffect):
         cause="A link is longer or shorter between its joint centres than drawn.",
         equation="dL_i = l_i; J_i dp = L_i dL_i/w_i",
         source=f"{CLOSURE}; calibration of parallel robots: Vischer and Clavel, Robotica 16, 1998",
-        size="all links 0.05 to 0.5 mm; one against the others 0.02 to 0.2 mm",
+        size="all links 50 to 500 um; one against the others 20 to 200 um",
         fingerprint="All alike: a dish, mostly in z. One: like that leg's zero, with curvature in x and y.",
         confused_with=(
             ("homing-offset", "that leg's zero has no curvature: poses wide in x and y"),
@@ -85,7 +85,7 @@ class JointOffset(ThreePttEffect):
         cause="The two axes of a universal joint do not meet, so the link's length varies with its angle.",
         equation="dL_i = a_i |s_i . rail_i|/L_i + c_i sqrt(1 - (s_i . t_i/L_i)^2)",
         source=CLOSURE,
-        size="0.01 to 0.1 mm",
+        size="10 to 100 um",
         fingerprint="Link length that follows the link's angle; the rail part is exactly a homing offset.",
         confused_with=(
             ("homing-offset", "the rail part is the same thing: no pose tells; measure the joint on the bench"),
@@ -128,7 +128,7 @@ class JointClearance(ThreePttEffect):
             "sum_i F_i s_i/L_i = (0, 0, -m g)"
         ),
         source="statics of the platform; contact on the loaded side",
-        size="0.005 to 0.05 mm",
+        size="5 to 50 um",
         fingerprint="A step where a link force changes sign, outside the triangle of the joints; poor repeats there.",
         confused_with=(
             ("backlash", "follows direction, not force: a linear scale and the tracker at once"),

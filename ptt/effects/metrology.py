@@ -49,7 +49,7 @@ class TrackerFrame(MetrologyEffect):
         cause="The frame the readings are in is not the base frame: registration of the tracker.",
         equation="dp = t + w x p",
         source=RIGID,
-        size="0.02 to 1 mm, 0.1 to 1 mrad",
+        size="20 um to 1 mm, 0.1 to 1 mrad",
         fingerprint="The whole field moves and turns like a rigid body.",
         confused_with=(
             ("homing-offset", "common zero is z: base reflectors"),
@@ -82,7 +82,7 @@ class TrackerScale(MetrologyEffect):
         cause="The tracker's unit of length is off: wrong air temperature, pressure or humidity.",
         equation="dp = s p, about the base origin",
         source="refractive index of air: Edlen, Metrologia 2, 1966 (about 1 ppm/K and 0.27 ppm/hPa)",
-        size="1 ppm/K; 1 to 20 ppm",
+        size="1 um/m for each K of the air; 1 to 20 um/m",
         fingerprint="All distances long by the same share: error radial, growing with distance.",
         confused_with=(
             ("link-length + tower-position + lead-scale + homing-offset", "together exactly that: read a scale bar"),
@@ -125,7 +125,7 @@ class TrackerDrift(MetrologyEffect):
         cause="Tripod or floor settles, or the tracker is still warming up, so its station wanders.",
         equation="dp = a (1 - exp(-t/T))/(1 - exp(-D/T)), D the run's length; T = 1000 D is a straight line a t/D",
         source="first-order settling",
-        size="0.005 to 0.05 mm/h",
+        size="5 to 50 um/h",
         fingerprint="A smooth trend with time in x, y or z, the same at every pose; seen in datum revisits.",
         confused_with=(
             ("frame-growth", "fixed reflectors stand still: read base reflectors, give temp_c"),
@@ -187,7 +187,7 @@ class SetupJump(Sudden, MetrologyEffect):
             "numbers and a moment that is searched, so it can imitate much that begins part-way"
         ),
         source=RIGID,
-        size="0.01 to 0.5 mm",
+        size="10 to 500 um",
         fingerprint="From one row on the whole field is shifted and turned; repeats before and after disagree.",
         confused_with=(
             ("tracker-drift", "slow, not at once: a datum every 20 points"),

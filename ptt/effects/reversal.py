@@ -64,7 +64,7 @@ class Backlash(Effect):
             "below zero (a controller that compensates more than there is): -e_i/2 in the direction of travel, at once"
         ),
         source="play operator: Visintin, Differential Models of Hysteresis, 1994; Chen Mingfang et al. 2023, eq. 19",
-        size="rolled screw 0.05 to 0.2 mm; preloaded C5 0.008 to 0.015 mm",
+        size="rolled screw 50 to 200 um; preloaded C5 8 to 15 um",
         fingerprint="J e falls on two parallel branches, e apart, by the direction in which the slider arrived.",
         confused_with=(
             ("windup", "changes over gradually: readings within a few mm of a reversal, and far from it"),
@@ -77,6 +77,13 @@ class Backlash(Effect):
         ),
         needs="poses reached from both directions",
         shade="direction",
+        arm_cause="Play between the teeth of a joint's gear or in its belt: after a reversal it waits for the gap.",
+        arm_size="gears of industrial arms 0.1 to 0.3 mrad, plain planetary gears 0.5 to 2 mrad",
+        arm_fingerprint="J e falls on two parallel branches, e apart, by the direction in which the joint arrived.",
+        arm_remedy=(
+            "Take up the gear's mesh or tension its belt; else reversal compensation in the controller. Below zero: "
+            "lower the controller's reversal compensation by as much."
+        ),
     )
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
@@ -132,7 +139,7 @@ class Windup(Effect):
         cause="Friction in guide and nut twists screw and coupling until it is overcome, at each reversal.",
         equation="dq_i = -h_i F, dF/dx = (sign(dx) - F)/l along the travel x; fully turned before a run's first row",
         source="Dahl, A Solid Friction Model, The Aerospace Corporation, 1968",
-        size="0.001 to 0.01 mm over 1 to 10 mm of travel",
+        size="1 to 10 um over 1 to 10 mm of travel",
         fingerprint="Two branches by direction that grow into each other over the first millimetres after a reversal.",
         confused_with=(
             ("backlash", "opens at once when the gap is taken up: short against long travel after a reversal"),
@@ -141,6 +148,10 @@ class Windup(Effect):
         remedy="Lubricate, relieve the preload, stiffen the coupling; overtravel and return from one side always.",
         needs="poses from both directions, some within a few mm of the reversal",
         telling="travel",
+        arm_cause="Friction in seals and gear twists gear and coupling until it is overcome, at each reversal.",
+        arm_size="0.05 to 0.5 mrad over 5 to 50 mrad of travel",
+        arm_fingerprint="Two branches by direction that grow into each other over the first degrees after a reversal.",
+        arm_remedy="Lubricate, stiffen gear and coupling; overtravel and return from one side always.",
         shade="direction",
     )
 

@@ -44,7 +44,7 @@ class LeadScale(Effect):
         cause="The lead of the screw, or the controller's counts per mm, is off by a constant share.",
         equation="dq_i = k_i (q_i - q0_i), q0 the joint value at p = 0",
         source=f"{SCREW_STANDARD}: mean travel deviation; first-order geometry",
-        size="C5 screw 0.023 mm per 315 mm, a share of 7e-5",
+        size="C5 screw 23 um per 315 mm, 70 um/m",
         fingerprint="J e of the slider is a straight line in its height, through zero at q0.",
         confused_with=(
             ("screw-growth", "the slope follows temperature: measure cold and warm with a temp_c column"),
@@ -52,6 +52,10 @@ class LeadScale(Effect):
             ("tower-tilt", "a lean is weighted by q_i/w_i, a lead is not: poses wide in x and y, a linear scale"),
         ),
         remedy="Correct counts per mm in the controller (multiply by 1/(1 + k)).",
+        arm_cause="The gear's ratio, or the controller's counts per turn, is off by a constant share.",
+        arm_size="10 to 200 um/m, which is urad/rad; a wrong count of teeth or lines is far more",
+        arm_fingerprint="J e of the joint is a straight line in its angle, through zero at q0.",
+        arm_remedy="Correct counts per turn in the controller (multiply by 1/(1 + k)).",
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
@@ -110,7 +114,7 @@ class ScrewErrorMap(Effect):
             f"{SCREW_STANDARD}: travel variation; the form of a controller's leadscrew compensation table; shapes: "
             "Wahba, Spline Models for Observational Data, 1990"
         ),
-        size="0.005 to 0.02 mm",
+        size="5 to 20 um",
         fingerprint="J e of one slider is a smooth curve in its own height, the same at every x and y.",
         confused_with=(
             ("guide-straightness", "enters weighted by q_i/w_i: poses wide in x and y, or a linear scale on the axis"),
@@ -157,7 +161,7 @@ class OncePerRev(Effect):
         cause="The screw wobbles or its coupling or encoder is eccentric, so the error repeats with every turn.",
         equation="dq_i = a_i cos(2 pi q_i/T) + b_i sin(2 pi q_i/T), T = lead (label 'harmonic m': T = lead/m)",
         source=f"{SCREW_STANDARD}: travel variation within 2 pi",
-        size="0.003 to 0.008 mm (one turn: C3 0.006, C5 0.008)",
+        size="3 to 8 um (one turn: C3 6, C5 8)",
         fingerprint="A line at 1/lead in the spectrum of J e against the slider's height, perhaps with harmonics.",
         confused_with=(
             ("homing-offset", "heights whole leads apart show a constant: heights not commensurate with the lead"),
@@ -166,6 +170,10 @@ class OncePerRev(Effect):
         remedy="Realign coupling and encoder, straighten the screw; or put the harmonic in the compensation table.",
         needs="screw_lead_mm (gear_period_rad) in the machine file, and heights not commensurate with it",
         telling="phase",
+        arm_cause="The joint's gear, motor shaft or encoder is eccentric, so the error repeats with every turn of it.",
+        arm_size="50 to 500 urad (strain-wave gears 100 to 300 urad twice a turn of the motor)",
+        arm_fingerprint="A line at 1/period in the spectrum of J e against the joint's angle, perhaps with harmonics.",
+        arm_remedy="Realign gear and encoder; or put the harmonic in the joint's compensation table.",
     )
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
@@ -237,7 +245,7 @@ class ScrewGrowth(Effect):
         cause="The screw warms and grows away from its fixed bearing.",
         equation="dq_i = a_i dT (q_i - q0_i) + d_i dT, dT = temp_c - reference_temp_c; d carries the unknown fixed end",
         source="linear thermal expansion (steel 11 to 12 um/m/K); method of ISO 230-3",
-        size="0.035 mm at 300 mm and 10 K",
+        size="35 um at 300 mm and 10 K",
         fingerprint="The slope of J e against height drifts with temperature, more where the axis works most.",
         confused_with=(
             ("lead-scale", "does not follow temperature: measure cold and warm"),

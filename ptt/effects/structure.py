@@ -45,7 +45,7 @@ class ColumnBend(Effect):
         cause="Column or frame bends sideways under the payload, more the higher the sliders carry it.",
         equation="dp = m (u + v (mean(q) - q0)), u and v horizontal, m the payload, q0 the mean height at p = 0",
         source="linear elasticity, first order in height",
-        size="0.001 to 0.005 mm/kg",
+        size="1 to 5 um/kg",
         fingerprint="A sideways shift proportional to payload, the same everywhere in x and y, changing with height.",
         confused_with=(
             ("axis-compliance", "varies over x and y and sags in z: one payload at poses spread wide"),
@@ -104,7 +104,7 @@ class FrameGrowth(Effect):
             "every d), f the forward kinematics"
         ),
         source="linear thermal expansion (steel 11 to 12, aluminium 23 um/m/K); method of ISO 230-3",
-        size="0.005 to 0.007 mm at 2 K",
+        size="5 to 7 um at 2 K",
         fingerprint="A drift, mostly in z, shaped like a link or radius error, in step with temperature.",
         confused_with=(
             ("tracker-drift", "moves fixed reflectors too: read base reflectors through the run"),
@@ -116,6 +116,9 @@ class FrameGrowth(Effect):
         residual="z",
         telling="temperature",
         shade="radius",
+        arm_cause="The links grow as they warm.",
+        arm_size="12 to 23 um/m/K, steel to aluminium",
+        arm_fingerprint="The tool moves away from the base, more the further it reaches, in step with temperature.",
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:

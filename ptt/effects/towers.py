@@ -52,7 +52,7 @@ class TowerPosition(ThreePttEffect):
         cause="A rail, its slider joint or its platform joint stands off from the drawing; the two joints count alike.",
         equation="dc_i = a_i u_i + b_i t_i (u_i outward, t_i along increasing azimuth); J_i dp = s_i . dc_i/w_i",
         source=f"{CLOSURE}; calibration of parallel robots: Vischer and Clavel, Robotica 16, 1998",
-        size="0.1 to 0.5 mm",
+        size="100 to 500 um",
         fingerprint="J e of leg i follows the horizontal reach of its link over its drop, q_i/w_i.",
         confused_with=(
             ("tracker-frame", "common sideways is tracker x, y; common tangential a turn about z: base reflectors"),
@@ -158,7 +158,7 @@ class GuideStraightness(ThreePttEffect):
             "tower-position and tower-tilt, which level and slope are, are in the model"
         ),
         source=f"straightness of a linear motion: ISO 230-1; {CLOSURE}",
-        size="0.005 to 0.03 mm",
+        size="5 to 30 um",
         fingerprint="Smooth curve in the slider's height, weighted by q_i/w_i, so it turns over across the workspace.",
         confused_with=(
             ("screw-error-map", "not weighted by q_i/w_i: poses wide in x and y, or a linear scale"),

@@ -26,7 +26,11 @@ def parts_of_bar(card: Mapping[str, Any]) -> list[tuple[str, float, str]]:
     whole, error = sum(falls), max(error, left)
     share = (error - left) / whole if whole > 0.0 else 0.0
     rest = left if card["findings"] else error
-    parts = [("noise", noise, NOISE) if rest >= noise else ("left (noise)", rest, NOISE)]
+    if card.get("verdict") == "nothing-missing":  # what is left then is what readings scatter by, a little more or less
+        noise = rest = max(rest, 0.0)
+        parts = [("left (noise)", rest, NOISE)]
+    else:
+        parts = [("noise", noise, NOISE) if rest >= noise else ("left (noise)", rest, NOISE)]
     parts.append(("without a name", max(rest - noise, 0.0), UNNAMED))
     named = [
         (one["effect"], share * fall, COLOURS[i % len(COLOURS)])

@@ -14,7 +14,7 @@ from ptt.effects.phrases import Said, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
 from ptt.record import Record
 from ptt.run.problem import Problem
-from ptt.show.card.words import length, pretty
+from ptt.show.card.words import length, percent, pretty
 
 VALUES = 6  # of one finding
 OFF_SCALE = 10.0  # usual sizes from which a value is worth a second look: the drawing or a unit may be wrong
@@ -156,7 +156,7 @@ def _words(found: Diagnosis) -> str:
         with_ = f", in a measure that varies with {first.with_}" if first.with_ else ""
         own = first.on == f"direction{first.residual.split()[-1]}"
         on = "the way from which it comes" if own else first.on
-        return f"What is left of {first.residual} follows {on}{with_}: {first.share:.0%} of its variance."
+        return f"What is left of {first.residual} follows {on}{with_}: {percent(first.share)} of its variance."
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
 
@@ -164,14 +164,14 @@ def _words(found: Diagnosis) -> str:
 def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Problem) -> Cause:
     term = next(term for term in found.model.terms if term.effect.key == one.effect)
     told = sparsest([term], problem, found.noise)[0]
-    words = sentence(told, problem.view)
+    words, card = sentence(told, problem.view), card_of(term.effect).on(family(problem.view))
     values = tuple(_value(part, noun_of(told, problem)) for part in _said(told, problem)[:VALUES])
     return Cause(
         effect=one.effect,
         words=pretty(f"{words[:1].upper()}{words[1:]}."),
-        cause=card_of(term.effect).cause,
+        cause=card.cause,
         values=values,
-        cure=pretty(remedy(told, problem.view) or card_of(term.effect).remedy.rstrip(".")),
+        cure=pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),
         probability=float(one.probability),
         tie=pretty(headline(one.effect, tied[1:], one.sum_of)),
         others=tuple(tied[1:]),

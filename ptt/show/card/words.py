@@ -78,10 +78,15 @@ def _of_time(values: Sequence[float]) -> tuple[float, str]:
 
 
 def _short(value: float, digits: int) -> str:
-    if value == 0.0:
+    if abs(value) < 0.5e-3:  # what the three places behind the point would say
         return "0"
     places = max(0, digits - 1 - math.floor(math.log10(abs(value) * (1.0 + 1e-9))))
     return f"{value:.{min(places, 3)}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def percent(share: float) -> str:
+    """A share in words of a page, for example '12 %'."""
+    return f"{100.0 * share:.0f} %"
 
 
 def how_sure(probability: float) -> str:

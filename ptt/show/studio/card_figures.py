@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty
 from ptt.show.studio.figures import BLUE, ORANGE, PALE, Figure, axis_of, whole_figure, whole_layout
 
@@ -47,7 +48,7 @@ def fit_figure(fit: Mapping[str, Any]) -> Figure:
 
 
 def ruler_html(value: Mapping[str, Any]) -> str:
-    """A value on a ruler of usual sizes, as SVG; beyond its ends it is marked as off the scale.
+    """A value on a ruler about what is usual on such a machine, as SVG; beyond its ends it is marked as off the scale.
 
     Args:
         value: of a finding.
@@ -57,28 +58,42 @@ def ruler_html(value: Mapping[str, Any]) -> str:
     """
     power = math.log10(max(float(value["worth"]), 1e-12))
     place = min(max((power - RULER[0]) / (RULER[1] - RULER[0]), 0.0), 1.0)
-    off = power > 1.0
+    words = ruler_words(value)
+    anchors = ("start", "middle", "middle", "middle", "end")
     marks = "".join(
-        f'<g transform="translate({10 + 380 * i / 4},0)"><path d="M0 14v8" stroke="currentColor"/>'
-        f'<text y="36" text-anchor="{anchor}" font-size="11" fill="currentColor">{words}</text></g>'
-        for i, (words, anchor) in enumerate(
-            (
-                ("1 %", "start"),
-                ("tenth", "middle"),
-                ("usual size", "middle"),
-                ("10 times", "middle"),
-                ("100 times", "end"),
-            )
-        )
+        f'<g transform="translate({10 + 300 * i / 4},0)"><path d="M0 14v8" stroke="currentColor"/>'
+        f'<text y="36" text-anchor="{anchor}" font-size="11" fill="currentColor">{each}</text></g>'
+        for i, (each, anchor) in enumerate(zip(words, anchors, strict=True))
     )
-    colour = "#d55e00" if off else "#0072b2"
-    said = f"{value['worth']:.2g} times its usual size"
+    colour = "#d55e00" if power > 1.0 else "#0072b2"
+    said = f"{value['worth']:.2g} times its usual size, {words[2]}"
     return (
-        f'<svg viewBox="0 0 400 42" role="img" aria-label="{said}" style="width:100%;max-width:520px;height:auto">'
-        '<path d="M10 18h380" stroke="currentColor" opacity=".5" stroke-width="2"/>'
-        '<path d="M105 18h190" stroke="#009e73" stroke-width="5" opacity=".55"/>'
-        f'{marks}<circle cx="{10 + 380 * place:.0f}" cy="18" r="7" fill="{colour}"/></svg>'
+        f'<svg viewBox="0 0 320 42" role="img" aria-label="{said}" style="width:100%;max-width:400px;height:auto">'
+        '<path d="M10 18h300" stroke="currentColor" opacity=".5" stroke-width="2"/>'
+        '<path d="M85 18h150" stroke="#009e73" stroke-width="5" opacity=".55"/>'
+        f'{marks}<circle cx="{10 + 300 * place:.0f}" cy="18" r="7" fill="{colour}"/></svg>'
     )
+
+
+def ruler_words(value: Mapping[str, Any]) -> tuple[str, ...]:
+    """What the five marks of a ruler say: a hundredth to a hundred times what is usual on this kind of machine.
+
+    Args:
+        value: of a finding.
+
+    Returns:
+        For example '0.5 um', '5 um', 'usual 50 um', '500 um', '5 mm' with the real sign.
+    """
+    worth = float(value["worth"])
+    if not worth > 0.0:
+        return "1 %", "10 %", "usual", "10 times", "100 times"
+    words = []
+    for power in (-2, -1, 0, 1, 2):
+        size = float(value["size"]) / worth * 10.0**power
+        factor, unit = scaled([size], str(value["unit"]))
+        text = f"{float(f'{factor * size:.2g}'):g} {unit}"
+        words.append(text if power else f"usual {text}")
+    return tuple(words)
 
 
 def unknown_figure(unknown: Mapping[str, Any]) -> Figure:

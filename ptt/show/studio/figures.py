@@ -21,6 +21,11 @@ UM = 1e3
 UNITS = {"b": "mm", "q": "rad", "x": "mm", "y": "mm", "z": "mm", "payload": "kg", "temperature": "\N{DEGREE SIGN}C"}
 
 
+def empty_figure() -> Figure:
+    """A figure of nothing, without axes: what is there before anything is known."""
+    return {"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}}
+
+
 def label_of(context: str, look: Look) -> str:
     """Name of a context with its unit, as an axis has it."""
     rate = "rad/s" if look.serial else "mm/s"

@@ -240,7 +240,7 @@ def reveal(model: str, tell: Progress) -> Mapping[str, Any]:
     from ptt.door.revealing import reveal as open_seal
 
     tell("opening the seal", 0, 0)
-    return {"text": str(open_seal(load(place_of(model)), Path()))}
+    return open_seal(load(place_of(model)), Path()).to_dict()
 
 
 def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapping[str, Any]:
@@ -255,7 +255,7 @@ def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapp
     known = library(*files)
     made = make_effect(known, *parse_key(effect))
     family = kind if kind in made.mechanisms else made.mechanisms[0]
-    own = card_of(made)
+    own = card_of(made).on(family)
     sign = effect_sign(made, picture_theta(made, family), sample_view(family), own)
     shade = None if sign.shade is None else sign.shade.tolist()
     drawn = {

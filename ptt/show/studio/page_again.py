@@ -13,7 +13,7 @@ from nicegui import events, ui
 
 from ptt.errors import PttError
 from ptt.files import write_text
-from ptt.show.card.words import length, parameter_in_words, pretty
+from ptt.show.card.words import length, parameter_in_words, percent, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import WHEN, error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import LIMIT
@@ -206,7 +206,7 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
         times = pair["arrows"]["times"]
         note = f"From above; errors {times:,.0f} times enlarged, one scale for both; {pretty(pair['frame'])}."
         if pair["shared_poses"]:
-            note += f" {pair['nearer_share']:.0%} of {pair['shared_poses']} poses measured in both come nearer."
+            note += f" {percent(pair['nearer_share'])} of {pair['shared_poses']} poses measured in both come nearer."
         ui.label(note).classes("st-note")
         with ui.element("div").style("display: flex; flex-wrap: wrap; gap: 8px; width: 100%"):
             for when in WHEN:

@@ -10,6 +10,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.outcomes import QuestionError
 
 IGNORE = "ignore"
+CHIPS = {"c": "\N{DEGREE SIGN}C", "k": "K", "f": "\N{DEGREE SIGN}F", "stamp": "date and time"}
 WORDS = {
     **{f"{a}_meas": f"reading {a}" for a in "xyz"},
     **{f"{a}_cmd": f"target {a}" for a in "xyz"},
@@ -108,7 +109,7 @@ class ColumnsView:
         self.grid.clear()
         self.quantity.clear()
         self.unit.clear()
-        with self.grid, ui.element("table").classes("st-plain"):
+        with self.grid, ui.element("table").classes("st-plain st-stack"):
             with ui.element("thead"), ui.element("tr"):
                 for title in ("column", "first rows", "holds", "unit"):
                     ui.html(title, sanitize=False, tag="th").classes("w").props("scope=col")
@@ -139,7 +140,7 @@ class ColumnsView:
     def _units(self, title: str, known: str | None) -> None:
         """Unit chips that suit what a column holds."""
         units = {
-            unit: unit.replace("um", "\N{MICRO SIGN}m").replace("_", "/")
+            unit: CHIPS.get(unit, unit.replace("um", "\N{MICRO SIGN}m").replace("_", "/"))
             for unit in UNITS.get(dimension_of(str(self.quantity[title].value)), {})
             if unit
         }

@@ -69,9 +69,7 @@ def _show_finding(finding: Mapping[str, Any], fit: Mapping[str, Any] | None) -> 
             "This run, everything else taken out: pale what is left without the effect, orange what it explains."
         ).classes("st-note")
     for value in finding["values"]:
-        with ui.element("div").style(
-            "display: grid; grid-template-columns: minmax(150px, 2fr) 3fr; gap: 8px; align-items: center; width: 100%"
-        ):
+        with ui.element("div").classes("st-value"):
             ui.label(f"{value['who']} {value['text']} ({value_in_words(value)})").style("font-size: 14px")
             ui.html(ruler_html(value), sanitize=False)
             if value["worth"] > 10.0:

@@ -5,13 +5,14 @@ from collections.abc import Callable
 from nicegui import events, ui
 
 from ptt.errors import PttError
-from ptt.show.card.words import length, pretty
+from ptt.show.card.words import length, percent
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import before_after_figure
+from ptt.show.studio.figures import before_after_figure, empty_figure
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.page_export import build_export
 from ptt.show.studio.page_tools import build_tools
 from ptt.show.studio.results import SEAL
+from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.steps import REFITS
 from ptt.show.studio.uploads import keep
 
@@ -46,7 +47,7 @@ class FinishView:
             ui.space()
             self.train = ui.button("Train", icon="model_training", on_click=self._train).props("no-caps outline")
         self.told = ui.label().classes("st-note").mark("trained")
-        self.plot = ui.plotly({"data": [], "layout": {}}).classes("w-full").style("height: 300px")
+        self.plot = ui.plotly(empty_figure()).classes("w-full").style("height: 300px")
         self.plot.props('role=img aria-label="errors before and after"')
 
     def _build_downloads(self) -> None:
@@ -57,7 +58,7 @@ class FinishView:
                 self.compensator = self._button("Compensator (zip)", self._give_compensator)
                 self.report = self._button("Report (HTML)", self._give_report)
             ui.label(
-                "Corrected sliders for a list of targets, by the compensator where one is trained, else by the model."
+                "Corrected commands for a list of targets, by the compensator where one is trained, else by the model."
             ).classes("st-note").style("margin-top: 8px")
             with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 4px"):
                 self.targets = ui.upload(
@@ -70,7 +71,8 @@ class FinishView:
             self.predicted = ui.label().classes("st-note").mark("predicted")
             with ui.element("div").classes("st-tools").style("margin-top: 8px"):
                 self.seal = ui.button("Open the seal", icon="lock_open", on_click=self._reveal).props("no-caps outline")
-            self.revealed = ui.label().classes("st-mono").mark("revealed")
+            with ui.element("div").classes("st-grid").props("tabindex=0") as self.opened:
+                self.revealed = ui.html("", sanitize=False).classes("w-full").mark("revealed")
 
     def _build_commands(self) -> None:
         with ui.element("div").classes("st-box"):
@@ -95,7 +97,8 @@ class FinishView:
         self._enable()
         session = self.studio.session
         self.commands.set_text("\n".join(commands_of(self.studio)))
-        self.revealed.set_text("")
+        self.revealed.set_content("")
+        self.opened.set_visibility(False)
         trained = session.training
         if trained is None:
             words = "The model has changed: train again." if session.trainings else UNTRAINED
@@ -108,7 +111,7 @@ class FinishView:
         what = f"{data['centres']} nodes, for {', '.join(learned)}" if learned else "nothing left that it can learn"
         before, after = data["heldout_rms_um"]["given"]["total"], data["heldout_rms_um"]["rbf"]["total"]
         self.told.set_text(
-            f"Network: {what}; it takes {max(data['share'], 0.0):.0%} of what physics leaves. Held-out error "
+            f"Network: {what}; it takes {percent(max(data['share'], 0.0))} of what physics leaves. Held-out error "
             f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)} ({data['protocol']})."
         )
         self.plot.update_figure(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
@@ -156,13 +159,16 @@ class FinishView:
         figures = found.data
         ways = ", ".join(f"{count} {status}" for status, count in figures["status"].items() if count)
         told = [f"{figures['rows']} rows ({ways}); largest correction {length(figures['largest_shift_um'])}"]
+        if figures["largest_reversal_um"]:
+            told.append(f"on reversal {length(figures['largest_reversal_um'])}")
         self.predicted.set_text("; ".join([*told, *found.notes]))
         ui.download.content(found.content, "sliders.csv")
 
     async def _reveal(self) -> None:
         found = await self.studio.work("opening the seal", "reveal", self.studio.session.text)
         if found is not None:
-            self.revealed.set_text(pretty(found["text"]))
+            self.revealed.set_content(seal_html(found))
+            self.opened.set_visibility(True)
 
 
 def commands_of(studio: Studio) -> list[str]:

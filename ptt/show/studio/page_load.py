@@ -100,8 +100,12 @@ def _build_files(studio: Studio, go: Go) -> None:
         named = parse_machine(staged.machine, "machine.toml").machine.name or MACHINE if staged.machine else ""
         waiting.set_text(_waiting(source, with_, named, session.ready))
         opening.set_enabled(bool(of and with_ and (source or staged.machine)) and studio.idle)
-        for upload, label, there in ((run, RUN, source.run if source else ""), (machine, MACHINE, named)):
-            upload.props["label"] = f"{there} is here; or drop another" if there else _dropped(label)
+        open_ = (session.source.run, session.now.file.machine.name) if session.source and session.now else ("", "")
+        for upload, label, there, used in (
+            (run, RUN, source.run if source else "", open_[0]),
+            (machine, MACHINE, named, open_[1]),
+        ):
+            upload.props["label"] = dropped(label, there, used)
             upload.update()
             upload.classes(add="st-ready") if there else upload.classes(remove="st-ready")
 
@@ -147,8 +151,20 @@ def _build_more(studio: Studio, go: Go) -> None:
     build_recent(studio)
 
 
-def _dropped(label: str) -> str:
-    return f"{label}: drop here"
+def dropped(label: str, there: str = "", used: str = "") -> str:
+    """What a box for a file says.
+
+    Args:
+        label: what it takes.
+        there: the file that was dropped into it; '' for none.
+        used: the one that is open; '' for none.
+
+    Returns:
+        What is there, else what is open, else what belongs there.
+    """
+    if there:
+        return f"{there} is here; or drop another"
+    return f"{used} is open; or drop another" if used else f"{label}: drop here"
 
 
 def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> ui.upload:
@@ -165,7 +181,7 @@ def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awa
 
     with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
         upload = ui.upload(
-            label=_dropped(label), on_upload=uploaded, on_rejected=rejected, max_file_size=LIMIT, auto_upload=True
+            label=dropped(label), on_upload=uploaded, on_rejected=rejected, max_file_size=LIMIT, auto_upload=True
         )
         upload.classes(f"st-drop st-drop-{key}").props("flat hide-upload-btn")
         choose = ui.button("Choose").props(f'no-caps outline aria-label="choose {label}"')

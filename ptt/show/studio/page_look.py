@@ -7,10 +7,13 @@ import numpy as np
 from nicegui import events, ui
 
 from ptt.show.card.words import length
+from ptt.show.studio.arrow_figure import SHOWN as ARROWS
+from ptt.show.studio.arrow_figure import mean_arrows, usual_scale
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, short_label, unit_of
+from ptt.show.studio.figures import against_figure, empty_figure, short_label, unit_of
 from ptt.show.studio.looks import Look
-from ptt.show.studio.machine_figure import SHOWN_ARROWS, machine_figure, mean_arrows, usual_scale
+from ptt.show.studio.machine_figure import machine_figure
+from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
 
 PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}
@@ -51,7 +54,7 @@ class LookView:
             self.near = ui.switch("close up", value=True, on_change=self.redraw_field)
             self.pick = ui.select(PICKS, value=0.0, label="a click picks").props("dense outlined").classes("w-44")
         self.field_note = ui.label().classes("st-note").mark("field-note")
-        self.field = ui.plotly({"data": [], "layout": {}}).classes("st-plot st-field")
+        self.field = ui.plotly(empty_figure()).classes("st-plot st-field")
         self.field.props('role=img aria-label="error field in space"')
         # Plotly emits no click in space where frames are slow: what is pointed at when the button comes up counts.
         self.field.on("plotly_hover", js_handler=POINTED.replace("ID", str(self.field.id)))
@@ -66,9 +69,9 @@ class LookView:
             self.beside = ui.select([NONE], value=NONE, label="beside it", on_change=self.redraw_against)
             for select in (self.view, self.context, self.beside):
                 select.props("dense outlined options-dense")
-        self.against = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.against = ui.plotly(empty_figure()).classes("st-plot")
         self.against.props('role=img aria-label="residual against a variable"')
-        self.time = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.time = ui.plotly(empty_figure()).classes("st-plot")
         self.time.props('role=img aria-label="residual over time"')
         for plot in (self.against, self.time):
             plot.on("plotly_click", self._clicked, js_handler=ROWS)
@@ -94,9 +97,9 @@ class LookView:
         others = [NONE, *self.studio.session.others()]
         self.beside.set_options(others, value=self.beside.value if self.beside.value in others else NONE)
         if fresh:
-            self.view.set_options(list(look.views), value=self.first(look))
-            names = {name: short_label(name, look) for name in look.contexts}
-            self.context.set_options(names, value=next(iter(names)))
+            view, context = first_of(self.studio.session, look)
+            self.view.set_options(list(look.views), value=view)
+            self.context.set_options({name: short_label(name, look) for name in look.contexts}, value=context)
             self.scale.set_value(usual_scale(look))
             self.led = ""
         self._lead()
@@ -135,7 +138,7 @@ class LookView:
         count = mean_arrows(look)[2]
         share = (
             "of readings near each other"
-            if len(count) and count.max() > 1 and len(count) > SHOWN_ARROWS // 2
+            if len(count) and count.max() > 1 and len(count) > ARROWS // 2
             else "of a pose"
         )
         self.field_note.set_text(
@@ -189,11 +192,25 @@ class LookView:
         others = [] if within < 0 else [int(each) for each in look.visits_of(row, within) if each != row]
         self.studio.pick([row, *others])
 
-    @staticmethod
-    def first(look: Look) -> str:
-        """The component with the largest residual, joint space first."""
-        inner = [name for name in look.views if name not in "xyz"]
-        return max(inner, key=lambda name: float(np.nanmean(np.square(look.views[name]))))
+
+def first_of(session: Session, look: Look) -> tuple[str, str]:
+    """The component of the residual and the variable that are shown first.
+
+    Args:
+        session: what it is known of.
+        look: the run.
+
+    Returns:
+        What depends most on something before any step, as soon as that is compared, else the component with the
+        largest residual, joint space first, and the first variable.
+    """
+    given = session.past[0].active if session.past else session.text
+    for item in session.comparisons[given].data["depends_on"][:1] if given in session.comparisons else []:
+        if item["residual"] in look.views and item["on"] in look.contexts:
+            return item["residual"], item["on"]
+    inner = [name for name in look.views if name not in "xyz"]
+    largest = max(inner, key=lambda name: float(np.nanmean(np.square(look.views[name]))))
+    return largest, next(iter(look.contexts))
 
 
 def middle_of(look: Look) -> int:

@@ -10,6 +10,7 @@ from ptt.errors import PttError
 from ptt.machine import parse_machine
 from ptt.show.card.words import pretty
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.figures import empty_figure
 
 NUMBERS = {
     "base_radius_mm": ("base radius [mm]", 200.0),
@@ -130,7 +131,7 @@ class MachineForm:
             with ui.element("div").classes("st-box"):
                 self.said = ui.label().classes("st-note").style("white-space: pre-wrap").mark("machine-said")
                 self.drawn = ui.html("", sanitize=False).classes("st-svg w-full").mark("machine-drawing")
-                self.arm = ui.plotly({"data": [], "layout": {}}).classes("w-full").style("height: 60vh")
+                self.arm = ui.plotly(empty_figure()).classes("w-full").style("height: 60vh")
                 self.arm.props('role=img aria-label="the arm with all joints at zero"')
         ui.timer(0.01, self._kind, once=True)
 

@@ -7,9 +7,11 @@ from nicegui import ui
 
 from ptt.show.card.scene import Lines, usual_times
 from ptt.show.card.words import length
+from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.figures import empty_figure
 from ptt.show.studio.looks import Look
-from ptt.show.studio.machine_figure import machine_figure, usual_scale
+from ptt.show.studio.machine_figure import machine_figure
 from ptt.show.studio.results import Learned
 
 STEP = 1.0 / 3.0  # of a power of ten, a notch of the sliders
@@ -33,7 +35,7 @@ class MachinePicture:
             self.arrows = ui.switch("errors", value=True, on_change=self.draw).props("dense")
             self.fault = ui.switch("fault", value=True, on_change=self.draw).props("dense")
         self.note = ui.label().classes("st-note").mark("picture-note")
-        self.plot = ui.plotly({"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}})
+        self.plot = ui.plotly(empty_figure())
         self.plot.classes("st-plot st-machine").props('role=img aria-label="the machine, its errors and its fault"')
         with ui.element("div").style(
             "display: grid; grid-template-columns: max-content 1fr; gap: 0 12px; width: 100%; align-items: center"

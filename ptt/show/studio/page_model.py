@@ -7,8 +7,8 @@ from nicegui import ui
 from ptt.machine import EffectEntry
 from ptt.show.card.words import parameter_in_words, pretty
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, ladder_figure, short_label
-from ptt.show.studio.page_look import LookView
+from ptt.show.studio.figures import against_figure, empty_figure, ladder_figure, short_label
+from ptt.show.studio.page_look import first_of
 from ptt.show.studio.session import Rung, Session, Snapshot, key_of, parameter_rows
 from ptt.show.studio.tables import table_html
 
@@ -21,7 +21,7 @@ class ModelView:
     def __init__(self, studio: Studio) -> None:
         """Build it."""
         self.studio = studio
-        self.asked = ""
+        self.asked, self.led = "", ("", "")
         self.listed: Snapshot | None = None
         with ui.element("div").classes("st-two st-wide-left"):
             with ui.element("div").classes("st-col"):
@@ -43,7 +43,7 @@ class ModelView:
             self.axis = ui.toggle(list(AXES), value="total", on_change=self._draw_ladder)
             self.axis.props('dense no-caps aria-label="axis of the ladder"')
         self.figures = ui.label().classes("st-note").mark("ladder")
-        self.ladder = ui.plotly({"data": [], "layout": {}}).classes("st-plot st-ladder")
+        self.ladder = ui.plotly(empty_figure()).classes("st-plot st-ladder")
         self.ladder.props('role=img aria-label="ladder of errors"')
 
     def _build_against(self) -> None:
@@ -54,7 +54,7 @@ class ModelView:
             self.beside = ui.select(["nothing"], value="nothing", label="beside it", on_change=self._draw_against)
             for select in (self.view, self.context, self.beside):
                 select.props("dense outlined options-dense")
-        self.against = ui.plotly({"data": [], "layout": {}}).classes("st-plot")
+        self.against = ui.plotly(empty_figure()).classes("st-plot")
         self.against.props('role=img aria-label="residual with and without"')
 
     def _build_add(self) -> None:
@@ -125,9 +125,7 @@ class ModelView:
             self.figures.set_text(
                 "The ladder appears once a run is compared." if session.ready else "Load a run first."
             )
-            self.ladder.update_figure(
-                {"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}}
-            )
+            self.ladder.update_figure(empty_figure())
             return
         self.ladder.update_figure(ladder_figure(rungs, noise, str(self.axis.value)))
         self.figures.set_text(words_of(session, rungs[-1], noise, str(self.axis.value)))
@@ -136,10 +134,11 @@ class ModelView:
         look = self.studio.session.look
         if look is None:
             return
-        if self.view.options != list(look.views):
-            self.view.set_options(list(look.views), value=LookView.first(look))
-            names = {name: short_label(name, look) for name in look.contexts}
-            self.context.set_options(names, value=next(iter(names)))
+        chosen = self.view.value, self.context.value
+        if self.view.options != list(look.views) or chosen == self.led:
+            self.led = view, context = first_of(self.studio.session, look)
+            self.view.set_options(list(look.views), value=view)
+            self.context.set_options({name: short_label(name, look) for name in look.contexts}, value=context)
         others = list(self.studio.session.others())
         self.beside.set_options(["nothing", *others], value=others[-1] if others else "nothing")
 

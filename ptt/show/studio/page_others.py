@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
-from ptt.show.card.words import length, pretty
+from ptt.show.card.words import length, percent, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_effect import open_effect
 from ptt.show.studio.results import Learned
@@ -47,7 +47,7 @@ class OthersView:
 
     def _fill(self, lesson: Learned) -> None:
         data = lesson.data
-        with ui.element("table").classes("st-plain").mark("candidates"):
+        with ui.element("table").classes("st-plain st-keep").mark("candidates"):
             with ui.element("thead"), ui.element("tr"):
                 for index, head in enumerate(HEADS):
                     ui.html(head, sanitize=False, tag="th").props("scope=col").classes("w" if index in (0, 4) else "")
@@ -73,8 +73,8 @@ class OthersView:
         key = item["effect"]
         before, after = item["heldout_rms_um"]["before"], item["heldout_rms_um"]["after"]
         cells = (
-            f"{item['explained_share']:.0%}", f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)}",
-            f"{100.0 * item['probability']:.0f} %",
+            percent(item["explained_share"]), f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)}",
+            percent(item["probability"]),
         )  # fmt: skip
         with ui.element("tr"):
             with ui.element("td").classes("w"):

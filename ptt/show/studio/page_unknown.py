@@ -6,8 +6,10 @@ from dataclasses import replace
 
 from nicegui import ui
 
+from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.figures import empty_figure
 from ptt.show.studio.results import Learned
 
 
@@ -21,7 +23,7 @@ class UnknownView:
         self.file = ""
         with ui.element("div").classes("st-box").mark("unknown") as self.box:
             ui.html("The curve that it follows", sanitize=False, tag="h2").classes("st-head")
-            self.plot = ui.plotly({"data": [], "layout": {}}).classes("w-full").style("height: 340px")
+            self.plot = ui.plotly(empty_figure()).classes("w-full").style("height: 340px")
             self.plot.props('role=img aria-label="what the unknown follows"')
             self.how = ui.label().classes("st-note")
             with ui.element("div").classes("st-tools"):
@@ -43,9 +45,8 @@ class UnknownView:
         self.plot.update_figure(unknown_figure(lesson.unknown))
         unknown = lesson.unknown
         rivals = f"; {', '.join(unknown['rivals'])} would tell it about as well" if unknown["rivals"] else ""
-        self.how.set_text(
-            f"{unknown['share']:.0%} of what is left of {unknown['residual']} follows it ({unknown['shape']}){rivals}."
-        )
+        follows = f"{percent(unknown['share'])} of what is left of {unknown['residual']} follows it"
+        self.how.set_text(f"{follows} ({unknown['shape']}){rivals}.")
         self.code.set_visibility(False)
         self.add.set_visibility(False)
 

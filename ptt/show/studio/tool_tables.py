@@ -1,11 +1,14 @@
 """What a plan, the standard and dexterity say, as tables in the units of a page."""
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from ptt.show.card.words import length, parameter_in_words, pretty
+from ptt.show.card.words import length, parameter_in_words, percent, pretty
 from ptt.show.studio.tables import table_html
+
+FAMILIES = 4  # of singular poses that a table lists
 
 
 def plan_html(told: Mapping[str, Any]) -> str:
@@ -30,7 +33,7 @@ def plan_html(told: Mapping[str, Any]) -> str:
 
 def plan_in_words(told: Mapping[str, Any]) -> str:
     """How many poses there are, and how they arrive."""
-    rising = ", ".join(f"{share:.0%}" for share in told["rising_share"])
+    rising = ", ".join(map(percent, told["rising_share"]))
     visits = f", {told['datum_visits']} visits of a datum among them" if told["datum_visits"] else ""
     return f"{told['rows']} poses{visits}; joints arrive upward in {rising} of them."
 
@@ -41,7 +44,7 @@ def _errors(parameters: Sequence[Mapping[str, Any]]) -> str:
     for stem, group in groupby(parameters, key=lambda item: str(item["name"]).partition(" ")[0]):
         parts = list(group)
         known = [item["std"] for item in parts if item["std"] is not None]
-        name, size, _ = parameter_in_words(stem, max(known, default=0.0), None)
+        name, size, _ = parameter_in_words(stem, float(f"{max(known, default=0.0):.2g}"), None)
         some = ", some unseen" if known and len(known) < len(parts) else ""
         said.append(f"{name} {size}{some}" if known else f"{name} unseen")
     return "; ".join(said)
@@ -73,21 +76,47 @@ def dexterity_html(figures: Mapping[str, Any]) -> str:
         HTML.
     """
     home, space = figures["home"], figures["workspace"]
-    rows = [(_spoken(key), f"{value:.3g}") for key, value in home.items() if isinstance(value, float)]
+    rows = [
+        (_spoken(key), f"{_plain(value)}{' mm' if key.endswith('_mm') else ''}")
+        for key, value in home.items()
+        if isinstance(value, float)
+    ]
     if space is not None:
         rows += [
-            (f"condition number over {space['poses']} poses, {key}", f"{space['condition'][key]:.3g}")
+            (f"condition number over {space['poses']} poses, {key}", _plain(space["condition"][key]))
             for key in ("least", "median", "largest")
         ]
-        rows.append(("poses near a singularity", f"{space['near_singular_share']:.1%}"))
+        rows += _of_arm(space) if "singular" in space else _of_ptt(space)
     return table_html((), rows, words=1, caption="dexterity")
+
+
+def _of_ptt(space: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [("poses near a singularity", f"{100.0 * space['near_singular_share']:.1f} %")]
+
+
+def _of_arm(space: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Where an arm moves most evenly, and the families of its singular poses."""
+    rows = [("most even pose", _degrees(space["most_isotropic_q"]))]
+    for family in space["singular"][:FAMILIES]:
+        joints = f"joint{'s' if len(family['joints']) > 1 else ''} {' and '.join(map(str, family['joints']))}"
+        rows.append((f"singular by {joints}: {percent(family['share'])} of walks", f"as at {_degrees(family['q'])}"))
+    return rows
+
+
+def _degrees(q: Sequence[float]) -> str:
+    return f"q = {', '.join(f'{math.degrees(each):.0f}' for each in q)} deg".replace("-", "\N{MINUS SIGN}")
+
+
+def _plain(value: float) -> str:
+    """Three figures that count, large ones in full."""
+    return f"{float(f'{value:.3g}'):,.12g}"
 
 
 def _spoken(key: str) -> str:
     known = {
         "condition": "condition number at home", "manipulability": "manipulability at home",
-        "determinant": "determinant of the Jacobian at home", "inverse_mm": "way to the inverse singularity [mm]",
-        "edge_mm": "way to the edge of the workspace [mm]", "inverse": "margin of the inverse singularity (0 is at it)",
+        "determinant": "determinant of the Jacobian at home", "inverse_mm": "way to the inverse singularity",
+        "edge_mm": "way to the edge of the workspace", "inverse": "margin of the inverse singularity (0 is at it)",
         "direct": "margin of the direct singularity", "constraint": "margin of the constraint singularity",
     }  # fmt: skip
     return known.get(key, key.replace("_", " "))

@@ -1,0 +1,136 @@
+"""Errors of a run as arrows in space: the mean of each pose, its colour from zero, its length enlarged."""
+
+import numpy as np
+
+from ptt.show.card.scene import Lines
+from ptt.show.card.solids import Solid, arrows
+from ptt.show.card.words import length, prefixed
+from ptt.show.studio.figures import MIDDLE, UM, Figure
+from ptt.show.studio.looks import Look
+
+SCALE = "Cividis"  # made for every kind of colour vision
+SHOWN = 240  # more hide each other
+REACH = 0.45  # of the path's size that the 95 % arrow takes
+OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
+THICK = 0.045  # of what fills the picture, the length of an arrow below which it gets no thinner
+BAR = {
+    "orientation": "h", "thickness": 11, "len": 0.62, "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "bottom",
+    "tickfont": {"size": 11},
+}  # fmt: skip
+LIGHT = {"ambient": 0.62, "diffuse": 0.7, "specular": 0.15, "roughness": 0.8}
+
+
+def usual_scale(look: Look) -> float:
+    """Round factor that makes the arrows of this run well seen."""
+    if not look.kept.any():
+        return 1.0
+    span = max(float(np.ptp(look.target[look.kept], axis=0).max()), 1e-3)
+    drawing, row = look.drawing, int(np.flatnonzero(look.kept)[0])
+    size = Lines(drawing.rails, drawing.chains[row], drawing.platform[row]).size
+    wanted = min(REACH * span, OF_MACHINE * size) / max(float(np.quantile(look.size_um[look.kept], 0.95)) / UM, 1e-9)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in (1.0, 2.0, 3.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
+
+
+def mean_arrows(look: Look) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The mean error of each pose; of each small cell where there are too many poses.
+
+    Args:
+        look: the run.
+
+    Returns:
+        (m, 3) mm places, (m, 3) mm mean errors, (m,) readings of each.
+    """
+    rows = np.flatnonzero(look.kept)
+    if not len(rows):
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=int)
+    place, cell = look.target[rows], 1e-3
+    span = max(float(np.ptp(place, axis=0).max()), 1e-3)
+    while True:
+        _, owner = np.unique(np.round(place / cell), axis=0, return_inverse=True)
+        owner = owner.reshape(-1)
+        if owner.max() < SHOWN or cell > span:
+            break
+        cell = span / 30.0 if cell < span / 40.0 else cell * 1.25
+    count = np.bincount(owner)
+    means = [
+        np.stack([np.bincount(owner, values[:, axis]) / count for axis in range(3)], axis=1)
+        for values in (place, look.residual[rows])
+    ]
+    return means[0], means[1], count
+
+
+def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
+    """The arrows, and a point at the foot of each that can be pointed at.
+
+    Args:
+        look: the run.
+        scale: how many times they are enlarged.
+        size: of what fills the picture, mm.
+
+    Returns:
+        Traces of plotly; none where nothing was observed.
+    """
+    place, error, count = mean_arrows(look)
+    if not len(place):
+        return []
+    sizes = UM * np.linalg.norm(error, axis=1)
+    factor, unit = prefixed(sizes.tolist(), "um")
+    shown = factor * sizes
+    top = float(np.quantile(shown, 0.98)) or 1.0
+    solid, owner = arrows(place, error * scale, THICK * size)
+    colours = {
+        "intensity": np.minimum(shown, top)[owner].tolist(), "colorscale": SCALE, "cmin": 0.0, "cmax": top,
+        "colorbar": BAR | {"title": {"text": f"mean error [{unit}]", "side": "top", "font": {"size": 12}}},
+    }  # fmt: skip
+    return [
+        mesh(solid, "errors") | colours | {"showscale": True, "flatshading": False},
+        _feet(look, place, count, sizes),
+    ]
+
+
+def mesh(solid: Solid, name: str, colour: str = "", opacity: float = 1.0) -> Figure:
+    """Triangles as plotly draws them.
+
+    Args:
+        solid: the triangles.
+        name: of the trace.
+        colour: of all; '' where something else tells it.
+        opacity: 0 to 1.
+
+    Returns:
+        A trace.
+    """
+    faces = solid.faces.T
+    return {
+        "type": "mesh3d", "uid": name, **xyz(solid.points),  # by its name: colours of another part stay where they are
+        **{key: row.tolist() for key, row in zip("ijk", faces, strict=True)},
+        **({"color": colour} if colour else {}), "opacity": opacity, "flatshading": True, "lighting": LIGHT,
+        "hoverinfo": "skip", "name": name, "showscale": False,
+    }  # fmt: skip
+
+
+def xyz(points: np.ndarray) -> dict[str, list[float]]:
+    """Points as a trace has them, to the micrometre."""
+    return {axis: column for axis, column in zip("xyz", np.round(points, 3).T.tolist(), strict=True)}
+
+
+def _feet(look: Look, place: np.ndarray, count: np.ndarray, sizes: np.ndarray) -> Figure:
+    """What a pointer finds at each arrow: where it is, how large, of how many readings."""
+    words = [
+        f"{', '.join(f'{value:.1f}' for value in spot)} mm<br>{length(each)}, "
+        f"{f'mean of {many} readings' if many > 1 else 'one reading'}"
+        for spot, each, many in zip(place, sizes, count, strict=True)
+    ]
+    return {
+        "type": "scatter3d", "mode": "markers", "name": "readings", "uid": "readings", **xyz(place), "text": words,
+        "hoverinfo": "text", "customdata": _nearest(look, place),
+        "marker": {"size": 6, "opacity": 0.02, "color": MIDDLE},
+    }  # fmt: skip
+
+
+def _nearest(look: Look, place: np.ndarray) -> list[int]:
+    """A reading for each place: what a click picks."""
+    rows = np.flatnonzero(look.kept)
+    own = look.target[rows]
+    return [int(rows[np.argmin(((own - spot) ** 2).sum(axis=1))]) for spot in place]
