@@ -22,6 +22,7 @@ from ptt.run.readers import load_mapping
 from ptt.show.card.bar import bar_html, parts_of_bar
 from ptt.show.card.ghost import ghosts_of
 from ptt.show.card.scene import Lines, legs_at_fault, moved, parts_of, usual_times
+from ptt.show.card.solids import arrows
 from ptt.show.card.words import how_sure, length, parameter_in_words, prefixed, pretty
 from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
@@ -29,11 +30,11 @@ from ptt.show.studio.card_figures import ruler_words
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import COOKIE, Guard, same_origin
-from ptt.show.studio.machine_figure import ROOM, chain_figure
+from ptt.show.studio.machine_figure import ROOM, chain_figure, machine_figure
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.outcomes import JobFailedError, SetupFoundError
 from ptt.show.studio.page import doing, told_of
-from ptt.show.studio.page_again import date_in
+from ptt.show.studio.page_again import change, date_in
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
 from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.pool import Pool
@@ -398,6 +399,27 @@ def test_dexterity_of_both_kinds_of_machine_is_a_table(tmp_path: Path, monkeypat
     assert "869,000" in page and "singular by joints 2 and 3: 22 % of walks" in page and "57 deg" in page
     page = dexterity_html({"home": home | {"edge_mm": 200.0}, "workspace": space | {"near_singular_share": 0.1}})
     assert "200 mm" in page and "10.0 %" in page
+
+
+def test_a_run_that_got_worse_has_a_change_above_zero():
+    assert (change(90.0), change(-60.2)) == ("\N{MINUS SIGN}90.0 %", "+60.2 %")
+
+
+def test_near_arrows_keep_apart_and_lone_ones_are_as_thick_as_they_are_long():
+    start, vector = np.arange(5.0)[:, None] * (1.0, 0.0, 0.0), np.tile((0.0, 0.0, 40.0), (5, 1))
+    near, owner = arrows(start, vector, 1.0, 0.4)
+    wide = [np.ptp(near.points[owner == number][:, 0]) for number in range(5)]
+    assert max(wide) < 0.9 and np.ptp(arrows(start[:1], vector[:1], 1.0)[0].points[:, 0]) > 5.0
+
+
+def test_labels_of_legs_lie_above_and_below_by_turns_and_have_few_lines(learned: Learned, here: Path):
+    look = jobs.look(RUN, MACHINE, silent)
+    values = [{"who": f"slider {leg}", "size": 10.0, "error": 1.0, "unit": "um"} for leg in (1, 2, 3, 3, 3, 3)]
+    ghost = {"shift": learned.ghosts["shift"]["backlash"], "at": 0, "times": 1.0, "values": values}
+    scene = machine_figure(look, 0, scale=1.0, ghost=ghost)["layout"]["scene"]
+    labels = {label["text"].split("<br>")[0]: label for label in scene["annotations"]}
+    assert [np.sign(labels[f"<b>slider {leg}</b>"]["ay"]) for leg in (1, 3, 2)] == [-1, 1, -1]  # from left to right
+    assert labels["<b>slider 3</b>"]["text"].endswith("and 2 more")
 
 
 def test_an_arm_is_drawn_whole(tmp_path: Path):

@@ -9,6 +9,7 @@ import shutil
 import zipfile
 from dataclasses import replace
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from unittest.mock import create_autospec
 
@@ -29,7 +30,7 @@ from ptt.run.readers import Mapping
 from ptt.show.card.solids import arrows
 from ptt.show.report.contents import gather
 from ptt.show.report.of_run import report_run
-from ptt.show.studio import arrow_figure, figures, jobs, machine_figure, opening
+from ptt.show.studio import arrow_figure, figures, jobs, ladder_figures, machine_figure, opening
 from ptt.show.studio.answers import agreed
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import LIMIT
@@ -182,7 +183,7 @@ def test_a_switched_off_effect_leaves_no_held_out_figure(here: Path, added: Chan
     plain = compared.data["rms_um"]["total"]
     words = words_of(start, rungs[-1], noise, "total")
     assert f"{plain:.2f}" in words and "plain RMS; no held-out figure" in words and "switched off" not in words
-    assert figures.ladder_figure(rungs, noise)["data"][1]["y"] == []
+    assert ladder_figures.ladder_figure(rungs, noise)["data"][1]["y"] == []
 
     with_it = start.changed("add", ("backlash",), added)
     rungs, noise = ladder_of(in_tab(with_it))
@@ -196,7 +197,7 @@ def test_a_switched_off_effect_leaves_no_held_out_figure(here: Path, added: Chan
     assert [rung.words for rung in rungs] == ["as given", "+ backlash", "backlash off"]
     words = words_of(off, rungs[-1], noise, "total")
     assert f"Now {plain:.2f}" in words and "plain RMS" in words and "switched off: backlash" in words
-    drawn = figures.ladder_figure(rungs, noise)["data"]
+    drawn = ladder_figures.ladder_figure(rungs, noise)["data"]
     assert [len(trace["y"]) for trace in drawn] == [2, 2, 2, 1]
 
 
@@ -411,8 +412,8 @@ def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed
         machine_figure.machine_figure(look, 0, scale=200.0, machine=False, near=True),
         *(figures.against_figure(look, view, "direction1", picked, ("other", look)) for view in look.views),
         *(figures.against_figure(look, "x", context) for context in look.contexts),
-        figures.ladder_figure(rungs, added.data["noise_um"], "y"),
-        figures.ladder_figure(rungs[:1], added.data["noise_um"]),
+        ladder_figures.ladder_figure(rungs, added.data["noise_um"], "y"),
+        ladder_figures.ladder_figure(rungs[:1], added.data["noise_um"]),
     ]
     for figure in drawn:
         checked = go.Figure(data=figure["data"], layout=figure["layout"])  # refuses what plotly does not know
@@ -422,6 +423,25 @@ def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed
     assert next(t for t in traces if t["name"] == "picked")["customdata"] == picked
     colours = next(t for t in traces if t["name"] == "errors")
     assert colours["cmin"] == 0.0 and colours["colorscale"] == "Cividis"
+
+
+def test_colours_of_curves_stand_out_on_light_and_dark_cards():
+    """The contrast of WCAG for what is drawn, 3 to 1 with rounding; the pale ones lie behind others on purpose."""
+    style = files("ptt.show.studio").joinpath("style.css").read_text(encoding="utf-8")
+    cards = re.findall(r"--card:(#[0-9a-f]+)", style)
+
+    def light(colour: str) -> float:
+        whole = colour if len(colour) == 7 else "#" + "".join(2 * digit for digit in colour[1:])
+        parts = np.asarray([int(whole[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+        return float(
+            np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4) @ (0.2126, 0.7152, 0.0722)
+        )
+
+    assert len(cards) == 2
+    for colour in (figures.BLUE, figures.VIOLET, figures.ORANGE, figures.GREY):
+        for card in cards:
+            low, high = sorted((light(colour), light(card)))
+            assert (high + 0.05) / (low + 0.05) > 2.95, (colour, card)
 
 
 def test_arrows_are_means_of_poses_and_as_long_as_stated(look: Look):

@@ -1,5 +1,6 @@
 """Solid parts of a machine as triangles: tubes, boxes, plates, arrows; for pictures in a browser and on paper alike."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -99,13 +100,14 @@ def plate(corners: np.ndarray, thick: float) -> Solid:
     return Solid(points, np.asarray([(0, 1, 2), (3, 5, 4), *sides]))
 
 
-def arrows(start: np.ndarray, vector: np.ndarray, least: float) -> tuple[Solid, np.ndarray]:
+def arrows(start: np.ndarray, vector: np.ndarray, least: float, most: float = math.inf) -> tuple[Solid, np.ndarray]:
     """Arrows with round shafts and heads.
 
     Args:
         start: (n, 3) mm.
         vector: (n, 3) mm, from tail to tip.
         least: mm, below which an arrow is as thick as one of that length.
+        most: mm, half the width of a head at most, so that near arrows stay apart.
 
     Returns:
         All of them as one solid, and the arrow that each point belongs to, (v,).
@@ -116,7 +118,7 @@ def arrows(start: np.ndarray, vector: np.ndarray, least: float) -> tuple[Solid, 
         length = float(np.linalg.norm(way))
         if length <= 0.0:
             continue
-        thick = WIDTH * min(max(length, least), 2.5 * length)  # a short one is no blob
+        thick = min(WIDTH * min(max(length, least), 2.5 * length), most)  # a short one is no blob
         neck = tail + (1.0 - HEAD) * way
         solids = (tube(tail, neck, 0.38 * thick, 5), _cone(neck, tail + way, thick))
         parts += solids

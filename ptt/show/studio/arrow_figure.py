@@ -1,5 +1,7 @@
 """Errors of a run as arrows in space: the mean of each pose, its colour from zero, its length enlarged."""
 
+import math
+
 import numpy as np
 
 from ptt.show.card.scene import Lines
@@ -12,6 +14,10 @@ SCALE = "Cividis"  # made for every kind of colour vision
 SHOWN = 240  # more hide each other
 REACH = 0.45  # of the path's size that the 95 % arrow takes
 OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
+APART, THIN = (
+    0.4,
+    0.004,
+)  # of the way to the next arrow, of what fills the picture: half a head's width at most, at least
 THICK = 0.045  # of what fills the picture, the length of an arrow below which it gets no thinner
 BAR = {
     "orientation": "h", "thickness": 11, "len": 0.62, "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "bottom",
@@ -78,7 +84,7 @@ def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
     factor, unit = prefixed(sizes.tolist(), "um")
     shown = factor * sizes
     top = float(np.quantile(shown, 0.98)) or 1.0
-    solid, owner = arrows(place, error * scale, THICK * size)
+    solid, owner = arrows(place, error * scale, THICK * size, max(APART * _spacing(place), THIN * size))
     colours = {
         "intensity": np.minimum(shown, top)[owner].tolist(), "colorscale": SCALE, "cmin": 0.0, "cmax": top,
         "colorbar": BAR | {"title": {"text": f"mean error [{unit}]", "side": "top", "font": {"size": 12}}},
@@ -87,6 +93,15 @@ def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
         mesh(solid, "errors") | colours | {"showscale": True, "flatshading": False},
         _feet(look, place, count, sizes),
     ]
+
+
+def _spacing(place: np.ndarray) -> float:
+    """How far arrows stand apart, mm, the middle one of them."""
+    if len(place) < 2:
+        return math.inf
+    apart = np.linalg.norm(place[:, None] - place[None], axis=2)
+    np.fill_diagonal(apart, math.inf)
+    return float(np.median(apart.min(axis=1)))
 
 
 def mesh(solid: Solid, name: str, colour: str = "", opacity: float = 1.0) -> Figure:

@@ -1,18 +1,18 @@
-"""Pictures of the page as plotly dictionaries: residual against a variable, ladder, before and after."""
+"""What pictures of the page share, as plotly dictionaries, and a residual against a variable."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ptt.show.card.words import prefixed
 from ptt.show.studio.looks import Look
-from ptt.show.studio.session import Rung
 
 Figure = dict[str, Any]
 
 MOST = 1500  # readings drawn; more make the page slow and hide each other
-BLUE, PALE, DARK, ORANGE, GREY = "#31688e", "#8fb4d0", "#440154", "#e69f00", "#6b705c"
+# Each stands out against the white card and the dark one, and they tell apart in every colour vision.
+BLUE, PALE, VIOLET, ORANGE, GREY = "#3a84b4", "#8fb4d0", "#9467bd", "#c98500", "#7c8270"
 MIDDLE = "#6f777d"  # read on white and on dark alike
 FONT = {"family": "Roboto, Arial, sans-serif", "size": 13, "color": MIDDLE}
 GRID = "rgba(128,136,144,0.28)"
@@ -123,128 +123,6 @@ def against_figure(
         selectionrevision=str(hash(tuple(picked))),
     )
     return whole_figure(data, layout)
-
-
-def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str = "total") -> Figure:
-    """The error after each step, training and held out, beside the noise floor; plain where nothing was held out.
-
-    Args:
-        rungs: the steps.
-        noise_um: noise floor.
-        axis: 'x', 'y', 'z' or 'total'.
-
-    Returns:
-        The figure.
-    """
-    place = [f"{number}. {rung.words}" for number, rung in enumerate(rungs)]
-    parted = [(at, rung.rms_um, rung.heldout_rms_um) for at, rung in zip(place, rungs, strict=True)]
-    factor, unit = prefixed([float(rung.rms_um[axis]) for rung in rungs], "um")
-    held = [(at, factor * float(figure[axis])) for at, _, figure in parted if figure is not None]
-    train = [(at, factor * float(figure[axis])) for at, figure, other in parted if other is not None]
-    plain = [(at, factor * float(figure[axis])) for at, figure, other in parted if other is None]
-    noise = factor * float(noise_um[axis])
-    data: list[Figure] = [
-        {
-            **_steps(train, "training"),
-            "mode": "lines+markers",
-            "line": {"color": BLUE},
-            "marker": {"size": 13, "symbol": "circle-open", "line": {"width": 2}},
-        },
-        {
-            **_steps(held, "held out"),
-            "mode": "markers+text",
-            "text": [f"{value:.1f}" for _, value in held],
-            "textposition": "top right",
-            "marker": {"size": 8, "symbol": "diamond", "color": ORANGE},
-            "cliponaxis": False,
-        },
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "x": [place[0], place[-1]],
-            "y": [noise, noise],
-            "name": "noise floor",
-            "line": {"color": GREY, "dash": "dash"},
-        },
-        {
-            **_steps(plain, "all rows, not refitted"),
-            "mode": "markers+text",
-            "textposition": "top right",
-            "text": [f"{value:.1f}" for _, value in plain],
-            "cliponaxis": False,
-            "marker": {"size": 11, "symbol": "square-open", "color": BLUE},
-        },
-    ]
-    if len(place) == 1:
-        data[2] |= {"mode": "markers", "marker": {"symbol": "line-ew-open", "size": 40, "color": GREY}}
-    all_of_them = [value for _, value in (*train, *held, *plain)]
-    top, low = max(*all_of_them, noise), min(*all_of_them, noise)
-    ticks = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
-    bounds = [float(np.log10(low / 1.6)), float(np.log10(top * 2.0))]
-    layout = whole_layout(
-        xaxis={**axis_of(""), "type": "category", "categoryorder": "array", "categoryarray": place},
-        showlegend=True,
-        yaxis={**axis_of(f"RMS error, {axis} [{unit}]"), "type": "log", "range": bounds, "tickvals": ticks},
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        margin={"l": 62, "r": 14, "t": 30, "b": 28},
-    )
-    return whole_figure(data, layout)
-
-
-def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Mapping[str, Any]) -> Figure:
-    """Held-out errors per axis as given, after physics and after the network, beside the noise floor.
-
-    Args:
-        stages: 'given', 'physics', 'rbf' -> figures in um.
-        noise_um: noise floor.
-
-    Returns:
-        The figure.
-    """
-    axes = ("x", "y", "z", "total")
-    words = {"given": ("model as given", PALE), "physics": ("refitted", BLUE), "rbf": ("with the network", DARK)}
-    factor, unit = prefixed([float(stages[key][axis]) for key in words for axis in axes], "um")
-    data: list[Figure] = [
-        {
-            "type": "bar",
-            "name": words[key][0],
-            "x": list(axes),
-            "y": [factor * float(stages[key][axis]) for axis in axes],
-            "marker": {"color": words[key][1]},
-            "text": [f"{factor * stages[key][axis]:.1f}" for axis in axes],
-            "textposition": "inside",
-            "insidetextanchor": "start",
-            "textangle": 0,
-            "constraintext": "none",
-            "textfont": {"size": 11},
-        }
-        for key in words
-    ]
-    data.append(
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "noise floor",
-            "x": list(axes),
-            "y": [factor * float(noise_um[axis]) for axis in axes],
-            "marker": {"symbol": "line-ew-open", "size": 44, "color": ORANGE, "line": {"width": 3}},
-        }
-    )
-    layout = whole_layout(
-        xaxis=axis_of(""),
-        barmode="group",
-        showlegend=True,
-        yaxis={**axis_of(f"RMS error, held out [{unit}]"), "rangemode": "tozero"},
-        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0},
-        margin={"l": 62, "r": 10, "t": 40, "b": 30},
-    )
-    return whole_figure(data, layout)
-
-
-def _steps(points: Sequence[tuple[str, float]], name: str) -> Figure:
-    """A trace of the ladder; nothing of it is seen where it has no points."""
-    places, values = [at for at, _ in points], [value for _, value in points]
-    return {"type": "scatter", "x": places, "y": values, "name": name, "visible": bool(points)}
 
 
 def _points(

@@ -15,6 +15,7 @@ from ptt.show.studio.looks import Look
 COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
 GHOST, LETTERS = "#e69f00", "#8a3500"
 LIFT, LINE, ASIDE = 38, 15, 64  # px that a label stands off its part, that a line of it takes, and beside an arm
+SAID = 2  # sizes of one part that a label has
 RIM = 0.04  # of what is drawn, that is left around it
 ROOM = 1.85  # diagonal of what is drawn as the camera sees it: a cube of unit sides, which fills the picture
 EYE = {"x": 1.27, "y": 1.18, "z": 0.62}
@@ -54,7 +55,7 @@ def machine_figure(
         data += [mesh(solid, name, COLOURS[name], seen.get(name, 1.0)) for name, solid in parts_of(lines).items()]
     if ghost is not None and there is not None:
         ghosts = only(there, *legs_at_fault(ghost["shift"])).values()
-        data += [mesh(solid, "ghost", GHOST, 0.5) | {"uid": f"ghost {index}"} for index, solid in enumerate(ghosts)]
+        data += [mesh(solid, "ghost", GHOST, 0.5) | {"uid": f"ghost-{index}"} for index, solid in enumerate(ghosts)]
     if scale:
         data += arrow_traces(look, scale, float(np.linalg.norm(box[1] - box[0])) if near else lines.size)
     if picked:
@@ -89,20 +90,22 @@ def _scene(box: np.ndarray) -> Figure:
 def _labels(there: Lines, values: Sequence[Mapping[str, Any]]) -> list[Figure]:
     """Sizes in words beside the parts that have them, over everything else.
 
-    Labels of sliders, which stand apart, go above and below by turns; those of an arm, whose joints may lie behind each
-    other, to its sides by turns, the higher joint's higher.
+    Labels of legs, which stand side by side, go above and below by turns from left to right; those of an arm, whose
+    joints may lie behind each other, to its sides by turns, the higher joint's higher.
     """
-    parts = [(who, said, place_of_part(there, who)) for who, said in by_part(values)]
-    arm = not len(there.rails)
-    order = sorted(range(len(parts)), key=lambda index: -float(parts[index][2][2]))
-    labels = []
+    parts = [(who, _few(said), place_of_part(there, who)) for who, said in by_part(values)]
+    arm, labels = not len(there.rails), []
+    parts.sort(key=lambda part: -float(part[2][2]) if arm else EYE["x"] * part[2][1] - EYE["y"] * part[2][0])
     for number, (who, said, place) in enumerate(parts):
         tall = LIFT + LINE * len(said)
-        beyond = LIFT + tall * (number // 2)
-        aside = (ASIDE, -ASIDE)[order.index(number) % 2], tall * (order.index(number) - 0.5 * (len(parts) - 1))
-        across, down = aside if arm else (0, beyond if number % 2 else -beyond)
+        aside = (ASIDE, -ASIDE)[number % 2], tall * (number - 0.5 * (len(parts) - 1))
+        across, down = aside if arm else (0, LIFT if number % 2 else -LIFT)
         labels.append(_label(place, [f"<b>{escape(who)}</b>", *map(escape, said)], across, down))
     return labels
+
+
+def _few(said: Sequence[str]) -> list[str]:
+    return [*said[:SAID], f"and {len(said) - SAID} more"] if len(said) > SAID + 1 else list(said)
 
 
 def _label(place: np.ndarray, said: Sequence[str], across: float, down: float) -> Figure:

@@ -187,6 +187,11 @@ def date_in(name: str) -> str:
     return date.today().isoformat()
 
 
+def change(fall: float) -> str:
+    """A fall in percent as a change, for example '-90.0 %' with the real sign."""
+    return f"{-fall:+.1f} %".replace("-", "\N{MINUS SIGN}")
+
+
 def _show_pair(pair: Mapping[str, Any]) -> None:
     with ui.element("div").classes("st-box"):
         ui.html("Before and after", sanitize=False, tag="h2").classes("st-head")
@@ -197,7 +202,7 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
         rows = [
             ("before", *(length(pair["before"]["rms_um"][axis]) for axis in AXES)),
             ("after", *(length(pair["after"]["rms_um"][axis]) for axis in AXES)),
-            ("less by", *("\N{EN DASH}" if fall[axis] is None else f"{fall[axis]:.1f} %" for axis in AXES)),
+            ("change", *("\N{EN DASH}" if fall[axis] is None else change(fall[axis]) for axis in AXES)),
         ]
         caption = "error of the tool against its targets"
         ui.html(table_html(("tool against its targets, rms", *AXES), rows, caption=caption), sanitize=False).classes(
@@ -245,8 +250,8 @@ def _show_months(months: Mapping[str, Any]) -> None:
         if "why" in months:
             ui.label(pretty(months["why"])).classes("st-note")
             return
-        for alarm in months["alarms"]:
-            ui.label(pretty(alarm["words"])).classes("st-tie")
+        for words in dict.fromkeys(alarm["words"] for alarm in months["alarms"]):  # one for several values of an effect
+            ui.label(pretty(words)).classes("st-tie").style("margin: 4px 0")
         plot = ui.plotly(error_figure(months["history"])).classes("w-full").style("height: 210px")
         plot.props('role=img aria-label="error with the model by date"')
         for value in months["values"]:

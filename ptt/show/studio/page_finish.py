@@ -7,8 +7,9 @@ from nicegui import events, ui
 from ptt.errors import PttError
 from ptt.show.card.words import length, percent
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import before_after_figure, empty_figure
+from ptt.show.studio.figures import empty_figure
 from ptt.show.studio.guard import LIMIT
+from ptt.show.studio.ladder_figures import before_after_figure
 from ptt.show.studio.page_export import build_export
 from ptt.show.studio.page_tools import build_tools
 from ptt.show.studio.results import SEAL

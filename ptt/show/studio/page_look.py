@@ -19,6 +19,7 @@ from ptt.show.studio.tables import table_html
 PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}
 SHOWN = 60  # rows of the table
 NONE = "nothing"
+PLACES = {"mm": 4, "m": 6, "mrad": 4, "rad": 6}  # behind the point, one with micro
 ROWS = "e => emit((e?.points ?? []).map(p => p.customdata).filter(row => row !== undefined))"
 POINTED = "e => { getElement(ID).pointed = e?.points?.[0]?.customdata; }"
 LEFT = "() => { getElement(ID).pointed = undefined; }"
@@ -243,10 +244,12 @@ def _table(look: Look, rows: Sequence[int]) -> str:
     cells = []
     for row in rows:
         own = [str(look.line[row]), look.name[row], look.run[row], *(_number(value, 2) for value in look.target[row])]
+        size = float(np.linalg.norm(look.residual[row]))
+        own += [_number(factor * value, PLACES.get(length_unit, 1)) for value in (*look.residual[row], size)]
         own += [
-            _number(factor * value, 1) for value in (*look.residual[row], float(np.linalg.norm(look.residual[row])))
+            _number(times * look.views[name][row], PLACES.get(unit, 1))
+            for name, (unit, times) in zip(inner, units, strict=True)
         ]
-        own += [_number(times * look.views[name][row], 1) for name, (_, times) in zip(inner, units, strict=True)]
         cells.append(own)
     return table_html(heads, cells, words=3, caption="readings with their errors")
 

@@ -7,7 +7,8 @@ from nicegui import ui
 from ptt.machine import EffectEntry
 from ptt.show.card.words import parameter_in_words, pretty
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, empty_figure, ladder_figure, short_label
+from ptt.show.studio.figures import against_figure, empty_figure, short_label
+from ptt.show.studio.ladder_figures import ladder_figure
 from ptt.show.studio.page_look import first_of
 from ptt.show.studio.session import Rung, Session, Snapshot, key_of, parameter_rows
 from ptt.show.studio.tables import table_html

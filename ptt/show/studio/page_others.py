@@ -8,7 +8,7 @@ from nicegui import ui
 from ptt.show.card.words import length, percent, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_effect import open_effect
-from ptt.show.studio.results import Learned
+from ptt.show.studio.results import Learned, Source
 from ptt.show.studio.session import key_of
 
 HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told from", "")
@@ -21,6 +21,7 @@ class OthersView:
         """Build it."""
         self.studio, self.add = studio, add
         self.shown: Learned | None = None
+        self.of: Source | None = None
         self.adds: dict[str, ui.button] = {}
         with (
             ui.element("div").classes("st-box") as self.box,
@@ -34,6 +35,8 @@ class OthersView:
         """Take over a changed session; rows stay where they are."""
         session = self.studio.session
         lesson = session.lesson
+        if session.source is not self.of:  # what was found of another run is no news of this one
+            self.of, self.shown = session.source, None
         self.box.set_visibility(lesson is not None or self.shown is not None)
         if lesson is not None and lesson is not self.shown:
             self.shown = lesson
