@@ -40,6 +40,15 @@ def read_bytes(path: str | Path, error: type[InputError] = InputError, largest: 
         InputError: it is missing, a folder, no plain file (a pipe may never end), too large, or unreadable (as the
             given `error` type).
     """
+    require_file(path, error, largest)
+    try:
+        return Path(path).read_bytes()
+    except OSError as failed:
+        raise error(f"cannot be read ({failed.strerror})", where=str(path), fix="check the path") from None
+
+
+def require_file(path: str | Path, error: type[InputError] = InputError, largest: float = LARGEST) -> None:
+    """Refuse what is no plain file to be read; arguments and errors as `read_bytes`."""
     where = str(path)
     try:
         about = os.stat(path)
@@ -50,7 +59,8 @@ def read_bytes(path: str | Path, error: type[InputError] = InputError, largest: 
         if about.st_size > largest:
             what = f"{about.st_size / 1e6:.0f} MB, more than the {largest / 1e6:.0f} MB that are read at once"
             raise error(what, where=where, fix="cut it into several files")
-        return Path(path).read_bytes()
+        with open(path, "rb"):
+            pass
     except FileNotFoundError:
         raise error("no such file", where=where, fix="check the path") from None
     except OSError as failed:

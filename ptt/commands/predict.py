@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -20,6 +20,11 @@ from ptt.commands.common import (
     refuse_readings,
     show,
 )
+
+if TYPE_CHECKING:
+    from ptt.door.model import Model
+    from ptt.door.predicting import Predicted
+    from ptt.door.streaming import Streamed
 
 CANNOT_WORK = 3  # exit code: poses that cannot work
 
@@ -58,12 +63,31 @@ def predict(
     refuse_readings(out)
     reading = Reading(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
     loaded = load(model, effects=effects or ())
-    rows = targets_path(targets, loaded, reading, ask=asker(reading), note=note)
     way: Literal["software", "none"] | None = None if reversal is None else reversal.value
-    with progress() as tell:
-        result = invert(loaded, rows, reversal=way, limit_mm=limit_mm, anyway=anyway, progress=tell, note=note)
-    result.to_csv(out)
-    for line in result.warnings:
+    asked: dict[str, Any] = {"reversal": way, "limit_mm": limit_mm, "anyway": anyway, "note": note}
+    done = _in_parts(loaded, targets, reading, out, asked)
+    if done is None:
+        rows = targets_path(targets, loaded, reading, ask=asker(reading), note=note)
+        with progress() as tell:
+            done = invert(loaded, rows, progress=tell, **asked)
+        done.to_csv(out)
+    for line in done.warnings:
         note(f"warning: {line}")
-    show(result.to_dict(), str(result), json)
-    return 0 if result.sent.all() else CANNOT_WORK
+    figures = done.to_dict()
+    show(figures, str(done), json)
+    return 0 if figures["sent"] == figures["rows"] else CANNOT_WORK
+
+
+def _in_parts(
+    model: "Model", targets: Path, reading: Reading, out: Path, asked: dict[str, Any]
+) -> "Streamed | Predicted | None":
+    """Commands of a long list, written; None where it is short, or has to be read at once."""
+    from ptt.door.streaming import NotInParts, is_long, predict_file
+
+    if not is_long(targets):
+        return None
+    try:
+        with progress() as tell:
+            return predict_file(model, targets, reading, out, ask=asker(reading), progress=tell, **asked)
+    except NotInParts:
+        return None

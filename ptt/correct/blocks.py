@@ -45,33 +45,68 @@ class Block:
         return slice(self.first - self.low, self.last - self.low)
 
 
-def settle_blocks(task: Task) -> Iterator[tuple[Block, Solved, np.ndarray, np.ndarray]]:
+Settled = tuple[Block, Task, Solved, np.ndarray, np.ndarray]
+
+
+def settle_blocks(task: Task) -> Iterator[Settled]:
     """Invert block after block.
 
     Args:
         task: all targets.
 
     Yields:
-        Each block; commands, status and static correction of its rows and those beside, as `settle` hands them back.
+        Each block; its task, and commands, status and static correction of its rows and those beside.
     """
     behind, table = None, task.targets
     parts = stretches(table.rows, ROWS)
-    if len(parts) > 1:
-        task = replace(task, clock=None if task.clock is None else _with_one_clock(task.clock))
+    if len(parts) > 1 and task.clock is not None:
+        task = replace(task, clock=with_one_clock(task.clock, shows_feed(task.clock)))
     for first, last in parts:
-        high = _seen_to(task, first, last, behind)
-        block = Block(first, last, high, behind)
-        part = cut(task, block)
-        solved, status, shift = settle(part)
-        yield block, solved, status, shift
-        behind = hand_on(part, solved, block.own.stop, BESIDE) if last < table.rows else None
+        settled = settle_block(task, first, last, behind)
+        yield settled
+        behind = leave_block(settled) if last < table.rows else None
+
+
+def settle_block(task: Task, first: int, last: int, behind: Behind | None) -> Settled:
+    """Invert one block.
+
+    Args:
+        task: it, the rows before it that are handed on, and all behind it that it may look at.
+        first: its first row.
+        last: the row after its last.
+        behind: what the rows before hand on.
+
+    Returns:
+        As `settle_blocks`.
+    """
+    block = Block(first, last, _seen_to(task, first, last, behind), behind)
+    part = cut(task, block)
+    return block, part, *settle(part)
+
+
+def leave_block(settled: Settled) -> Behind | None:
+    """What a block hands on to the rows behind it."""
+    block, part, solved, _, _ = settled
+    return hand_on(part, solved, block.own.stop, BESIDE)
+
+
+def ahead(run: np.ndarray, first: int, last: int, behind: Behind | None) -> int:
+    """How many rows behind a block it may look at: many only where a run begins in it.
+
+    Args:
+        run: run codes of the rows up to its last, (n,).
+        first: its first row.
+        last: the row after its last.
+        behind: what the rows before hand on.
+    """
+    return CHUNK if behind is None or first == 0 or (run[first:last] != run[first - 1]).any() else BESIDE
 
 
 def cut(task: Task, block: Block) -> Task:
     """The task of a block and the rows beside it."""
     rows = slice(block.low, block.high)
     if (block.low, block.high) == (0, task.targets.rows):
-        return task
+        return replace(task, behind=block.behind)
     names = ("wanted", "asked", "nominal", "start", "time")
     own = {name: getattr(task, name)[rows] for name in names}
     index = np.arange(block.low, block.high)
@@ -99,8 +134,21 @@ def _seen_to(task: Task, first: int, last: int, behind: Behind | None) -> int:
     return min(last + CHUNK, rows)
 
 
-def _with_one_clock(table: Table) -> Table:
-    """The column alone that tells speeds of the whole list, so that a block without it takes no other."""
-    if table.feed_mm_s is not None and np.nan_to_num(table.feed_mm_s).max() > 0.0:
+def shows_feed(table: Table) -> bool:
+    """Whether the feed tells speeds."""
+    return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
+
+
+def with_one_clock(table: Table, feed: bool) -> Table:
+    """The column alone that tells speeds of the whole list, so that a block without it takes no other.
+
+    Args:
+        table: some of its rows.
+        feed: whether that is the feed.
+
+    Returns:
+        The same rows.
+    """
+    if feed and table.feed_mm_s is not None:
         return table.replace(feed_mm_s=np.nan_to_num(table.feed_mm_s), time_s=None)
     return table.replace(feed_mm_s=None)

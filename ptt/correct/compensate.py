@@ -1,25 +1,23 @@
 """Corrected commands: the joint values that put the real tool where it is wanted, each row with a status of its own."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.blocks import Block, cut, settle_blocks
+from ptt.correct.blocks import settle_blocks
 from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, command_sigma, doubtful
-from ptt.correct.task import Task, first_order, nearest_commands
+from ptt.correct.nearest import places_of
+from ptt.correct.task import Solved, Task, first_order, nearest_commands
 from ptt.correct.terms import Reversal, split_terms
-from ptt.effects import Effect
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
 from ptt.progress import Progress
-from ptt.run.cores import map_cores
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.view import elapsed
@@ -73,76 +71,93 @@ def compensate(
     """
     tell = progress or (lambda what, done, of: None)
     tell("invert", 0, 1)
-    steady, turning, words = split_terms(model, reversal)
-    task = _prepare(model, targets, correction, (steady, turning), limit)
-    found = _settle(task, tell)
-    sent = sent_rows(found.status)
-    in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(task.wanted.numpy())
-    about = partial(_judge, task, found, sent, in_domain, network)
-    parts = list(map_cores(about, found.blocks))
-    sigma, simple, gap = (np.concatenate(values) for values in zip(*(part[:3] for part in parts), strict=True))
-    promised = next((part[3] for part in parts if part[3] is not None), None)  # the same for all
-    found.status[sent & doubtful(sigma, found.shift, promised)] = UNCERTAIN
-    nearest, distance = nearest_commands(task, sent)
+    plan = plan_of(model, reversal, limit, network)
+    task, rows = prepare(plan, targets, correction), targets.rows
+    done = []
+    for block, part, solved, said, moved in settle_blocks(task):
+        done.append(finish(plan, part, block.own, (solved, said, moved), inside))
+        if block.last < rows:
+            tell("invert", block.last, rows)
+    commands = joined(done)
+    places, ways = places_of(task.wanted, task.nominal, commands.sent), np.flatnonzero(~commands.sent)
+    nearest, distance = nearest_commands(task, ways, places)
     tell("done", 1, 1)
-    blank = np.where(sent[:, None], 0.0, np.nan)
-    reversed_ = found.q - found.height
-    return Commands(
-        found.q + blank,
-        reversed_ + blank,
-        found.status,
-        in_domain,
-        found.shift,
-        simple + reversed_,
-        gap,
-        words,
-        np.where(sent, found.missed, np.nan),
-        nearest,
-        distance,
-        np.where(sent, sigma, np.nan),
-    )
+    return replace(commands, nearest=nearest, nearest_gap=distance)
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What an inversion ends with, n rows: as `Solved`, the tool's miss in mm, and the blocks."""
+class Plan:
+    """What an inversion is to do, whatever the targets are.
 
-    height: np.ndarray
-    q: np.ndarray
-    missed: np.ndarray
-    status: np.ndarray
-    shift: np.ndarray
-    blocks: list[Block]
+    Attributes:
+        model: effects with their parameters.
+        steady: effects that depend on pose and context.
+        turning: effects that depend on the way there and are compensated here.
+        words: who compensates what at a reversal.
+        limit: largest correction that is sent, mm.
+        network: what the network that made the correction leaves, where that is known.
+    """
+
+    model: Model
+    steady: Shifts
+    turning: Shifts
+    words: str
+    limit: float
+    network: NetworkError | None
+
+    @property
+    def follows_speed(self) -> bool:
+        """Whether an effect may look at speeds; one of the user's own may do so without a word."""
+        effects = [effect for effect, _ in (*self.steady, *self.turning)]
+        return any("speed" in each.requires or not type(each).__module__.startswith("ptt.") for each in effects)
 
 
-def _settle(task: Task, tell: Progress) -> _Found:
-    rows, joints = task.nominal.shape
-    height, q, missed, shift = np.empty((rows, joints)), np.empty((rows, joints)), np.empty(rows), np.empty(rows)
-    status, blocks = np.empty(rows, dtype=object), []
-    for block, solved, said, moved in settle_blocks(task):
-        here, own = slice(block.first, block.last), block.own
-        height[here], q[here] = solved.height[own].numpy(), solved.q[own].numpy()
-        missed[here], status[here], shift[here] = solved.missed[own].norm(dim=1).numpy(), said[own], moved[own]
-        blocks.append(block)
-        if block.last < rows:
-            tell("invert", block.last, rows)
-    return _Found(height, q, missed, status, shift, blocks)
+def plan_of(model: Model, reversal: Reversal | None, limit: float, network: NetworkError | None) -> Plan:
+    """What an inversion is to do; arguments as `compensate`."""
+    return Plan(model, *split_terms(model, reversal), limit, network)
 
 
-def _judge(
-    task: Task, found: _Found, sent: np.ndarray, in_domain: np.ndarray, network: NetworkError | None, block: Block
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float | None]:
-    """Of the rows of a block: sigma, the first-order command and how far off it is; and the error that is promised."""
-    part, own, seen = cut(task, block), block.own, slice(block.low, block.high)
-    sigma, promised = np.full(block.high - block.low, np.nan), None
-    if sent[seen].any():
-        q, terms, part = torch.as_tensor(found.q[seen]), [*task.steady, *task.turning], part.paced(sent[seen])
-        sigma, promised = command_sigma(task.model, part, terms, q, in_domain[seen], network)
-    here = slice(block.first, block.last)
-    height = torch.as_tensor(found.height[here])
-    simple = first_order(task.mechanism, task.wanted[here], height, sent[here])
-    gap = (task.mechanism.forward(simple) - task.mechanism.forward(height)).norm(dim=1)
-    return sigma[own], simple.numpy(), gap.numpy(), promised
+def finish(
+    plan: Plan, part: Task, own: slice, settled: tuple[Solved, np.ndarray, np.ndarray], inside: Inside | None
+) -> Commands:
+    """The commands of a block whose inversion has settled, without the nearest ones of rows that are not sent.
+
+    Args:
+        plan: what was to be done.
+        part: the task of the block and the rows beside it.
+        own: its rows among them.
+        settled: as `ptt.correct.task.settle` hands it back.
+        inside: which wanted positions lie in the network's training domain.
+
+    Returns:
+        The commands of its own rows.
+    """
+    solved, status, shift = settled
+    sent = sent_rows(status)
+    in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(part.wanted.numpy())
+    sigma, promised = np.full(len(sent), np.nan), None
+    if sent[own].any():
+        terms, paced = [*part.steady, *part.turning], part.paced(sent)
+        sigma, promised = command_sigma(plan.model, paced, terms, solved.q, in_domain, plan.network)
+    q, height, sent, sigma, shift = solved.q[own].numpy(), solved.height[own], sent[own], sigma[own], shift[own]
+    status = status[own].copy()
+    status[sent & doubtful(sigma, shift, promised)] = UNCERTAIN
+    simple = first_order(part.mechanism, part.wanted[own], height, sent)
+    gap = (part.mechanism.forward(simple) - part.mechanism.forward(height)).norm(dim=1).numpy()
+    blank, reversed_ = np.where(sent[:, None], 0.0, np.nan), q - height.numpy()
+    missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
+    nothing, sigma = np.full(q.shape, np.nan), np.where(sent, sigma, np.nan)
+    return Commands(
+        q + blank, reversed_ + blank, status, in_domain[own], shift, simple.numpy() + reversed_, gap, plan.words,
+        missed, nothing, nothing[:, 0].copy(), sigma,
+    )  # fmt: skip
+
+
+def joined(parts: Sequence[Commands]) -> Commands:
+    """The commands of several blocks, one behind the other."""
+    values = [vars(part) for part in parts]
+    one = {name: np.concatenate([each[name] for each in values]) for name in values[0] if name != "reversal_note"}
+    return Commands(**one, reversal_note=parts[0].reversal_note)
 
 
 def missing_context(model: Model, targets: Table) -> list[str]:
@@ -193,23 +208,30 @@ def _posture(model: Model, targets: Table) -> Tensor | None:
     return torch.as_tensor(np.array(targets.command, dtype=float))
 
 
-def _prepare(
-    model: Model, targets: Table, correction: Correction | None, terms: tuple[Shifts, Shifts], limit: float
-) -> Task:
-    mechanism = build_mechanism(model.file.machine)
-    near = _posture(model, targets)
-    wanted = _wanted(model, targets) if near is None else mechanism.forward(near).numpy()
+def prepare(plan: Plan, targets: Table, correction: Correction | None, time: Tensor | None = None) -> Task:
+    """What an inversion of some targets begins with.
+
+    Args:
+        plan: what is to be done.
+        targets: the rows.
+        correction: what a network adds.
+        time: seconds since the first row of the whole list, (n,) s; None: these are the whole list.
+
+    Returns:
+        The task.
+
+    Raises:
+        TableError: a row without target.
+    """
+    mechanism = build_mechanism(plan.model.file.machine)
+    near = _posture(plan.model, targets)
+    wanted = _wanted(plan.model, targets) if near is None else mechanism.forward(near).numpy()
     place = torch.as_tensor(wanted)
     asked = place if correction is None else torch.as_tensor(correction(wanted))
     nominal = mechanism.inverse(place, None, near)
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
-    time = elapsed(targets)
-    follows = any(map(_follows_speed, (effect for part in terms for effect, _ in part)))
-    clock, targets = targets if follows else None, targets.replace(time_s=None, feed_mm_s=None)
-    return Task(model, targets, mechanism, *terms, place, asked, nominal, start, limit, time, clock=clock)
-
-
-def _follows_speed(effect: Effect) -> bool:
-    """Whether an effect may look at speeds; one of the user's own may do so without a word."""
-    return "speed" in effect.requires or not type(effect).__module__.startswith("ptt.")
+    time = elapsed(targets) if time is None else time
+    clock, targets = targets if plan.follows_speed else None, targets.replace(time_s=None, feed_mm_s=None)
+    ways = plan.steady, plan.turning
+    return Task(plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, clock=clock)

@@ -14,7 +14,7 @@ from ptt.mechanisms.workspace import near_singular, travel_margin
 
 HALVINGS = 20  # of the way: a metre to a micrometre
 
-Nearest = Callable[[Tensor], np.ndarray] | None
+Nearest = Callable[[Tensor], tuple[Tensor, Tensor]] | None
 
 
 @dataclass(frozen=True)
@@ -49,42 +49,46 @@ class Ways:
         return place, torch.where(_works(self.mechanism, place, q)[:, None], q, torch.nan)
 
 
-def nearest_of(wanted: Tensor, sent: np.ndarray) -> Nearest:
-    """Who knows the row that is sent nearest to a place.
+def places_of(wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Nearest:
+    """Who knows the place that is sent nearest to another.
 
     Args:
         wanted: targets, (n, 3) mm.
+        nominal: their joint values by the drawing, (n, k).
         sent: (n,) bool.
 
     Returns:
-        Places (m, 3) mm -> rows (m,) int; None where no target is sent, or all are.
+        Places (m, 3) mm -> the nearest ones, (m, 3) mm, and their joint values, (m, k); None where no target is sent,
+        or all are.
     """
     if not sent.any() or sent.all():
         return None
     from scipy.spatial import cKDTree
 
     rows, tree = np.flatnonzero(sent), cKDTree(wanted[sent].numpy())
-    return lambda goal: np.asarray(rows[tree.query(goal.numpy())[1]])
+
+    def nearest(goal: Tensor) -> tuple[Tensor, Tensor]:
+        index = rows[tree.query(goal.numpy())[1]]
+        return wanted[index], nominal[index]
+
+    return nearest
 
 
-def find_ways(mechanism: Mechanism, wanted: Tensor, nominal: Tensor, goal: Tensor, nearest: Nearest) -> Ways:
+def find_ways(mechanism: Mechanism, goal: Tensor, nearest: Nearest) -> Ways:
     """Find how far the drawing can go from the nearest target that is sent toward each that is not.
 
     Where no target is sent, the ways begin at the home pose.
 
     Args:
         mechanism: the nominal one.
-        wanted: targets, (n, 3) mm.
-        nominal: their joint values by the drawing, (n, k); NaN where there are none.
         goal: those that are not sent, (m, 3) mm.
-        nearest: from places to the rows that are sent nearest; None where there are none.
+        nearest: from places to those that are sent nearest, and their joint values; None where there are none.
 
     Returns:
         The ways.
     """
     if nearest is not None:
-        index = nearest(goal)
-        begin, near = wanted[index], nominal[index]
+        begin, near = nearest(goal)
     else:
         near = torch.as_tensor(mechanism.home(), dtype=torch.float64).expand(len(goal), -1)
         begin = mechanism.forward(near)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.lead import Lead, lead_of
-from ptt.correct.nearest import Nearest, find_ways, nearest_of
+from ptt.correct.nearest import Nearest, find_ways
 from ptt.correct.newton import MISSED, holding, invert, invert_together, least_move
 from ptt.effects.drive import FollowingError
 from ptt.effects.memory import Passed, go_on
@@ -182,19 +182,19 @@ def hand_on(task: Task, solved: Solved, rows: int, beside: int) -> Behind | None
     return Behind(passed, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
 
 
-def nearest_commands(task: Task, sent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def nearest_commands(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
     """Commands that work beside targets that are not sent.
 
     Args:
         task: the targets.
-        sent: rows with a command of their own, (n,) bool.
+        rows: those that are not sent, (m,) int.
+        nearest: from places to those that are sent nearest, and their joint values; None where there are none.
 
     Returns:
         Commands (n, k) of the last places that work on the way, without reversal, and the distance (n,) mm from there
         to the target; NaN where there are none.
     """
-    q, distance = np.full(task.nominal.shape, np.nan), np.full(len(sent), np.nan)
-    rows, nearest = np.flatnonzero(~sent), nearest_of(task.wanted, sent)
+    q, distance = np.full(task.nominal.shape, np.nan), np.full(len(task.nominal), np.nan)
     for first, last in stretches(len(rows), CHUNK):
         here = rows[first:last]
         q[here], distance[here] = _nearest(task, here, nearest)
@@ -205,7 +205,7 @@ def _nearest(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray
     """The same for some rows that are not sent, (m,) int."""
     q, distance = np.full((len(rows), task.nominal.shape[1]), np.nan), np.full(len(rows), np.nan)
     goal = task.wanted[rows]
-    ways, table = find_ways(task.mechanism, task.wanted, task.nominal, goal, nearest), take_rows(task.targets, rows)
+    ways, table = find_ways(task.mechanism, goal, nearest), take_rows(task.targets, rows)
     for spare in SPARES:
         place, start = ways.places(spare)
         part = replace(

@@ -1,6 +1,6 @@
 """`ptt.predict`: the commands that put the real tool on its targets."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from ptt.door.opened import check_rows
 from ptt.door.outputs import refuse_readings
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
 from ptt.door.run import RowsLike
+from ptt.door.tally import Tally, tally
 from ptt.door.words import as_targets
 from ptt.errors import InputError, TableError
 from ptt.files import write_parts
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 USAGE = "predict(model, targets)"
-SENT = ("ok", "uncertain")
-LINES_SHOWN = 5
 BARE = "the model has no effects: these are the drawing's own commands; `ptt diagnose` says what is missing"
 
 REVERSALS = ("software", "none")
@@ -83,7 +82,7 @@ class Predicted(Result):
         """Columns of the input, then what to send, as `ptt predict` writes them."""
         import pandas as pd
 
-        return pd.DataFrame(_columns(self.table, self.commands))
+        return pd.DataFrame(sliders_columns(self.table, self.commands))
 
     def to_csv(self, path: str | Path) -> None:
         """Write the commands, whole or not at all.
@@ -95,17 +94,18 @@ class Predicted(Result):
             InputError: it holds readings, or cannot be written.
         """
         refuse_readings(Path(path))
-        write_parts(path, text_parts(_columns(self.table, self.commands)))
+        write_parts(path, text_parts(sliders_columns(self.table, self.commands)))
         self._written[:] = [str(path)]
 
     def _figures(self) -> Mapping[str, Any]:
         out = self._written[0] if self._written else None
-        data = _summary(self.commands, out, self.network, self.limit_mm)
-        return data | {"target_frame": [frame.to_dict() for frame in self.frames if frame.source != "base"]}
+        return summary_of(tally(self.table, self.commands), out, self.network, self.limit_mm) | frame_figures(
+            self.frames
+        )
 
     def __str__(self) -> str:
         """What the command prints."""
-        return _text(self.to_dict())
+        return text_of_figures(self.to_dict())
 
     def plot(self) -> "Figure":
         """Draw how far each command goes beside the drawing's, over the targets and in their order."""
@@ -142,20 +142,42 @@ def predict(
         SetupError: a mistake in the set-up, unless `anyway`.
         TableError: a row without target.
     """
-    if reversal not in (None, *REVERSALS):
-        raise InputError(f"'{reversal}' is not known", where="reversal", fix=f"use {' or '.join(REVERSALS)}")
+    require_reversal(reversal)
     machine, tell = as_model(model, USAGE), Heard(note)
     rows = as_targets(targets, machine, USAGE)
     check_rows(machine.file, rows, anyway=anyway, note=tell)
     table, frames = rows.table, target_frames(machine.file, rows.table)
-    for frame in frames:
-        if frame.source not in ("base", "unknown"):
-            tell(f"targets are taken to be in {frame.words}")
+    tell_frames(frames, tell)
     commands = _invert(machine, table, reversal, limit_mm, progress)
     network = machine.compensator.network is not None
-    bare = [] if machine.physics.terms or network else [BARE]
-    warnings = (*bare, *missing_context(machine.physics, table), *_warnings(table, commands))
+    warnings = warnings_of(machine, table, tally(table, commands))
     return Predicted(commands, table, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
+
+
+def require_reversal(reversal: str | None) -> None:
+    """Refuse a word for reversal compensation that is none."""
+    if reversal not in (None, *REVERSALS):
+        raise InputError(f"'{reversal}' is not known", where="reversal", fix=f"use {' or '.join(REVERSALS)}")
+
+
+def tell_frames(frames: Iterable[RunFrame], note: Note) -> None:
+    """Say in which frames targets are stated where that is not the base's."""
+    for frame in frames:
+        if frame.source not in ("base", "unknown"):
+            note(f"targets are taken to be in {frame.words}")
+
+
+def warnings_of(machine: Model, table: Table, counted: Tally) -> tuple[str, ...]:
+    """What a person should know before commands are sent.
+
+    Args:
+        machine: the model.
+        table: the targets, or some of them.
+        counted: what became of all of them.
+    """
+    network = machine.compensator.network is not None
+    bare = [] if machine.physics.terms or network else [BARE]
+    return (*bare, *missing_context(machine.physics, table), *counted.warnings(table.source, network=network))
 
 
 def _invert(machine: Model, table: Table, reversal: Reversal | None, limit_mm: float, progress: Progress) -> Commands:
@@ -184,8 +206,17 @@ def _posture(table: Table) -> np.ndarray:
     return table.command
 
 
-def _columns(table: Table, commands: Commands) -> dict[str, np.ndarray]:
-    """Columns of the input, then what to send."""
+def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = None) -> dict[str, np.ndarray]:
+    """Columns of the input, then what to send.
+
+    Args:
+        table: the targets.
+        commands: what to send there.
+        sent: whether all rows of the list are sent, where these are some of them.
+
+    Returns:
+        Title -> (n,).
+    """
     given = columns_of(table)
     if "role" not in given and "role" in table.understood.mapping.columns.values():
         given["role"] = table.role
@@ -196,7 +227,7 @@ def _columns(table: Table, commands: Commands) -> dict[str, np.ndarray]:
     columns["status"] = commands.status
     columns["shift_um"] = 1e3 * commands.shift
     columns["sigma_um"] = 1e3 * commands.sigma
-    if not commands.sent.all():
+    if not (commands.sent.all() if sent is None else sent):
         _put(columns, "nearest", commands.nearest)
         columns["nearest_mm"] = commands.nearest_gap
     return columns
@@ -206,59 +237,27 @@ def _put(columns: dict[str, np.ndarray], stem: str, values: np.ndarray) -> None:
     columns.update({f"{stem}{joint + 1}": values[:, joint] for joint in range(values.shape[1])})
 
 
-def _summary(commands: Commands, out: str | None, network: bool, limit_mm: float) -> dict[str, Any]:
-    known = commands.sent & (commands.sigma >= 0.0)
+def summary_of(counted: Tally, out: str | None, network: bool, limit_mm: float) -> dict[str, Any]:
+    """What is said of commands, for JSON."""
     return {
-        "rows": len(commands.q),
+        "rows": counted.rows,
         "out": out,
-        "status": commands.counts,
-        "sent": int(commands.sent.sum()),
+        "status": counted.status,
+        "sent": counted.sent,
         "limit_mm": limit_mm,
         "network": network,
-        "in_domain": int(commands.in_domain.sum()),
-        "form": "exact inversion",
-        "first_order_difference_um": _largest_um(commands.first_order_gap, commands.sent),
-        "largest_shift_um": _largest_um(commands.shift, commands.sent),
-        "largest_sigma_um": _largest_um(commands.sigma, commands.sent) if known.any() else None,
-        "reversal": commands.reversal_note,
-        "largest_reversal_um": _largest_um(abs(commands.reversal).max(axis=1), commands.sent),
+        "in_domain": counted.in_domain,
+        **counted.figures(),
     }
 
 
-def _largest_um(values: np.ndarray, sent: np.ndarray) -> float:
-    """Largest value of the rows that are sent, of values (n,) mm."""
-    return 1e3 * float(values[sent].max(initial=0.0))
+def frame_figures(frames: Iterable[RunFrame]) -> dict[str, Any]:
+    """In which frames targets were stated, for JSON."""
+    return {"target_frame": [frame.to_dict() for frame in frames if frame.source != "base"]}
 
 
-def _warnings(table: Table, commands: Commands) -> list[str]:
-    lines = []
-    if not commands.sent.all():
-        kinds = [_rows_with(table, commands, status) for status in commands.counts if status not in SENT]
-        count = f"{int((~commands.sent).sum())} of {len(commands.q)} rows are not sent"
-        lines.append(f"{table.source}: {count}: {'; '.join(kind for kind in kinds if kind)}")
-    unsure = _rows_with(table, commands, "uncertain")
-    if unsure:
-        lines.append(
-            f"{table.source}: {unsure}: sent, but the fit leaves more open there than its held-out error says;"
-            " measure near them"
-        )
-    outside = int((~commands.in_domain).sum())
-    if outside:
-        lines.append(f"{outside} of {len(commands.q)} targets lie outside the network's training domain: physics only")
-    return lines
-
-
-def _rows_with(table: Table, commands: Commands, status: str) -> str:
-    rows = (commands.status == status).nonzero()[0]
-    if not len(rows):
-        return ""
-    named = ", ".join(str(table.line[row]) for row in rows[:LINES_SHOWN])
-    return (
-        f"{len(rows)} {status} (row{'s' if len(rows) > 1 else ''} {named}{', ...' if len(rows) > LINES_SHOWN else ''})"
-    )
-
-
-def _text(data: dict[str, Any]) -> str:
+def text_of_figures(data: dict[str, Any]) -> str:
+    """The same for a person."""
     counts = ", ".join(f"{count} {status}" for status, count in data["status"].items() if count)
     return "\n".join(
         [

@@ -1,7 +1,7 @@
 """Tracker CSV <-> Table: one run or several of targets, joint commands, readings and context, in travel order."""
 
+from collections.abc import Iterator, Sequence
 from collections.abc import Mapping as Dictionary
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,10 @@ from ptt.errors import TableError
 from ptt.files import sha256, write_parts
 from ptt.run.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
 from ptt.run.readers.assemble import set_columns, table_fields
+from ptt.run.readers.export import Export
 from ptt.run.readers.joined import join_fields
 from ptt.run.readers.order import in_travel_order, refuse_order
+from ptt.run.readers.parts import read_parts
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.written import columns_of, text_parts
 
@@ -198,7 +200,23 @@ def _read_one(
     judge_scale: bool,
     judge_order: bool,
 ) -> Table:
-    export = read_any(path, request)
+    return _table_of(
+        path, read_any(path, request), joints, prefix, targets, set_values, request, judge_scale, judge_order
+    )
+
+
+def _table_of(
+    path: str | Path,
+    export: Export,
+    joints: int,
+    prefix: str,
+    targets: str | Path | None,
+    set_values: Dictionary[str, float | str],
+    request: Request,
+    judge_scale: bool,
+    judge_order: bool,
+    digest: str = "",
+) -> Table:
     if targets is not None:
         wanted = Request("beside", request.mapping.targets or Mapping(), request.ask)
         poses = read_any(targets, wanted)
@@ -213,12 +231,36 @@ def _read_one(
     arrays, warnings = table_fields(export, joints, prefix, request.purpose)
     constants = [f"{name} set to {value:g} in every row" for name, value in values.items()]
     understood = replace(export.understood, lines=(*export.understood.lines, *constants, *moved, *warnings))
-    digests = (sha256(path),) * len(arrays["run_label"])
+    digests = (digest or sha256(path),) * len(arrays["run_label"])
     table = Table(**arrays, joint_prefix=prefix, understood=understood, run_sha256=digests)
     hint = scale_hint(table.target, table.measured) if judge_scale else None
     if hint:
         raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)} or convert them")
     return table
+
+
+def read_targets_in_parts(
+    path: str | Path,
+    joints: int = 3,
+    *,
+    joint_prefix: str = "b",
+    set_values: Dictionary[str, float | str] | None = None,
+    mapping: Mapping | str | Path | None = None,
+    ask: Ask | None = None,
+) -> Iterator[Table]:
+    """Read a long list of targets some rows at a time; arguments and errors as `read_table`.
+
+    Yields:
+        The rows in order. Run codes are those of a part.
+
+    Raises:
+        NotInParts: the file says something about itself that only the whole tells.
+    """
+    answers, digest = _answers(mapping), sha256(path)
+    for export, request in read_parts(path, Request("targets", answers, ask)):
+        if isinstance(mapping, str | Path) and not Path(mapping).exists():
+            save_mapping(export.understood.mapping, mapping)
+        yield _table_of(path, export, joints, joint_prefix, None, set_values or {}, request, False, False, digest)
 
 
 def unit_hint(table: Table, size_mm: float) -> str | None:

@@ -72,7 +72,11 @@ def read_any(path: str | Path, request: Request | None = None) -> Export:
         TableError: whatever cannot be read, with file, row and column.
     """
     request = request or Request()
-    raw = read_text(path, request.mapping, request.ask)
+    return read_raw(read_text(path, request.mapping, request.ask), request)
+
+
+def read_raw(raw: RawText, request: Request) -> Export:
+    """Read the lines of a file, or some of them; arguments, return and errors as `read_any`."""
     check_axes(raw)
     notes, delimiter = list[str](), raw.delimiter
     if is_spatial_analyzer(raw):

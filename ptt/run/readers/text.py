@@ -80,7 +80,25 @@ def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> Raw
         TableError: no file, no text, empty, only a header, or ambiguous with nobody to ask.
     """
     source = str(path)
-    text, encoding = decode(read_bytes(path, TableError), source, mapping, ask)
+    return raw_text(*decode(read_bytes(path, TableError), source, mapping, ask), source, mapping, ask)
+
+
+def raw_text(text: str, encoding: str, source: str, mapping: Mapping, ask: Ask | None = None) -> RawText:
+    """Find out how a text is written.
+
+    Args:
+        text: what is in a file.
+        encoding: codec it was read with.
+        source: the file's name.
+        mapping: answers that need no finding out.
+        ask: who answers where two readings are possible.
+
+    Returns:
+        The lines with what was found out.
+
+    Raises:
+        TableError: empty, only a header, or ambiguous with nobody to ask.
+    """
     comments, body, line = _cut_lines(text)
     if not body:
         raise TableError("the file is empty", where=source, fix="export it again; a header and two rows are the least")

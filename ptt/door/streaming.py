@@ -1,0 +1,191 @@
+"""`ptt predict` of a list of any length: read, inverted and written in parts."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial, reduce
+from operator import add
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from ptt.correct.compensate import LIMIT_MM, Reversal, plan_of
+from ptt.correct.stream import Stream
+from ptt.correct.training.train import correction_of
+from ptt.door.model import Model
+from ptt.door.opened import check_rows
+from ptt.door.options import Reading
+from ptt.door.outputs import refuse_readings
+from ptt.door.predicting import (
+    frame_figures,
+    require_reversal,
+    sliders_columns,
+    summary_of,
+    tell_frames,
+    text_of_figures,
+    warnings_of,
+)
+from ptt.door.result import Note, Result, unheard, unwatched
+from ptt.door.run import Targets
+from ptt.door.tally import Tally, tally
+from ptt.files import write_parts
+from ptt.fitting.chunks import CHUNK, STRETCH
+from ptt.progress import Progress
+from ptt.run.cores import map_cores
+from ptt.run.readers import Ask
+from ptt.run.readers.parts import NotInParts
+from ptt.run.spool import Spool
+from ptt.run.table import Table, read_targets_in_parts
+from ptt.run.target_frame import RunFrame, target_frames
+from ptt.run.written import text_of
+
+LONG = 4 * 1024**2  # bytes: what is shorter takes less memory than the program itself
+__all__ = ["NotInParts", "Streamed", "is_long", "predict_file"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Streamed(Result):
+    """Commands that were written.
+
+    Attributes:
+        out: where.
+        counted: their figures.
+        network: whether a network took part.
+        limit_mm: largest correction that is sent.
+        frames: the frames that the targets were stated in.
+        warnings: what a person should know before these are sent.
+    """
+
+    out: str
+    counted: Tally
+    network: bool
+    limit_mm: float
+    frames: tuple[RunFrame, ...]
+    warnings: tuple[str, ...]
+
+    def _figures(self) -> Mapping[str, Any]:
+        return summary_of(self.counted, self.out, self.network, self.limit_mm) | frame_figures(self.frames)
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        return text_of_figures(self.to_dict())
+
+
+def is_long(path: Path) -> bool:
+    """Whether a file is worth reading in parts."""
+    return path.is_file() and path.stat().st_size > LONG
+
+
+def predict_file(
+    model: Model,
+    path: Path,
+    reading: Reading,
+    out: Path,
+    *,
+    reversal: Reversal | None = None,
+    limit_mm: float = LIMIT_MM,
+    anyway: bool = False,
+    ask: Ask | None = None,
+    progress: Progress = unwatched,
+    note: Note = unheard,
+) -> Streamed:
+    """Work out the commands of a file into another, as `predict` does; memory does not grow with the rows.
+
+    The set-up is looked at on stretches of the travel, all else on every row.
+
+    Args:
+        model: the model.
+        path: the targets.
+        reading: how they are read.
+        out: CSV; a file with readings is never replaced.
+        reversal: as `predict`.
+        limit_mm: as `predict`.
+        anyway: as `predict`.
+        ask: who answers what the file leaves open.
+        progress: told what is done, how much of how much.
+        note: told what was found on the way.
+
+    Returns:
+        What was written.
+
+    Raises:
+        NotInParts: joint commands tell an arm's postures or the targets' frame, or only the whole file how it is read.
+        InputError: as `predict`.
+    """
+    require_reversal(reversal)
+    refuse_readings(out)
+    with TemporaryDirectory(prefix="ptt_") as name:
+        folder = Path(name)
+        spool = _read(model, path, reading, folder, ask, progress)
+        for line in spool.understood():
+            note(line)
+        sample = spool.sample(CHUNK, STRETCH)
+        if sample.rows < spool.rows:
+            note(f"set-up: looked at on {sample.rows} of {spool.rows} rows, stretches of {STRETCH}")
+        check_rows(model.file, Targets(sample, (path,), reading, spool.understood()), anyway=anyway, note=note)
+        frames = target_frames(model.file, sample)
+        if spool.commands and {frame.source for frame in frames} - {"base", "stated"}:
+            raise NotInParts  # a frame that the commands tell is found from all of them
+        tell_frames(frames, note)
+        compensator = model.compensator
+        plan = plan_of(compensator.model, reversal, limit_mm, compensator.error)
+        stream = Stream(plan, spool, partial(_aid, model), folder)
+        counted, titles = _invert(stream, progress)
+        if not stream.sent:
+            stream.find_nearest()
+        texts = map_cores(partial(_text, stream, titles), range(len(stream.bounds)))
+        write_parts(out, texts)
+        warnings = warnings_of(model, sample, counted)
+    return Streamed(str(out), counted, compensator.network is not None, limit_mm, tuple(frames), warnings)
+
+
+def _read(model: Model, path: Path, reading: Reading, folder: Path, ask: Ask | None, progress: Progress) -> Spool:
+    spool, machine = Spool(folder), model.file.machine
+    parts = read_targets_in_parts(
+        path, machine.joints, joint_prefix=machine.letter, set_values=reading.values, mapping=reading.map_, ask=ask
+    )
+    for part in parts:
+        if part.command is not None and model.file.machine.kind == "serial":
+            raise NotInParts  # they are postures, of all rows or of none
+        spool.add(part)
+        progress("read", 0, 1)
+    return spool
+
+
+def _aid(model: Model, table: Table) -> tuple[Any, Any]:
+    network = model.compensator.network
+    return (None, None) if network is None else (correction_of(network), network.inside)
+
+
+def _invert(stream: Stream, progress: Progress) -> tuple[Tally, list[str]]:
+    """Figures of all commands, and the titles of their file."""
+    figures, titles = list[Tally](), list[str]()
+    for index, part in enumerate(stream.invert(progress)):
+        table = stream.table(index)
+        figures.append(tally(table, part.commands))
+        titles = merged(titles, list(sliders_columns(table, part.commands, sent=True)))
+    if not stream.sent:
+        table, part = stream.table(0), stream.part(0)
+        titles = merged(titles, list(sliders_columns(table, part.commands, sent=False)))
+    return reduce(add, figures), titles
+
+
+def merged(titles: Sequence[str], more: Sequence[str]) -> list[str]:
+    """Two lists of titles in one: what only one of them has stands before the title that follows it there."""
+    done, rest = list[str](), list(titles)
+    for title in more:
+        if title in rest:
+            place = rest.index(title) + 1
+            done, rest = done + rest[:place], rest[place:]
+        else:
+            done.append(title)
+    return done + rest
+
+
+def _text(stream: Stream, titles: Sequence[str], index: int) -> bytes:
+    table = stream.table(index)
+    columns = sliders_columns(table, stream.part(index).commands, sent=stream.sent)
+    blank = {"name": table.name, "role": table.role}
+    empty = np.full(table.rows, np.nan)
+    return text_of({title: columns.get(title, blank.get(title, empty)) for title in titles}, titles=index == 0)

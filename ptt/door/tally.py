@@ -1,0 +1,115 @@
+"""Figures of many commands, part by part: counts, largest values, and the first rows of each status."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ptt.correct.commands import STATUSES, UNCERTAIN, Commands
+from ptt.run.table import Table
+
+LINES_SHOWN = 5
+SENT = ("ok", UNCERTAIN)
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Figures of some rows.
+
+    Attributes:
+        rows: how many.
+        status: rows of each status.
+        first: lines in the file of the first rows of each status.
+        in_domain: rows inside the network's domain.
+        gap: largest way between the exact and the first-order command, mm.
+        shift: largest static correction that is sent, mm.
+        sigma: largest uncertainty of those that are sent, mm; None where nothing tells.
+        reversal: largest reversal compensation, mm or rad.
+        words: who compensates what at a reversal.
+    """
+
+    rows: int
+    status: dict[str, int]
+    first: dict[str, tuple[int, ...]]
+    in_domain: int
+    gap: float
+    shift: float
+    sigma: float | None
+    reversal: float
+    words: str
+
+    @property
+    def sent(self) -> int:
+        """Rows with a command to send."""
+        return sum(self.status[status] for status in SENT)
+
+    def __add__(self, other: "Tally") -> "Tally":
+        """Of these rows and those behind them."""
+        return Tally(
+            self.rows + other.rows,
+            {name: count + other.status[name] for name, count in self.status.items()},
+            {name: (*lines, *other.first[name])[:LINES_SHOWN] for name, lines in self.first.items()},
+            self.in_domain + other.in_domain,
+            max(self.gap, other.gap),
+            max(self.shift, other.shift),
+            max((each for each in (self.sigma, other.sigma) if each is not None), default=None),
+            max(self.reversal, other.reversal),
+            self.words,
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "form": "exact inversion",
+            "first_order_difference_um": 1e3 * self.gap,
+            "largest_shift_um": 1e3 * self.shift,
+            "largest_sigma_um": None if self.sigma is None else 1e3 * self.sigma,
+            "reversal": self.words,
+            "largest_reversal_um": 1e3 * self.reversal,
+        }
+
+    def warnings(self, source: str, *, network: bool) -> list[str]:
+        """What a person should know before these are sent.
+
+        Args:
+            source: the targets' file.
+            network: whether a network took part.
+        """
+        lines = []
+        if self.sent < self.rows:
+            kinds = [self._told(status) for status in self.status if status not in SENT]
+            count = f"{self.rows - self.sent} of {self.rows} rows are not sent"
+            lines.append(f"{source}: {count}: {'; '.join(kind for kind in kinds if kind)}")
+        if unsure := self._told(UNCERTAIN):
+            lines.append(
+                f"{source}: {unsure}: sent, but the fit leaves more open there than its held-out error says;"
+                " measure near them"
+            )
+        outside = self.rows - self.in_domain
+        if outside and network:
+            lines.append(f"{outside} of {self.rows} targets lie outside the network's training domain: physics only")
+        return lines
+
+    def _told(self, status: str) -> str:
+        count, lines = self.status[status], self.first[status]
+        if not count:
+            return ""
+        named = ", ".join(map(str, lines))
+        return f"{count} {status} (row{'s' if count > 1 else ''} {named}{', ...' if count > len(lines) else ''})"
+
+
+def tally(table: Table, commands: Commands) -> Tally:
+    """Figures of some rows.
+
+    Args:
+        table: the targets.
+        commands: what to send there.
+    """
+    sent, counts = commands.sent, commands.counts
+    known = commands.sigma[sent & (commands.sigma >= 0.0)]
+    first = {name: tuple(table.line[commands.status == name][:LINES_SHOWN].tolist()) for name in STATUSES}
+    gap, shift = (float(values[sent].max(initial=0.0)) for values in (commands.first_order_gap, commands.shift))
+    reversal = float(np.abs(commands.reversal[sent]).max(initial=0.0))
+    sigma = float(known.max()) if len(known) else None
+    inside = int(commands.in_domain.sum())
+    return Tally(len(sent), counts, first, inside, gap, shift, sigma, reversal, commands.reversal_note)

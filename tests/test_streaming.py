@@ -1,0 +1,116 @@
+"""`ptt predict` of a long file in parts: the bytes that it writes at once, without the whole list ever in memory."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_long_predict import model_of, targets_of
+
+from ptt.commands.main import run
+from ptt.correct import blocks, stream
+from ptt.door import streaming
+from ptt.door.streaming import merged
+from ptt.machine import MachineFile, format_machine
+from ptt.model.model import write_model
+from ptt.run.readers import parts
+from ptt.run.spool import Spool
+from ptt.run.table import Table, write_table
+
+
+@pytest.fixture
+def folder(tmp_path: Path, bench: MachineFile) -> Path:
+    (tmp_path / "model.toml").write_text(format_machine(write_model(model_of(bench))))
+    return tmp_path
+
+
+def listed(bench: MachineFile, folder: Path, **columns) -> Path:
+    targets = targets_of(bench).replace(**columns)
+    write_table(targets, folder / "targets.csv")
+    return folder / "targets.csv"
+
+
+def whole(targets: Path, *more: str) -> int:
+    out, model = targets.parent / "whole.csv", targets.parent / "model.toml"
+    return run(["predict", str(targets), "--model", str(model), "--out", str(out), *more])
+
+
+def in_parts(monkeypatch: pytest.MonkeyPatch, targets: Path, *more: str, rows: int = 40, lines: int = 33) -> int:
+    monkeypatch.setattr(streaming, "LONG", 0)
+    monkeypatch.setattr(parts, "LINES", lines)
+    for module in (blocks, stream):
+        monkeypatch.setattr(module, "ROWS", rows)
+        monkeypatch.setattr(module, "BESIDE", 12)
+    out, model = targets.parent / "parts.csv", targets.parent / "model.toml"
+    return run(["predict", str(targets), "--model", str(model), "--out", str(out), *more])
+
+
+def texts(folder: Path) -> tuple[str, str]:
+    return (folder / "whole.csv").read_text(), (folder / "parts.csv").read_text()
+
+
+@pytest.mark.parametrize("more", ["", "runs", "names"])
+def test_parts_write_what_the_whole_writes(bench, folder, monkeypatch, capsys, more: str) -> None:
+    rows = np.arange(260)
+    columns = {
+        "": {},
+        "runs": {"run": rows * 3 // 260, "run_label": ("a", "b", "c")},
+        "names": {
+            "name": np.where(rows > 100, 'p "1", #', ""),
+            "extra": {"mine": np.array([f"x{row}" for row in rows])},
+        },
+    }[more]
+    targets = listed(bench, folder, **columns)
+    assert whole(targets, "--json") == in_parts(monkeypatch, targets, "--json") == 3  # rows out of reach
+    said = [line.replace("parts.csv", "whole.csv") for line in capsys.readouterr().out.splitlines()]
+    assert len(said) == 2
+    assert said[0] == said[1]
+    one, two = texts(folder)
+    assert "nearest_mm" in one
+    assert one == two
+
+
+def test_a_block_and_what_lies_beside_it_are_in_memory(bench, folder, monkeypatch) -> None:
+    asked, take = [], Spool.take
+
+    def noted(spool: Spool, first: int, last: int) -> Table:
+        asked.append(last - first)
+        return take(spool, first, last)
+
+    monkeypatch.setattr(Spool, "take", noted)
+    monkeypatch.setattr(stream, "CHUNK", 60)
+    monkeypatch.setattr(blocks, "CHUNK", 60)
+    monkeypatch.setattr(streaming, "CHUNK", 80)
+    monkeypatch.setattr(streaming, "STRETCH", 20)
+    in_parts(monkeypatch, listed(bench, folder))
+    assert max(asked) <= 40 + 12 + 60
+
+
+def test_a_cell_far_down_is_named_and_nothing_is_written(bench, folder, monkeypatch, capsys) -> None:
+    targets = listed(bench, folder)
+    lines = targets.read_text().splitlines()
+    lines[2] = f"# a comment\n\n{lines[2]}"
+    lines[200] = lines[200].replace(lines[200].split(",")[1], "x")
+    targets.write_text("\n".join(lines))
+    assert in_parts(monkeypatch, targets) == 2
+    assert "row 203, column y_cmd: not a number ('x')" in capsys.readouterr().err
+    assert not (folder / "parts.csv").exists()
+
+
+@pytest.mark.parametrize("how", ["utf-16", "stamps", "semicolons"])
+def test_what_only_the_whole_tells_is_read_as_a_whole(bench, folder, monkeypatch, how: str) -> None:
+    targets = listed(bench, folder)
+    text = targets.read_text()
+    if how == "stamps":
+        head, *rows = text.splitlines()
+        stamped = [f"{row},2026-01-05 10:{index // 60:02d}:{index % 60:02d}" for index, row in enumerate(rows)]
+        text = "\n".join([f"{head},time", *stamped])
+    if how == "semicolons":
+        text = text.replace(",", ";").replace(".", ",")
+    targets.write_text(text, encoding="utf-16" if how == "utf-16" else "utf-8")
+    assert whole(targets) == in_parts(monkeypatch, targets) == 3
+    one, two = texts(folder)
+    assert one == two
+
+
+def test_titles_of_parts_keep_their_order() -> None:
+    assert merged(["x", "z", "q"], ["n", "x", "y", "z", "q", "end"]) == ["n", "x", "y", "z", "q", "end"]
