@@ -53,6 +53,17 @@ def test_the_names_are_those_of_what_is_hidden(level, seed):
     assert {step[0] for step in found.suggested} == set(truth.hidden)
 
 
+def test_play_that_no_reversal_shows_is_no_more_than_an_offset_that_might_be_play():
+    """Readings from one side alone: the gap is a level, and what follows the heat of a motor is no play that grows."""
+    truth, found = told("single", 930045)
+    assert set(truth.hidden) == {"backlash"} and found.verdict == "missing"
+    (step,) = found.suggested
+    assert step[0] == "homing-offset" and "backlash" in step
+    _, found = told("unknown", 940098)
+    assert found.verdict == "unknown" and found.suggested == ()
+    assert found.depends_on[0].on == "time"
+
+
 def test_the_row_that_opens_a_run_is_not_asked_from_where_it_came():
     drawn = draw_rig("single", 14, bench_machine(), rows=120, fault="backlash")
     frame = simulate(drawn.rig, drawn.targets).frame

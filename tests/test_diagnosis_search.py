@@ -69,8 +69,10 @@ class Scored:
     @property
     def system(self) -> SimpleNamespace:
         atoms = {
-            key: SimpleNamespace(block="b" if key in self.blocks else None, columns=range(30 if key == "b" else 3))
-            for key in "abcu"
+            key: SimpleNamespace(
+                block="b" if key in self.blocks else None, columns=range(30 if key == "b" else 3), tested=key != "p"
+            )
+            for key in "abcpu"
         }
         return SimpleNamespace(atoms=atoms, clock=SimpleNamespace(is_fault=lambda wander: False))
 
@@ -90,6 +92,8 @@ def test_of_sets_that_do_alike_the_one_with_the_fewest_parts_is_said():
     plain = scorer.add("ac", 96.0)
     scorer.add("bc", 99.0)
     assert plainest(scorer, best) is plain  # a curve of thirty values bends to anything
+    scorer.add("ap", 100.0)
+    assert plainest(scorer, best) is plain  # play that no reversal shows
     scorer.add("au", 100.0)
     assert plainest(scorer, best) is plain  # a name before an unknown
     scorer.add("a", 99.0, Memory(pose=1.0))

@@ -49,6 +49,7 @@ class Atom:
         shape: its searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
         turn: from its columns to its values; None where each column is one.
+        tested: whether the readings hold what tells it from an offset: play that no reversal shows is never plainest.
     """
 
     key: str
@@ -62,6 +63,7 @@ class Atom:
     shape: Mapping[str, Tensor] | None = None
     block: Block | None = None
     turn: Turn | None = None
+    tested: bool = True
 
     @property
     def groups(self) -> int:
@@ -115,6 +117,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
     Returns:
         The atoms by key; those of candidates are numbered by shape.
     """
+    sided = bool(problem.two_sided.any())
     names = {effect.name for effect in candidates} | {term.effect.name for term in fitted.model.terms}
     atoms: dict[str, Atom] = {}
     for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
@@ -136,7 +139,10 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
             odds = odds_of_effect(trial.effect, len(names), trial.trials)
             like[name] = _effect_atom(key, trial.columns, kinds, odds, trial.effect, trial.shape)
         atoms[key] = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
-    return atoms
+    return {
+        key: replace(atom, tested=sided or atom.effect is None or "direction" not in atom.effect.requires)
+        for key, atom in atoms.items()
+    }
 
 
 def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[str, Atom]:

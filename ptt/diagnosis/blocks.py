@@ -124,12 +124,13 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
         for context in span.contexts:
             yield _named(place, (context.name, own), partial(product, _with_level(context), low))
-        yield from _reversal(problem, place, own, low, span.contexts)
+        if span.two_sided[place.joint]:
+            yield from _reversal(problem, place, own, low, span.contexts)
     for context in span.contexts:
         if context.name != "time":
             degree = FIELD_OF_CONTEXT if context.fields else 1
             yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
-    if "direction" in problem.view.varies:
+    if span.two_sided.any():
         yield _named(tool, ("direction",), problem.view.direction.numpy)
     yield _named(_set_up(problem, span), ("time",), lambda: span.slow)
 
@@ -177,8 +178,6 @@ def _reversal(
     problem: Problem, place: Place, own: str, low: np.ndarray, contexts: Sequence[Context]
 ) -> Iterator[Recipe]:
     """The way a joint came, in a measure that varies with its place or with a context."""
-    if "direction" not in problem.view.varies:
-        return
     assert place.joint is not None
     side = problem.view.direction.numpy()[:, place.joint : place.joint + 1]
     name = f"direction{place.joint + 1}"

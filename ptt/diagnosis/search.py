@@ -137,10 +137,11 @@ def plainest(scorer: Scorer, best: State) -> State:
 
 
 def _parts(scorer: Scorer, state: State) -> float:
-    """Names and unknowns of a set, memories of the noise that are no tracker's among these."""
+    """Names and unknowns of a set, memories of the noise that are no tracker's among these; a name untested is more."""
     odd = state.memory.pose > 0.0 or scorer.system.clock.is_fault(state.memory.wander)
-    blocks = [scorer.system.atoms[key].block is not None for key in loose(scorer, state)]
-    return len(blocks) + 0.5 * sum(blocks) + 1.5 * odd
+    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
+    return len(atoms) + 0.5 * unknowns + 0.25 * untested + 1.5 * odd
 
 
 def _bends(scorer: Scorer, state: State) -> int:

@@ -38,6 +38,7 @@ class Span:
         p: of each coordinate, (2, 3).
         radius: root mean square of the coordinates, mm.
         contexts: what varies beside the pose, with the shapes of all its rows.
+        two_sided: joints that came from both directions to readings that count, (k,) bool.
         levers: of each place, by its residual, where another part of the run has set them.
     """
 
@@ -45,6 +46,7 @@ class Span:
     p: np.ndarray
     radius: float
     contexts: tuple[Context, ...]
+    two_sided: np.ndarray
     levers: dict[str, float] = field(default_factory=dict)
 
     def of(self, rows: np.ndarray) -> "Span":
@@ -70,7 +72,7 @@ def span_of(problem: Problem) -> Span:
     view = problem.view
     q, p = view.q.numpy(), view.p.numpy()
     size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
-    return Span(ends_of(q), ends_of(p), size, tuple(_contexts(problem)))
+    return Span(ends_of(q), ends_of(p), size, tuple(_contexts(problem)), problem.two_sided)
 
 
 def _contexts(problem: Problem) -> Iterator[Context]:

@@ -97,6 +97,12 @@ class Problem:
             place[here] = frame.as_stated(place[here])
         return place
 
+    @property
+    def two_sided(self) -> np.ndarray:
+        """Joints that came from both directions to readings that count, (k,) bool: elsewhere play is but an offset."""
+        direction = self.view.direction.numpy()[self.used]
+        return np.asarray((direction > 0.0).any(axis=0) & (direction < 0.0).any(axis=0))
+
     def _in_base(self, target: np.ndarray) -> np.ndarray:
         """Targets (n, 3) mm of the table moved into the base frame, NaN where that is not known."""
         moved = target.copy()
