@@ -174,6 +174,20 @@ def test_only_axes_that_were_stated_are_written() -> None:
     assert letters == ["Z", "XZ", "XYZ", "", "Z"]
 
 
+@pytest.mark.parametrize("turn", ["G17 G3 X-10 Y0 I-10 J0", "G18 G2 X-10 Z0 I-10 K0", "G19 G3 Y10 Z10 J0 K10"])
+def test_a_place_that_is_said_is_stated(turn: str) -> None:
+    """A lathe's program never states Y: its arcs are cut once somebody says where the tool is."""
+    text = f"S2000 M3 $1\n{turn} F200\n"
+    with pytest.raises(InputError, match=r"line 2: an arc from a place .* --start X Y Z"):
+        corrected(text)
+    start = np.array([10.0, 0.0, 0.0])
+    written = corrected(text, start=start)
+    assert written.startswith("S2000 M3 $1\n")
+    one, two = (gcode.whole_path(gcode.execute(f"G0 X10 Y0 Z0\n{each}")) for each in (text, written))
+    assert max(gcode.beside(one, two).max(), gcode.beside(two, one).max()) < 5e-3
+    assert len(two) > 20
+
+
 def test_offsets_are_where_the_program_lies() -> None:
     text = "G0 X10 Y5 Z0\nG1 X40 Y-20 F100\nG53 G0 Z30\nG0 X0\n"
     shift = np.array([-7.0, 3.0, 11.0])
@@ -193,6 +207,9 @@ def test_offsets_are_where_the_program_lies() -> None:
 REFUSED = {
     "#1=5": "a parameter",
     "G1 X[1+2]": "an expression",
+    "G1 X-#5": "a parameter",
+    "G1 @10 ^45": "a polar coordinate",
+    "G1 X--5": "no G-code",
     "o100 sub": "subprogram",
     "M98 P12": "subprogram",
     "G41 D1": "cutter compensation",

@@ -81,7 +81,7 @@ class Read:
     notes: list[str]
 
 
-def read_moves(blocks: list[Block], start: Array, home: Array | None, source: str) -> Read:
+def read_moves(blocks: list[Block], start: Array, home: Array | None, source: str, *, stated: bool = False) -> Read:
     """Follow a program.
 
     Args:
@@ -89,6 +89,7 @@ def read_moves(blocks: list[Block], start: Array, home: Array | None, source: st
         start: (3,) mm, where the tool is before the first move, in the program's coordinates.
         home: (3,) mm, the machine's zero in the program's coordinates; None where these are turned against it.
         source: file name for messages.
+        stated: whether somebody said so, for all axes.
 
     Returns:
         The moves.
@@ -96,7 +97,7 @@ def read_moves(blocks: list[Block], start: Array, home: Array | None, source: st
     Raises:
         InputError: a line whose moves cannot be told, by its number.
     """
-    state = State(np.asarray(start, dtype=float))
+    state = State(np.asarray(start, dtype=float), known=np.full(3, stated))
     moves: list[Move] = []
     states: list[State] = []
     notes: list[str] = []
@@ -220,7 +221,8 @@ def _end(state: State, stated: dict[str, float], origin: Array) -> tuple[Array, 
 def _arc(state: State, block: Block, end: Array, where: tuple[str, int]) -> Arc:
     if not state.known.all():
         what = "an arc from a place that the program has not stated"
-        raise InputError(what, where=at_line(*where), fix="state X, Y and Z by G0 before it")
+        fix = "state X, Y and Z by G0 before it, or say where the tool is: --start X Y Z"
+        raise InputError(what, where=at_line(*where), fix=fix)
     words = block.values(ARC, where[0])
     return find_arc(
         state.place, end, state.plane, state.motion == 20, words, unit=state.unit,

@@ -87,7 +87,8 @@ def correct_program(
         chord_um: by how much the path as written may lie beside the corrected one, um.
         offset: (3,) mm, where the program's zero lies in the base frame (its work offset and tool length); None takes
             the frame that the machine file states for targets.
-        start: (3,) mm, where the tool is before the first move, in the program's coordinates; None is p = 0.
+        start: (3,) mm, where the tool is before the first move, in the program's coordinates; None takes p = 0 for
+            axes that the program has not stated yet, and leaves them unwritten.
         limit: largest correction, mm.
         context: payload_kg, temp_c, time_s of the whole program.
 
@@ -104,9 +105,9 @@ def correct_program(
         raise InputError(what, where=compensator.model.file.source, fix="correct joint commands: ptt predict")
     frame = _frame(compensator, offset)
     here = frame.from_base(np.zeros((1, 3)))[0]
-    start = here if start is None else np.asarray(start, dtype=float)
+    stated, start = start is not None, here if start is None else np.asarray(start, dtype=float)
     turned = not np.array_equal(frame.turn, np.eye(3))
-    read = read_moves(read_blocks(text, source), start, None if turned else here, source)
+    read = read_moves(read_blocks(text, source), start, None if turned else here, source, stated=stated)
     mechanism = build_mechanism(spec)
     places = look_along(read.moves, frame, mechanism, 1e-3 * chord_um, spec.screw_lead_mm)
     if not len(places.move):

@@ -11,7 +11,7 @@ from ptt.errors import InputError
 
 TOKEN = re.compile(
     r"(?P<space>\s+)|(?P<comment>\([^()]*\)|;.*)|(?P<mark>[%/])"
-    r"|(?P<letter>[A-Za-z])\s*(?P<number>[-+]?\s*(?:\d[\d ]*\.?[\d ]*|\.[\d ]+))?"
+    r"|(?P<letter>[A-Za-z$])\s*(?P<number>[-+]?\s*(?:\d[\d ]*\.?[\d ]*|\.[\d ]+))?"
 )
 ALONE = "is worked out by the controller only"
 GREATEST = 1e9  # mm, or of whatever a letter counts: beyond it nothing is a place, and sums overflow
@@ -20,6 +20,8 @@ FOREIGN = {
     "[": ("an expression", ALONE),
     "=": ("an assignment", ALONE),
     "<": ("a name", ALONE),
+    "@": ("a polar coordinate", ALONE),
+    "^": ("a polar coordinate", ALONE),
     "(": ("a comment without end", "is not closed"),
 }
 EXPAND = "let the post-processor or the controller's interpreter write the program out, and correct that"
@@ -30,7 +32,7 @@ class Word:
     """A letter with its number.
 
     Attributes:
-        letter: upper case.
+        letter: upper case; '$' is a spindle's number.
         value: the number; None where there is none.
         text: as written.
     """
@@ -116,7 +118,8 @@ def _read(number: int, line: str, source: str) -> Block:
     while place < len(line):
         found = TOKEN.match(line, place)
         if found is None:
-            what, why = FOREIGN.get(line[place], (f"'{line[place]}'", "is no G-code"))
+            told = line[place:].lstrip("+- ")[:1]  # a sign before a parameter is not what is foreign
+            what, why = FOREIGN.get(told, (f"'{line[place]}'", "is no G-code"))
             where = f"{at_line(source, number)}, column {place + 1}"
             raise InputError(f"{what} {why}", where=where, fix=EXPAND if why == ALONE else "correct the line")
         if found["letter"]:
