@@ -1,6 +1,7 @@
 """Held-out rows: whole blocks of travel, all repeats of a pose together, never random rows."""
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
 
 BLOCKS = 10
 PLACED = 3  # joints up to which the tool position tells the pose
+_numbered: "WeakKeyDictionary[Table, np.ndarray]" = WeakKeyDictionary()  # a long table takes seconds, and all ask
 
 
 def pose_groups(table: "Table") -> np.ndarray:
@@ -22,8 +24,17 @@ def pose_groups(table: "Table") -> np.ndarray:
     Returns:
         (n,) int: equal for rows with the same target (the same commands where there is no target, or where an arm
         has so many joints that a position does not tell its pose), numbered in order of first appearance; -1 for
-        base reflectors.
+        base reflectors. Read-only: all who ask get the same.
     """
+    groups = _numbered.get(table)
+    if groups is None:
+        groups = _number_poses(table)
+        groups.flags.writeable = False
+        _numbered[table] = groups
+    return groups
+
+
+def _number_poses(table: "Table") -> np.ndarray:
     groups = same_places(_places(table))
     used = table.role != "base"
     groups[used] = number_rows(groups[used, None])
