@@ -133,3 +133,21 @@ def test_before_and_after_are_matched_across_the_edge_of_a_cell() -> None:
     assert len(first) == 40 and left == {"before": [], "after": []}
     protocol = evaluate_pair(*tables, frame="trusted").protocol
     assert (protocol["rows"], protocol["poses"]) == (40, 40)
+
+
+def test_the_poses_of_a_table_are_numbered_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    def counted(place: np.ndarray) -> np.ndarray:
+        asked.append(len(place))
+        return same_places(place)
+
+    monkeypatch.setattr("ptt.run.holdout.same_places", counted)
+    table = make_table(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    assert pose_groups(table).tolist() == pose_groups(table).tolist() == [0, 1, 0]
+    assert len(asked) == 1
+    moved = table.replace(target=table.target[[0, 1, 1]])  # another table has poses of its own
+    assert pose_groups(moved).tolist() == [0, 1, 1]
+    assert len(asked) == 2
+    with pytest.raises(ValueError, match="read-only"):
+        pose_groups(table)[0] = 5

@@ -227,7 +227,7 @@ def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:
     Returns:
         (w,) of all its parameters in their order; one for all but what others lend their cause to.
     """
-    low, high = problem.view.q.amin(dim=0), problem.view.q.amax(dim=0)
+    low, high = problem.view.covered
     ends = problem.view.travel_limits
     share = ((high - low) / (ends[:, 1] - ends[:, 0])).clamp(1e-3, 1.0).numpy()
     sizes, curve = [], 1.0

@@ -23,7 +23,7 @@ def covered_range(view: View) -> dict[str, Tensor]:
     Returns:
         'from' and 'to', each (k,).
     """
-    low, high = view.q.amin(dim=0), view.q.amax(dim=0)
+    low, high = view.covered
     still = high - low < 1e-6
     return {"from": low, "to": torch.where(still, low + 1.0, high)}
 

@@ -37,15 +37,14 @@ def centre_basis(*columns: Tensor) -> Tensor:
     Returns:
         (n, 15, P).
     """
-    blocks = []
-    for column in columns:
-        values = column.unsqueeze(-1) if column.dim() == 3 else column  # shape: (n, leg, xyz, c)
-        rows, count = values.shape[0], values.shape[-1]
-        block = values.new_zeros(rows, SLOTS, LEGS, count)
+    parts = [column.unsqueeze(-1) if column.dim() == 3 else column for column in columns]  # shape: (n, leg, xyz, c)
+    basis = columns[0].new_zeros(len(columns[0]), SLOTS, LEGS * sum(part.shape[-1] for part in parts))
+    start = 0
+    for part in parts:
         for leg in range(LEGS):
-            block[:, 4 * leg : 4 * leg + 3, leg] = values[:, leg]
-        blocks.append(block.reshape(rows, SLOTS, LEGS * count))
-    return torch.cat(blocks, dim=-1)
+            basis[:, 4 * leg : 4 * leg + 3, start : start + part.shape[-1]] = part[:, leg]
+            start += part.shape[-1]
+    return basis
 
 
 def length_basis(*columns: Tensor) -> Tensor:

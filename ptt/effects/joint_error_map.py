@@ -56,7 +56,7 @@ class JointErrorMap(Effect):
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
         """How far each joint runs ahead and behind at the most where it went, and where."""
-        low, high = view.q.amin(dim=0), view.q.amax(dim=0)
+        low, high = view.covered
         places = low + torch.linspace(0.0, 1.0, PLACES, dtype=theta.dtype)[:, None] * (high - low)
         return farthest(self, self.shift(theta, view.at(q=places)), places)
 

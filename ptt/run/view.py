@@ -1,6 +1,7 @@
 """The one frozen view of whole runs that every effect receives: commands, nominal pose, loads, context, travel."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,6 +92,11 @@ class View:
     def joints(self) -> int:
         """Number of joints k."""
         return self.q.shape[1]
+
+    @cached_property
+    def covered(self) -> tuple[Tensor, Tensor]:
+        """Lowest and highest value of each joint, (k,) each; every part of a long run asks the whole for it."""
+        return self.q.amin(dim=0), self.q.amax(dim=0)
 
     def at(self, *, q: Tensor | None = None, p: Tensor | None = None) -> "View":
         """The same rows seen from a later stage.
