@@ -1,5 +1,6 @@
 """Chunks: sums over them, the state of the travel handed on, are the sums of the whole."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,9 +9,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ptt.correct.training.nested import hold_out
+from ptt.correct.training.physics import fit_physics
+from ptt.correct.training.protocols import block_protocol
 from ptt.effects.memory import gradual_reversal, play
+from ptt.effects.registry import library, make_effect
 from ptt.fitting.chunks import cut, enter, map_chunks, stretches, take
 from ptt.machine import load_machine
+from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 from ptt.run.turns import remember
@@ -94,3 +100,17 @@ def test_map_keeps_the_order() -> None:
     problem = _problem()
     lines = np.concatenate(list(map_chunks(lambda chunk: chunk.table.line, cut(problem, 100))))
     np.testing.assert_array_equal(lines, problem.table.line)
+
+
+def test_a_long_run_is_held_out_one_step_away_from_the_fit_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, random = _problem(1200, 1), np.random.default_rng(8)
+    tool = problem.view.mechanism.forward(problem.view.q - 0.5 * GAP[0] * problem.view.direction).numpy()
+    read = replace(problem, measured=tool + 0.004 * random.normal(size=tool.shape))
+    model, protocol = Model(problem.file) + make_effect(library(), "backlash"), block_protocol(problem)
+    refitted = hold_out(model, read, protocol, {})
+    monkeypatch.setattr("ptt.correct.training.nested.LONG", 1000)
+    stepped = hold_out(model, read, protocol, {})
+    assert np.array_equal(stepped.rows, refitted.rows) and stepped.rows.sum() > 1100
+    apart = (stepped.physics - refitted.physics)[stepped.rows]
+    fitted = (stepped.physics - fit_physics(model, read).residual)[stepped.rows]
+    assert np.abs(apart).max() < 0.1 * np.abs(fitted).max()  # what it says of hiding is what hiding does

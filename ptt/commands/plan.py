@@ -5,7 +5,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Effects, Json, Reading, open_library, open_model, read_rows, refuse_readings, show
+from ptt.commands.common import (
+    Effects,
+    Json,
+    Reading,
+    open_library,
+    open_model,
+    progress,
+    read_rows,
+    refuse_readings,
+    show,
+)
 
 if TYPE_CHECKING:
     from ptt.effects import Library
@@ -52,7 +62,10 @@ def plan(
     loads = read_numbers(payloads, "--payloads")
     half = read_numbers(box, "--box", 3)
     size = None if not half else (half[0], half[1], half[2])
-    result = plan_first_run(model, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=known)
+    with progress() as tell:
+        result = plan_first_run(
+            model, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=known, progress=tell
+        )
     write_table(result.targets, out)
     show({**result.to_dict(), "out": str(out)}, format_plan(result, str(out)), json)
 

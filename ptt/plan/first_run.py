@@ -15,6 +15,7 @@ from ptt.plan.foresight import Foresight, foresee, see_plan
 from ptt.plan.pool import with_base
 from ptt.plan.space import Space, build_space, draw_poses
 from ptt.plan.visits import Visit, both_ways, single, table_of
+from ptt.progress import Progress
 from ptt.record import Record
 from ptt.run.noise import DEFAULT_SIGMA, ENOUGH, repeat_groups
 from ptt.run.table import Table
@@ -64,6 +65,7 @@ def plan_first_run(
     half_size: tuple[float, float, float] | None = None,
     seed: int = 0,
     known: Library | None = None,
+    progress: Progress | None = None,
 ) -> FirstRun:
     """Plan a run that can tell as much as possible of a machine that nobody has measured yet.
 
@@ -75,6 +77,7 @@ def plan_first_run(
         half_size: box about the middle of the reach to stay inside of, mm.
         seed: of poses and order.
         known: effects by name; None for the library.
+        progress: told what is done, how much of how much.
 
     Returns:
         The plan.
@@ -96,14 +99,14 @@ def plan_first_run(
     groups = _fewest_groups(model, space, int(shares.min()), len(levels), freedom)
     visits: list[Visit] = []
     for level, share in zip(levels, shares, strict=True):
-        parts = _parts(model, space, share, groups, random, known, sigma)
+        parts = _parts(model, space, share, groups, random, known, sigma, progress)
         visits += [replace(visit, payload=level) for visit in _in_best_order(model, space, parts, random)]
     if len(levels) > 1:  # unloaded again at the end: what the load has left behind shows there
         visits.append(replace(_datum(space), payload=levels[0]))
     table = table_of(with_base(_numbered(visits), model.file), space, straight=model.file.machine.moves == "straight")
     view, timed = see_plan(model, table)
     read = table.role != "base"
-    effects = foresee(model, view, read, known, sigma)
+    effects = foresee(model, view, read, known, sigma, progress)
     rising = (view.direction.numpy()[read] > 0).mean(axis=0)
     done = repeats_in(timed, view.direction.numpy())
     visited = int((table.role == "datum").sum())
@@ -134,15 +137,16 @@ def _fewest_groups(model: Model, space: Space, share: int, levels: int, freedom:
 
 
 def _parts(
-    model: Model, space: Space, rows: int, groups: int, random: np.random.Generator, known: Library, sigma: float
-) -> list[Visit]:
+    model: Model, space: Space, rows: int, groups: int, random: np.random.Generator, known: Library, sigma: float,
+    progress: Progress | None,
+) -> list[Visit]:  # fmt: skip
     """Visits of one part of the run, datum aside: groups of repeats, and single poses for the rest."""
     repeated = both_ways(space, groups, random, repeats=GROUP_ROWS // 4)
     left = rows - sum(visit.rows for visit in repeated) - 2 * max(rows // DATUM_EVERY, 1)
     if left <= 0:
         return repeated
     if space.by_tool:
-        return [*repeated, *(single(pose, "v") for pose in draw_poses(space, left, random))]
+        return [*repeated, *(single(pose, "v") for pose in draw_poses(space, left, random, progress))]
     return [*repeated, *(single(pose, "v") for pose in telling_poses(model, space, left, random, known, sigma))]
 
 

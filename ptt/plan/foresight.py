@@ -10,13 +10,14 @@ from torch import Tensor
 
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame, rigid_basis
-from ptt.fitting.chunks import view_chunks
+from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.result import PRIOR_SHARE
 from ptt.fitting.sums import SEEN
 from ptt.machine import MachineFile
-from ptt.model.chain import linearise, trace
+from ptt.model.chain import Chain, linearise, trace
 from ptt.model.chain import signature as signature_of
 from ptt.model.model import Model, parameter_names
+from ptt.progress import Progress
 from ptt.record import Record
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL
 from ptt.run.table import Table
@@ -64,7 +65,9 @@ class Foresight(Record):
         return not self.needs
 
 
-def foresee(model: Model, view: View, rows: np.ndarray, known: Library, sigma: float) -> tuple[Foresight, ...]:
+def foresee(
+    model: Model, view: View, rows: np.ndarray, known: Library, sigma: float, progress: Progress | None = None
+) -> tuple[Foresight, ...]:
     """Expected standard errors of the effects of a model, and of every one that could be added, one at a time.
 
     Args:
@@ -73,6 +76,7 @@ def foresee(model: Model, view: View, rows: np.ndarray, known: Library, sigma: f
         rows: rows that will be read as poses, (n,) bool.
         known: effects by name.
         sigma: noise of one coordinate, mm.
+        progress: told what is done, how much of how much.
 
     Returns:
         The effects of the model first, then one for each other effect that fits the machine.
@@ -83,14 +87,17 @@ def foresee(model: Model, view: View, rows: np.ndarray, known: Library, sigma: f
         framed = cls is TrackerFrame and model.file.tracker.frame != "trusted"
         if kind in cls.mechanisms and name not in model.keys and not framed:
             cases.append(_Case(model, cls(), view))
-    for part in view_chunks(view):
+    for done, part in enumerate(view_chunks(view)):
+        if progress is not None:
+            progress("what the rows will tell", done, len(stretches(view.rows)))
         assert part.number is not None
         read = rows[part.number.numpy().astype(int)]
-        shared = _read_beside(model, part, read, sigma)
+        shared = _chain(model, part), _read_beside(model, part, read, sigma)
         for case in cases:
             if not case.lack:
-                own = shared if case.model is model else _read_beside(case.model, part, read, sigma)
-                case.add(part, read, own, sigma)
+                alone = case.model is not model
+                own = (_chain(case.model, part), _read_beside(case.model, part, read, sigma)) if alone else shared
+                case.add(*own, read, sigma)
     return tuple(replace(_foresee(case), in_model=number < len(model.terms)) for number, case in enumerate(cases))
 
 
@@ -112,9 +119,10 @@ class _Case:
         self.root = np.zeros((0, 0))
         self.beside = 0  # columns of what is fitted beside it
 
-    def add(self, view: View, rows: np.ndarray, nuisance: np.ndarray, sigma: float) -> None:
+    def add(self, chain: Chain, nuisance: np.ndarray, rows: np.ndarray, sigma: float) -> None:
         """Add rows, of which some are read; what is fitted beside them in usual sizes, (r, m)."""
-        columns = _columns(self.model, self.effect, view, self.shape, sigma)[rows].reshape(-1, len(self.usual))
+        shifts = signature_of(chain, self.effect, self.shape).numpy() / sigma
+        columns = np.asarray(shifts)[rows].reshape(-1, len(self.usual))
         both = np.concatenate([nuisance, columns * self.usual], axis=1)
         if not self.root.size:
             self.beside = nuisance.shape[1]
@@ -169,7 +177,7 @@ def see_plan(model: Model, table: Table) -> tuple[View, Table]:
 
 def columns_of(model: Model, effect: Effect, view: View, sigma: float) -> np.ndarray:
     """Reading shift per unit of each linear parameter, in units of noise, (n, 3, P)."""
-    return _columns(model, effect, view, _usual_shape(effect, view), sigma)
+    return np.asarray(signature_of(_chain(model, view), effect, _usual_shape(effect, view)).numpy()) / sigma
 
 
 def _usual_shape(effect: Effect, view: View) -> Mapping[str, Tensor]:
@@ -177,9 +185,8 @@ def _usual_shape(effect: Effect, view: View) -> Mapping[str, Tensor]:
     return trials[len(trials) // 2]
 
 
-def _columns(model: Model, effect: Effect, view: View, shape: Mapping[str, Tensor], sigma: float) -> np.ndarray:
-    terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
-    return np.asarray(signature_of(trace(terms, view), effect, shape).numpy()) / sigma
+def _chain(model: Model, view: View) -> Chain:
+    return trace([(term.effect, term.theta) for term in model.terms if len(term.theta)], view)
 
 
 def beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np.ndarray:

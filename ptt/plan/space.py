@@ -13,13 +13,14 @@ from ptt.mechanisms.dexterity import singularities
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import NEAR_CONDITION, unevenness
+from ptt.progress import Progress
 from ptt.run.view import joint_limits
 
 MARGIN = 0.01  # share of the travel that is left alone at either end
 SAFE = 0.5  # share of home's margin to the nearest singularity that a pose keeps
 GRID = 13  # joint values along each slider when the reachable volume is measured out
 OVERSHOOT = 40  # draws for each pose that is wanted, before giving up
-BATCH = 512
+BATCH, LARGE_BATCH = 512, 16_384  # poses that are tried at once; the sequence is the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,7 @@ def can_drive(space: Space, q: Tensor) -> np.ndarray:
     return inside.numpy()
 
 
-def draw_poses(space: Space, count: int, random: np.random.Generator) -> Tensor:
+def draw_poses(space: Space, count: int, random: np.random.Generator, progress: Progress | None = None) -> Tensor:
     """Low-discrepancy poses; no slider height is commensurate with a lead.
 
     Source: M. Roberts, 'The unreasonable effectiveness of quasirandom sequences' (2018), additive recurrence of
@@ -133,6 +134,7 @@ def draw_poses(space: Space, count: int, random: np.random.Generator) -> Tensor:
         space: the machine's.
         count: how many.
         random: where the sequence starts.
+        progress: told what is done, how much of how much.
 
     Returns:
         (count, k) mm or rad.
@@ -145,14 +147,16 @@ def draw_poses(space: Space, count: int, random: np.random.Generator) -> Tensor:
     begin = torch.as_tensor(random.random(size))
     step = torch.as_tensor(_golden(size) ** -np.arange(1.0, size + 1.0))
     found: list[Tensor] = []
-    have, done = 0, 0
-    while have < count and done < OVERSHOOT * count + BATCH:
-        index = torch.arange(done + 1, done + BATCH + 1, dtype=torch.float64)[:, None]
+    have, done, batch = 0, 0, int(np.clip(count, BATCH, LARGE_BATCH))
+    while have < count and done < OVERSHOOT * count + batch:
+        if progress is not None:
+            progress("poses", have, count)
+        index = torch.arange(done + 1, done + batch + 1, dtype=torch.float64)[:, None]
         place = low + torch.remainder(begin + index * step, 1.0) * (high - low)
         q = space.mechanism.inverse(place) if space.by_tool else place
         good = q[torch.as_tensor(can_drive(space, torch.nan_to_num(q, nan=torch.inf)))]
         found.append(good)
-        have, done = have + len(good), done + BATCH
+        have, done = have + len(good), done + batch
     if have < count:
         raise WorkspaceError(
             f"only {have} of {count} poses can be driven", [], where="[machine]", fix="widen travel, limits or box"

@@ -26,7 +26,7 @@ from ptt.judge.ladder.climb import Ladder, climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model, read_model
-from ptt.progress import Progress
+from ptt.progress import Progress, Tell
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
 from ptt.run.taken import set_up
@@ -37,6 +37,7 @@ from ptt.show.report.source import MadeOf, shown_table
 from ptt.version import __version__
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
+STAGES = 6  # of a report
 NOTHING_TO_JUDGE = "the model has no effects and no network: there is no after to hold against the before"
 
 Found = TypeVar("Found")
@@ -160,19 +161,21 @@ def gather(
     model, shown = compensator.model, shown_table(table, source)
     problem = replace(problem or build_problem(model.file, table), table=shown)
     why: dict[str, str] = {}
-    tell("compare and diagnose", 0, 5)
-    drawing = _look(Model(model.file), problem, known, source)
-    given = drawing if not model.terms else _look(model, problem, known, source)
-    tell("fit", 1, 5)
+    drawing = _look(Model(model.file), problem, known, source, lambda what: tell(f"the drawing: {what}", 0, STAGES))
+    if not model.terms:
+        given = drawing
+    else:
+        given = _look(model, problem, known, source, lambda what: tell(f"the model: {what}", 1, STAGES))
+    tell("fit", 2, STAGES)
     noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
-    refit = _unless("fit", why, lambda: climb(model, noisy, []), source)
-    tell("evaluate", 2, 5)
-    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem), source) or {}
-    tell("iso", 3, 5)
+    refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=tell), source)
+    tell("evaluate", 3, STAGES)
+    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem, tell), source) or {}
+    tell("iso", 4, STAGES)
     iso = _unless("iso", why, lambda: _iso(problem), source)
     entries = _unless("history", why, lambda: read_entries(model.file), source) or ()
     ladders = tuple(tuple(ladder) for ladder in runs_of(entries))
-    tell("write", 4, 5)
+    tell("write", 5, STAGES)
     return Contents(
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         source=source,
@@ -220,11 +223,12 @@ def with_network(model: Compensator, trained: Compensator, where: str) -> Compen
     return replace(model, network=trained.network, notes=trained.notes)
 
 
-def _look(model: Model, problem: Problem, known: Library, source: MadeOf) -> ModelLook:
+def _look(model: Model, problem: Problem, known: Library, source: MadeOf, tell: Tell) -> ModelLook:
     why: dict[str, str] = {}
     noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
     diagnose = choose_diagnosis(problem.table.rows)
-    found = _unless("diagnose", why, lambda: diagnose(model, problem, known), source)
+    found = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
+    tell("compare")
     return ModelLook(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
 
 
@@ -237,10 +241,12 @@ def _unless(what: str, why: dict[str, str], action: Callable[[], Found], source:
         return None
 
 
-def _evaluate(compensator: Compensator, problem: Problem) -> dict[str, Evaluation]:
+def _evaluate(compensator: Compensator, problem: Problem, tell: Progress) -> dict[str, Evaluation]:
     if not compensator.model.terms and compensator.network is None:
         raise ModelError(NOTHING_TO_JUDGE)
-    return {name: evaluate_heldout(compensator, problem, make(problem)) for name, make in PROTOCOLS.items()}
+    return {
+        name: evaluate_heldout(compensator, problem, make(problem), progress=tell) for name, make in PROTOCOLS.items()
+    }
 
 
 def _iso(problem: Problem) -> IsoPoses:
