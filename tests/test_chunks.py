@@ -114,3 +114,14 @@ def test_a_long_run_is_held_out_one_step_away_from_the_fit_of_all(monkeypatch: p
     apart = (stepped.physics - refitted.physics)[stepped.rows]
     fitted = (stepped.physics - fit_physics(model, read).residual)[stepped.rows]
     assert np.abs(apart).max() < 0.1 * np.abs(fitted).max()  # what it says of hiding is what hiding does
+
+
+def test_a_reversal_is_followed_across_the_blocks_of_its_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = _problem(700, 3)
+    whole = gradual_reversal(problem.view, LENGTH)
+    monkeypatch.setattr("ptt.effects.memory.SCANNED", 64)  # standstills lie across the ends of blocks among others
+    torch.testing.assert_close(gradual_reversal(problem.view, LENGTH), whole, rtol=0, atol=1e-14)
+    slope = torch.func.jacfwd(lambda length: gradual_reversal(problem.view, length))(LENGTH)
+    monkeypatch.setattr("ptt.effects.memory.SCANNED", 5000)
+    alone = torch.func.jacfwd(lambda length: gradual_reversal(problem.view, length))(LENGTH)
+    torch.testing.assert_close(slope, alone, rtol=0, atol=1e-13)

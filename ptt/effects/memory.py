@@ -11,6 +11,7 @@ from ptt.run.turns import LINEAR, REACH, REACH_RAD, Entry, remember
 from ptt.run.view import View
 
 FORGOTTEN = 1e-20  # share of an earlier state that no later one shows
+SCANNED = 8192  # waypoints of a block: 200 kB an array of three joints
 
 
 def keep_reversals(view: View, lengths: Sequence[Tensor]) -> None:
@@ -237,9 +238,26 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, pl
         moved = torch.zeros_like(q[0]) if place is None else q[0] - place
         kept = torch.exp(-moved.abs() / length)
         gain = torch.cat([(entry * kept + torch.sign(moved) * (1.0 - kept))[None], gain[1:]])
+    return _followed(decay, gain)[way.rows]
+
+
+def _followed(decay: Tensor, gain: Tensor) -> Tensor:
+    """x_i = gain_i + decay_i x_(i-1), (m, k): a scan of each block, which goes on where the one before left it.
+
+    One scan of everything takes log2 m passes over arrays that fit into no cache.
+    """
+    blocks = list(zip(decay.split(SCANNED), gain.split(SCANNED), strict=True))
+    found = [_scanned(*blocks[0])]
+    for own, given in blocks[1:]:
+        carried = given[:1] + own[:1] * found[-1][-1:]
+        found.append(_scanned(torch.cat([torch.zeros_like(own[:1]), own[1:]]), torch.cat([carried, given[1:]])))
+    return found[0] if len(found) == 1 else torch.cat(found)
+
+
+def _scanned(decay: Tensor, gain: Tensor) -> Tensor:
     step = 1
-    while step < len(q) and float(decay.detach().max()) > FORGOTTEN:
+    while step < len(gain) and float(decay.detach().max()) > FORGOTTEN:
         gain = torch.cat([gain[:step], gain[step:] + decay[step:] * gain[:-step]])
         decay = torch.cat([decay[:step], decay[step:] * decay[:-step]])
         step *= 2
-    return gain[way.rows]
+    return gain
