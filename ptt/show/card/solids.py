@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -112,18 +113,31 @@ def arrows(start: np.ndarray, vector: np.ndarray, least: float, most: float = ma
     Returns:
         All of them as one solid, and the arrow that each point belongs to, (v,).
     """
-    parts: list[Solid] = []
-    owner: list[np.ndarray] = []
-    for number, (tail, way) in enumerate(zip(start, vector, strict=True)):
-        length = float(np.linalg.norm(way))
-        if length <= 0.0:
-            continue
-        thick = min(WIDTH * min(max(length, least), 2.5 * length), most)  # a short one is no blob
-        neck = tail + (1.0 - HEAD) * way
-        solids = (tube(tail, neck, 0.38 * thick, 5), _cone(neck, tail + way, thick))
-        parts += solids
-        owner.append(np.full(sum(len(solid.points) for solid in solids), number))
-    return joined(parts), np.concatenate(owner) if owner else np.zeros(0, dtype=int)
+    length = np.linalg.norm(vector, axis=1)
+    drawn = np.flatnonzero(length > 0.0)
+    tail, way, length = start[drawn, None], vector[drawn, None], length[drawn]
+    thick = np.minimum(WIDTH * np.minimum(np.maximum(length, least), 2.5 * length), most)  # a short one is no blob
+    across, other = _squares_to(vector[drawn] / length[:, None])
+    one = _one_arrow()
+    flat = one.points[:, 1:2] * across[:, None] - one.points[:, 0:1] * other[:, None]  # shape: (n, v, 3)
+    points = tail + one.points[:, 2:] * way + thick[:, None, None] * flat
+    faces = one.faces + len(one.points) * np.arange(len(drawn))[:, None, None]
+    return Solid(points.reshape(-1, 3), faces.reshape(-1, 3)), np.repeat(drawn, len(one.points))
+
+
+@lru_cache(maxsize=1)
+def _one_arrow() -> Solid:
+    """An arrow of length one along z, its head one in radius."""
+    neck, tip = np.array([0.0, 0.0, 1.0 - HEAD]), np.array([0.0, 0.0, 1.0])
+    return joined((tube(np.zeros(3), neck, 0.38, 5), _cone(neck, tip, 1.0)))
+
+
+def _squares_to(unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `_square_to`, of many unit vectors at once."""
+    helper = np.where(np.abs(unit[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    across = np.cross(unit, helper)
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-12)[:, None]
+    return across, np.cross(unit, across)
 
 
 def _cone(base: np.ndarray, tip: np.ndarray, radius: float, sides: int = 7) -> Solid:

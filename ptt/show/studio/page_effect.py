@@ -24,7 +24,7 @@ async def open_effect(studio: Studio, key: str) -> None:
     """
     with (
         studio.client,
-        ui.dialog() as dialog,
+        ui.dialog().props("transition-duration=80") as dialog,
         ui.card().style("max-width: 860px; width: 94vw; background: var(--card)"),
     ):
         with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, TypeVar
 
 from ptt.errors import ModelError
@@ -56,7 +57,7 @@ class Snapshot:
     @property
     def file(self) -> MachineFile:
         """The machine file, switched-off effects included."""
-        return parse_machine(self.text, START)
+        return _parsed(self.text)
 
     @property
     def active(self) -> str:
@@ -287,6 +288,12 @@ def parameter_rows(entry: EffectEntry) -> list[tuple[str, float, float | None, s
             label = f"{name} {index}" if len(values) > 1 else name
             rows.append((label, value, std if seen is not False else None, word))
     return rows
+
+
+@lru_cache(maxsize=64)
+def _parsed(text: str) -> MachineFile:
+    """A machine file, read once: every view asks for it whenever anything changes."""
+    return parse_machine(text, START)
 
 
 def _rung(step: Mapping[str, Any]) -> Rung:
