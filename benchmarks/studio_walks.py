@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 from studio_clicks import FLAGS, WAIT, start
 from typer.testing import CliRunner
 
@@ -47,6 +47,11 @@ class Walk:
     place: str
     shots: Path | None
 
+    @property
+    def title(self) -> Locator:
+        """What the view that is seen says in large."""
+        return self.page.locator(".st-panel.st-here .st-title").first
+
     def view(self, name: str) -> None:
         self.page.get_by_role("tab", name=name).click()
         expect(self.page.get_by_role("tab", name=name)).to_have_attribute("aria-selected", "true")
@@ -74,7 +79,7 @@ class Walk:
     def restart(self) -> None:
         """Reload, then end the server, start it again on its port, and load the same address."""
         before = self.page.locator(".st-told").inner_text()
-        title = self.page.locator(".st-title").inner_text()
+        title = self.title.inner_text()
         self.page.reload()
         expect(self.page.locator(".st-told")).to_have_text(before, timeout=WAIT)
         self.process.terminate()
@@ -83,7 +88,7 @@ class Walk:
         assert place == self.place
         self.page.goto(self.page.url)
         expect(self.page.locator(".st-told")).to_have_text(before, timeout=WAIT)
-        expect(self.page.locator(".st-title")).to_have_text(title, timeout=WAIT)
+        expect(self.title).to_have_text(title, timeout=WAIT)
 
 
 def main() -> None:
@@ -114,7 +119,7 @@ def _walk(name: str, browser: Browser, folder: Path, shots: Path | None) -> None
         walk.look("first")
         _open(walk)
         page.locator(".st-finding, .st-tie").first.wait_for()
-        title = page.locator(".st-title").inner_text()
+        title = walk.title.inner_text()
         walk.look("result")
         taken = _unknown(walk) if name == "unknown" else [_poses(walk)] if name == "tie" else []
         walk.restart()

@@ -55,8 +55,14 @@ def words_of(language: str) -> Say:
         parts = re.split(r"(?<=[a-z0-9)%])[.] (?=[A-Z])", text)
         if len(parts) == 1:
             return text
-        said = [say(part) for part in parts]
+        said = [_sentence(say, part) for part in parts]
         known = all(new != old for new, old in zip(said, parts, strict=True))
         return (stop if known else ". ").join(said)
 
     return say
+
+
+def _sentence(say: Say, part: str) -> str:
+    """One of several sentences, which lost its full stop unless it is the last: with the stop where only that is known."""
+    said = say(part)
+    return say(f"{part}.").rstrip(".\u3002") if said == part and not part.endswith(".") else said
