@@ -63,6 +63,6 @@ def words_of(language: str) -> Say:
 
 
 def _sentence(say: Say, part: str) -> str:
-    """One of several sentences, which lost its full stop unless it is the last: with the stop where only that is known."""
+    """One of several sentences, its full stop lost unless it is the last: with the stop where only that is known."""
     said = say(part)
     return say(f"{part}.").rstrip(".\u3002") if said == part and not part.endswith(".") else said
