@@ -118,27 +118,11 @@ def unknown_figure(unknown: Mapping[str, Any]) -> Figure:
         " within one period [mm]" if unknown["period_mm"] else ""
     )
     up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
-    data: list[Figure] = [
-        _points(scale * np.asarray(points["at"]), factor * np.asarray(points["um"]), PALE, "readings", 5)
-    ]
+    data = [_points(scale * np.asarray(points["at"]), factor * np.asarray(points["um"]), PALE, "readings", 5)]
     if str(unknown["on"]).startswith("direction") and not unknown["with"]:
         data.append({**_points(at, mean, ORANGE, "mean", 13), "error_y": {"type": "data", "array": half.tolist()}})
     else:
-        data.append(
-            {**_points(at, mean, ORANGE, "what it follows", 5), "mode": "lines", "line": {"color": ORANGE, "width": 4}}
-        )
-        band = {"x": [*at.tolist(), *at[::-1].tolist()], "y": [*(mean + half).tolist(), *(mean - half)[::-1].tolist()]}
-        data.append(
-            {
-                "type": "scatter",
-                **band,
-                "fill": "toself",
-                "fillcolor": "rgba(230,159,0,0.25)",
-                "line": {"width": 0},
-                "name": "95 % band",
-                "hoverinfo": "skip",
-            }
-        )
+        data += _followed(at, mean, half)
     layout = whole_layout(
         xaxis=axis_of(across),
         yaxis=axis_of(up, zeroline=True),
@@ -147,6 +131,17 @@ def unknown_figure(unknown: Mapping[str, Any]) -> Figure:
         margin={"l": 66, "r": 12, "t": 30, "b": 48},
     )
     return whole_figure(data, layout)
+
+
+def _followed(at: np.ndarray, mean: np.ndarray, half: np.ndarray) -> list[Figure]:
+    """A curve with its 95 % band."""
+    line = {"mode": "lines", "line": {"color": ORANGE, "width": 4}}
+    band = {
+        "type": "scatter", "x": [*at.tolist(), *at[::-1].tolist()],
+        "y": [*(mean + half).tolist(), *(mean - half)[::-1].tolist()], "fill": "toself",
+        "fillcolor": "rgba(230,159,0,0.25)", "line": {"width": 0}, "name": "95 % band", "hoverinfo": "skip",
+    }  # fmt: skip
+    return [{**_points(at, mean, ORANGE, "what it follows", 5), **line}, band]
 
 
 def sign_figure(sign: Mapping[str, Any]) -> Figure:

@@ -60,52 +60,7 @@ def serve(
         InputError: the port is in use, or the folder cannot be written.
     """
     store, pool = Store(root), Pool(verb=verb)
-    studios: dict[str, Studio] = {}
-
-    async def page(place: Place, view: str) -> None:
-        client = ui.context.client
-        try:
-            await client.connected(timeout=STAY)
-        except ClientConnectionTimeout:  # the page was asked for by something that is no browser
-            return
-        pool.warm()
-        known = studios.get(place.key)
-        fresh = known is None and place.empty
-        studio = studios[place.key] = known or Studio(place, pool)
-        if known is not None and known.client is not client and known.client.has_socket_connection:
-            known.client.run_javascript(ELSEWHERE)
-        studio.attach(client)
-
-        def close() -> None:
-            if studio.client is client:  # else the page was loaded anew and lives on
-                studios.pop(place.key, None)
-                studio.close()
-
-        client.on_delete(close)
-        build_page(studio, view)
-        ui.run_javascript('import("nicegui-plotly"); null')  # while the person looks for a file
-        if fresh and (opening.files or opening.machine):
-            await _start(studio, opening)
-        elif known is None:
-            await studio.resume()
-
-    @ui.page("/", title="ptt studio")
-    async def root_page() -> None:
-        await page(store.fresh(_owner(ui.context.client)), "load")
-
-    @ui.page("/s/{key}", title="ptt studio")
-    @ui.page("/s/{key}/{view}", title="ptt studio")
-    async def session_page(key: str, view: str = "load") -> None:
-        owner = _owner(ui.context.client)
-        place = store.find(key, owner)
-        known = studios.get(key)
-        if place is None and known is not None and known.place.owner == owner:
-            place = known.place  # nothing was opened yet, so nothing is on disk
-        if place is None:
-            _unknown()
-            return
-        await page(place, view)
-
+    _lay_out(_Pages(store, pool, opening))
     app.on_shutdown(pool.close)
     app.add_middleware(UploadLimit)
     app.add_middleware(Guard, owner=_owner_of_client)
@@ -116,6 +71,65 @@ def serve(
         host=HOST, port=port, title="ptt studio", show=show, reload=False, reconnect_timeout=STAY, language="en-US",
         show_welcome_message=False, favicon="\N{STRAIGHT RULER}",
     )  # fmt: skip
+
+
+class _Pages:
+    """The pages that are open: a session is on one of them at a time."""
+
+    def __init__(self, store: Store, pool: Pool, opening: Opening) -> None:
+        self.store, self.pool, self.opening = store, pool, opening
+        self.studios: dict[str, Studio] = {}
+
+    async def show(self, place: Place, view: str) -> None:
+        """Put a session on the page of the client that asks."""
+        client = ui.context.client
+        try:
+            await client.connected(timeout=STAY)
+        except ClientConnectionTimeout:  # the page was asked for by something that is no browser
+            return
+        self.pool.warm()
+        known = self.studios.get(place.key)
+        fresh = known is None and place.empty
+        studio = self.studios[place.key] = known or Studio(place, self.pool)
+        if known is not None and known.client is not client and known.client.has_socket_connection:
+            known.client.run_javascript(ELSEWHERE)
+        studio.attach(client)
+        client.on_delete(lambda: self._left(studio, client))
+        build_page(studio, view)
+        ui.run_javascript('import("nicegui-plotly"); null')  # while the person looks for a file
+        if fresh and (self.opening.files or self.opening.machine):
+            await _start(studio, self.opening)
+        elif known is None:
+            await studio.resume()
+
+    def find(self, key: str, owner: str) -> Place | None:
+        """The place of a session of this owner; None where there is none."""
+        place, known = self.store.find(key, owner), self.studios.get(key)
+        if place is None and known is not None and known.place.owner == owner:
+            return known.place  # nothing was opened yet, so nothing is on disk
+        return place
+
+    def _left(self, studio: Studio, client: Client) -> None:
+        if studio.client is client:  # else the page was loaded anew and lives on
+            self.studios.pop(studio.place.key, None)
+            studio.close()
+
+
+def _lay_out(pages: _Pages) -> None:
+    """The addresses: a fresh session, and one that is there."""
+
+    @ui.page("/", title="ptt studio")
+    async def root_page() -> None:
+        await pages.show(pages.store.fresh(_owner(ui.context.client)), "load")
+
+    @ui.page("/s/{key}", title="ptt studio")
+    @ui.page("/s/{key}/{view}", title="ptt studio")
+    async def session_page(key: str, view: str = "load") -> None:
+        place = pages.find(key, _owner(ui.context.client))
+        if place is None:
+            _unknown()
+            return
+        await pages.show(place, view)
 
 
 def _owner(client: Client) -> str:
