@@ -353,7 +353,7 @@ def test_the_diagnosis_is_chosen_by_rows():
 
 
 def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: pytest.MonkeyPatch):
-    def in_chunks(*given: object, size: int) -> None:
+    def in_chunks(*given: object, size: int, progress: object) -> None:
         raise InputError(f"chunks of {size}")
 
     monkeypatch.setattr("ptt.diagnosis.long.WHOLE", 200)
