@@ -11,6 +11,7 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, Turn
 
 WIDE = 50  # columns up to which an atom costs a search little
+MAP = 150  # columns from which an effect is a map of harmonics, mostly the same few curves: it pays on any run
 REPAID = 8  # coordinates for each column from which a search gains more by fewer columns than it takes to find them
 UNSEEN = 1e-9  # of the largest eigenvalue: a shape of which the rows show less than rounding
 LEAST = 1e-3  # variance over noise that a shape puts into the readings when it is as large as it may be
@@ -60,8 +61,7 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
     Returns:
         The atoms on fewer columns.
     """
-    most = columns[:, :, 0].size / REPAID
-    wide = [key for key, atom in atoms.items() if WIDE < len(atom.columns) < most and not atom.bounded.any()]
+    wide = [key for key, atom in atoms.items() if _pays(atom, columns[:, :, 0].size)]
     if not wide:
         return Narrowed(dict(atoms), np.arange(columns.shape[2]), (), {})
     stays = np.ones(columns.shape[2], dtype=bool)
@@ -78,6 +78,11 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
         found[key] = replace(atom, columns=own, group=group, bounded=np.zeros(len(own), dtype=bool), turn=turn)
         first += len(group)
     return Narrowed(found, place, tuple(wide), {key: atoms[key].columns for key in wide})
+
+
+def _pays(atom: Atom, coordinates: int) -> bool:
+    width, is_map = len(atom.columns), atom.effect is not None and len(atom.columns) > MAP
+    return (is_map or WIDE < width < coordinates / REPAID) and not atom.bounded.any()
 
 
 def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -192,7 +192,7 @@ class Scorer:
     def _screen(self, state: State) -> Screen:
         where = state.keys, state.memory
         if where not in self.screened:
-            basis = Basis(state.columns, state.posterior, self.system.sums(state.memory))
+            basis = Basis(state.columns, state.posterior, state.memory)
             self.screened[where] = Screen(self.system, basis, self.opens(state.keys), self.begun)
             self.screened[where].gains |= self.known.get(where, {})
         return self.screened[where]

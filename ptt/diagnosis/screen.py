@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.memory import Sums
+from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.system import System
 from ptt.fitting.evidence import WIDTH, Posterior, learn
 
@@ -49,12 +49,12 @@ class Basis:
     Attributes:
         columns: indices in the system, (p,).
         posterior: of these.
-        sums: of all columns under the set's memory of the noise.
+        memory: of the noise; the sums are asked for where they are needed, since those of a long run fill gigabytes.
     """
 
     columns: np.ndarray
     posterior: Posterior
-    sums: Sums
+    memory: Memory
 
 
 class Screen:
@@ -100,7 +100,7 @@ class Screen:
             return
         own = np.concatenate([columns[places].ravel() for _, columns, places in new])
         # C of all of them at once, solved from the right: so it lies in memory as the products below want it.
-        posterior, sums = self.basis.posterior, self.basis.sums
+        posterior, sums = self.basis.posterior, self.system.sums(self.basis.memory)
         root, solved = posterior.cholesky, sums.across(self.basis.columns[posterior.order], own)
         side = sums.side[own] - posterior.values[posterior.order] @ solved
         if len(root):
