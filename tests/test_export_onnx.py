@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from test_export_c import network_over, path_of, random_model
+from test_export_firmware import arm
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Options
@@ -58,3 +59,26 @@ def test_the_network_its_domain_and_a_frame(bench: MachineFile, tmp_path: Path) 
     np.testing.assert_array_equal(found["inside"][:, 0], expected.in_domain)
     assert 0.1 < expected.in_domain.mean() < 0.95
     np.testing.assert_allclose(found["b"][expected.sent], expected.q[expected.sent], rtol=0.0, atol=1e-9)
+
+
+FEW = ("homing-slip", "dh-offsets", "backlash", "windup")
+
+
+@pytest.mark.parametrize(("convention", "names"), [("standard", FEW), ("modified", ())])
+def test_an_arm_beside_its_nominal_joint_values(convention: str, names: tuple[str, ...], tmp_path: Path) -> None:
+    """Angles tiny enough for a cosine that a runtime takes for one are among them."""
+    file = arm(convention)
+    compensator = Compensator(random_model(file, 4, names), None, {})
+    posture = path_of(file, 5, 120)
+    result = write(compensator, tmp_path / "m.onnx", Options())
+    assert {item.effect for item in result.cannot_hold} == {"backlash", "windup"}
+    all_ = {"dh-offsets", "axis-compliance", "self-weight", "joint-error-map", "frame-growth"}
+    assert (set(names) & {"dh-offsets", "homing-slip"} or all_) <= set(result.holds)
+    assert result.error_um.format < 0.5 * result.error_um.drawing
+    targets = make_table(np.full((120, 3), np.nan), command=posture, payload_kg=1.3, temp_c=26.0)
+    expected = compensate(compensator.model, targets, reversal="none", limit=50.0)
+    load, warm = np.full((120, 1), 1.3), np.full((120, 1), 26.0)
+    q = run(tmp_path / "m.onnx", q_nominal=posture, payload_kg=load, temp_c=warm)["q"]
+    assert expected.sent.mean() > 0.8
+    assert np.abs(expected.q - posture)[expected.sent].max() > 1e-4
+    np.testing.assert_allclose(q[expected.sent], expected.q[expected.sent], rtol=0.0, atol=1e-9)

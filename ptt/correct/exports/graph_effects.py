@@ -185,7 +185,7 @@ def _lead(s: Place, t: np.ndarray, effect: Effect) -> None:
 
 
 def _turn(s: Place, t: np.ndarray, effect: Effect) -> None:
-    phase = s.q * np.array([[2.0 * np.pi / t[6]]])
+    phase = s.q * np.full((1, 3), 2.0 * np.pi / t[6])  # a single number near one is left out by onnxruntime
     # Not every runtime has a cosine of doubles.
     cosine = s.graph.node("Sin", phase + np.array([[0.5 * np.pi]]))
     s.move_drive(cosine * t[None, :3] + s.graph.node("Sin", phase) * t[None, 3:6])

@@ -11,14 +11,16 @@ from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import AHEAD, parts_of
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.graph import Graph, Node
+from ptt.correct.exports.graph_arm import CONTEXT, settle
 from ptt.correct.exports.graph_effects import EFFECTS, Place, Vector, meet, spread
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.errors import InputError
-from ptt.machine import MachineFile
+from ptt.machine import MachineFile, SerialSpec
 from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.run.table import make_table
 from ptt.run.target_frame import target_frames
@@ -35,8 +37,9 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     """Write the graph.
 
     Inputs: p (n, 3) mm; where effects ask for them payload_kg (n, 1) and temp_c (n, 1). Outputs: b (n, 3) mm, and with
-    a network inside (n, 1), whether a row lies in its domain. A row out of reach is NaN; travel, singularities and the
-    size of a correction are not looked at.
+    a network inside (n, 1), whether a row lies in its domain. Of an arm q_nominal (n, k) rad goes in, its targets by
+    the drawing, and q (n, k) rad comes out. A row out of reach is NaN; travel, singularities and the size of a
+    correction are not looked at.
 
     Args:
         compensator: physics, and a network where there is one.
@@ -54,6 +57,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     except ImportError:
         raise InputError("needs the package onnx", where="--to onnx", fix="pip install 'ptt[export]'") from None
     cannot = _cannot(compensator)
+    if compensator.model.file.machine.kind == "serial":
+        _require_no_network(compensator)
     ground = survey(compensator, options)
     held = compensator
     for key in cannot:
@@ -85,6 +90,8 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     Returns:
         An onnx.ModelProto.
     """
+    if compensator.model.file.machine.kind == "serial":
+        return _arm_graph(compensator, head)
     graph = Graph()
     file = compensator.model.file
     stated = Node(graph, "p")
@@ -102,15 +109,49 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     if "temperature" in uses:
         warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
     b = _settle(graph, file, steady, asked, payload, warmth)
+    inputs = [("p", 3), *_context_inputs(uses)]
     outputs = [("b", b, 3, 11)] + ([("inside", inside, 1, 9)] if inside is not None else [])  # 11 double, 9 bool
-    inputs = ["p", *(["payload_kg"] if "payload" in uses else []), *(["temp_c"] if "temperature" in uses else [])]
+    return _model(graph, inputs, outputs, head)
+
+
+def _arm_graph(compensator: "Compensator", head: list[str]) -> Any:
+    """The same of an arm: nominal joint values in, corrected ones out."""
+    graph, file = Graph(), compensator.model.file
+    arm = build_mechanism(file.machine)
+    assert isinstance(arm, Serial) and isinstance(file.machine, SerialSpec)
+    steady, _, _ = split_terms(compensator.model, "none")
+    uses = {need for effect, _ in steady for need in CONTEXT[effect.name]}
+    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
+    warmth = graph.constant([[0.0]])
+    if "temperature" in uses:
+        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
+    effects = [(effect, theta.numpy()) for effect, theta in steady]
+    q = settle(graph, arm, file.machine, effects, Node(graph, "q_nominal"), payload, warmth)
+    inputs = [("q_nominal", arm.joints), *_context_inputs(uses)]
+    return _model(graph, inputs, [("q", q, arm.joints, 11)], head)
+
+
+def _require_no_network(compensator: "Compensator") -> None:
+    if compensator.network is not None:
+        fix = "take --to c, or the machine.toml without the network"
+        raise InputError("an arm's network is over joint values and not in the graph", where="--to onnx", fix=fix)
+
+
+def _context_inputs(uses: set[str]) -> list[tuple[str, int]]:
+    named = (("payload", "payload_kg"), ("temperature", "temp_c"))
+    return [(name, 1) for need, name in named if need in uses]
+
+
+def _model(
+    graph: Graph, inputs: list[tuple[str, int]], outputs: list[tuple[str, Node, int, int]], head: list[str]
+) -> Any:
     for name, value, _, _ in outputs:
         graph.nodes.append(graph.helper.make_node("Identity", [value.name], [name]))
     used = {name for node in graph.nodes for name in node.input}
     constants = [each for each in graph.constants if each.name in used]
     describe = graph.helper.make_tensor_value_info
     body = graph.helper.make_graph(
-        graph.nodes, "ptt", [describe(name, 11, ["n", 3 if name == "p" else 1]) for name in inputs],
+        graph.nodes, "ptt", [describe(name, 11, ["n", width]) for name, width in inputs],
         [describe(name, kind, ["n", width]) for name, _, width, kind in outputs], constants,
     )  # fmt: skip
     opset = [graph.helper.make_opsetid("", OPSET)]

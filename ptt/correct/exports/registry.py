@@ -11,7 +11,7 @@ from ptt.errors import InputError
 _ROOM = "ptt.correct.exports"
 FORMATS: tuple[Format, ...] = (
     Format("c", f"{_ROOM}.c", (THREE_PTT, SERIAL), "C99 source: commands one after the other, reversal included"),
-    Format("onnx", f"{_ROOM}.onnx", (THREE_PTT,), "an ONNX graph: commands in batches, reversal left aside"),
+    Format("onnx", f"{_ROOM}.onnx", (THREE_PTT, SERIAL), "an ONNX graph: commands in batches, reversal left aside"),
     Format("klipper", f"{_ROOM}.klipper", (THREE_PTT,), "printer.cfg of a delta: radius, arms, angles, end stops"),
     Format("linuxcnc", f"{_ROOM}.linuxcnc", (THREE_PTT,), "lineardeltakins and one compensation file an axis", True),
     Format("reprapfirmware", f"{_ROOM}.reprapfirmware", (THREE_PTT,), "M665 and M666 of RepRapFirmware"),

@@ -1,0 +1,299 @@
+"""A serial arm as arithmetic on graph values: its chain, its effects, and the move that puts the tool right.
+
+A vector is three values (n, 1) or numbers; numbers stay numbers as long as nothing of the row is in them.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ptt.correct.exports.graph import Graph, Node
+from ptt.effects import Effect
+from ptt.effects.base import sizes
+from ptt.machine import SerialSpec
+from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.statics import GRAVITY, gravity_of
+
+Vector = Sequence[Any]
+ROUNDS = 7  # each leaves a hundredth or less: rounding after five or six
+FLAT = np.array([[1.0]])
+NEARLY = 1e-3  # onnxruntime leaves out a factor that is one but for a hundred-thousandth
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame in base coordinates: unit vectors, and the origin in mm."""
+
+    x: Vector
+    y: Vector
+    z: Vector
+    origin: Vector
+
+    def point(self, local: Vector) -> Vector:
+        """A point of this frame in base coordinates, mm."""
+        parts = zip(self.x, self.y, self.z, self.origin, strict=True)
+        return [plus(plus(plus(o, by(local[0], x)), by(local[1], y)), by(local[2], z)) for x, y, z, o in parts]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Rows as effects see them.
+
+    Attributes:
+        graph: the graph.
+        arm: the drawing.
+        spec: its file.
+        q: commands, k of (n, 1) rad.
+        axes: frames whose z are the joints' axes.
+        ends: frames that the links carry.
+        lever: dp/dq of each joint, k vectors, mm/rad.
+        payload: (n, 1) kg.
+        warmth: (n, 1) K.
+    """
+
+    graph: Graph
+    arm: Serial
+    spec: SerialSpec
+    q: Sequence[Node]
+    axes: Sequence[Frame]
+    ends: Sequence[Frame]
+    lever: Sequence[Vector]
+    payload: Node
+    warmth: Node
+
+
+def by(a: Any, b: Any) -> Any:
+    """Product."""
+    if isinstance(a, Node) or isinstance(b, Node):
+        number, value = (a, b) if isinstance(b, Node) else (b, a)
+        if isinstance(number, Node):
+            return a * b
+        if number in (0.0, 1.0):
+            return value if number else 0.0
+        if abs(number - 1.0) < NEARLY:
+            return value + value * (FLAT * (number - 1.0))
+        return value * (FLAT * number)
+    return a * b
+
+
+def plus(a: Any, b: Any) -> Any:
+    """Sum."""
+    if not isinstance(a, Node) and not isinstance(b, Node):
+        return a + b
+    number, value = (a, b) if isinstance(b, Node) else (b, a)
+    if isinstance(number, Node):
+        return a + b
+    return value if number == 0.0 else value + FLAT * number
+
+
+def less(a: Any, b: Any) -> Any:
+    """Difference."""
+    return plus(a, by(-1.0, b))
+
+
+def cross(u: Vector, v: Vector) -> Vector:
+    """Cross product."""
+    return [less(by(u[i], v[j]), by(u[j], v[i])) for i, j in ((1, 2), (2, 0), (0, 1))]
+
+
+def dot(u: Vector, v: Vector) -> Any:
+    """Inner product."""
+    return plus(plus(by(u[0], v[0]), by(u[1], v[1])), by(u[2], v[2]))
+
+
+def turned(u: Vector, v: Vector, cosine: Any, sine: Any) -> tuple[Vector, Vector]:
+    """Two axes after a turn from the first toward the second."""
+    pairs = list(zip(u, v, strict=True))
+    one = [plus(by(cosine, a), by(sine, b)) for a, b in pairs]
+    return one, [less(by(cosine, b), by(sine, a)) for a, b in pairs]
+
+
+def along_by(origin: Vector, axis: Vector, way: Any) -> Vector:
+    """A point moved along an axis."""
+    return [plus(o, by(way, a)) for o, a in zip(origin, axis, strict=True)]
+
+
+def drawn_links(arm: Serial, errors: np.ndarray | None) -> list[list[Any]]:
+    """a, alpha, d, turn and beta of each link, with errors (k, 5) where there are some."""
+    drawn = np.column_stack([arm.a_mm, arm.alpha_rad, arm.d_mm, arm.offset_rad, np.zeros(arm.joints)])
+    return (drawn if errors is None else drawn + errors).tolist()
+
+
+def walk(arm: Serial, links: Sequence[Sequence[Any]], q: Sequence[Node]) -> tuple[list[Frame], list[Frame]]:
+    """Follow the chain: frames whose z are the axes, and those at the links' ends."""
+    unit: Sequence[Vector] = np.eye(3).tolist()
+    here, axes, ends = Frame(unit[0], unit[1], unit[2], [0.0, 0.0, 0.0]), list[Frame](), list[Frame]()
+    for (a, alpha, d, turn, beta), value in zip(links, q, strict=True):
+        if arm.convention != "standard":
+            here = _screw_x(here, a, alpha, beta)
+        axes.append(here)
+        angle = plus(value, turn)
+        x, y = turned(here.x, here.y, _cosine(angle), angle.graph.node("Sin", angle))
+        here = Frame(x, y, here.z, along_by(here.origin, here.z, d))
+        if arm.convention == "standard":
+            here = _screw_x(here, a, alpha, beta)
+        ends.append(here)
+    return axes, ends
+
+
+def _screw_x(here: Frame, a: Any, alpha: float, beta: float) -> Frame:
+    y, z = turned(here.y, here.z, float(np.cos(alpha)), float(np.sin(alpha)))
+    origin = along_by(here.origin, here.x, a)
+    z, x = turned(z, here.x, float(np.cos(beta)), float(np.sin(beta)))
+    return Frame(x, y, z, origin)
+
+
+def _cosine(angle: Node) -> Node:
+    # Not every runtime has a cosine of doubles.
+    return angle.graph.node("Sin", angle + FLAT * (0.5 * np.pi))
+
+
+def settle(
+    graph: Graph, arm: Serial, spec: SerialSpec, effects: Sequence[tuple[Effect, np.ndarray]], nominal: Node,
+    payload: Node, warmth: Node,
+) -> Node:  # fmt: skip
+    """Corrected joint values beside nominal ones, (n, k) rad, by the steps of `ptt.correct.newton`.
+
+    Args:
+        graph: the graph.
+        arm: the drawing.
+        spec: its file.
+        effects: those that are held, with their parameters.
+        nominal: joint values of the targets by the drawing, (n, k) rad.
+        payload: (n, 1) kg.
+        warmth: (n, 1) K.
+
+    Returns:
+        The values.
+    """
+    drawn, q = drawn_links(arm, None), [nominal.take(joint) for joint in range(arm.joints)]
+    errors = [_errors(arm, theta) for effect, theta in effects if effect.name == "dh-offsets"]
+    links = drawn_links(arm, sum(errors, np.zeros((arm.joints, 5))))
+    goal = walk(arm, drawn, q)[1][-1].point(arm.tool_mm)
+    for _ in range(ROUNDS if effects else 0):
+        axes, ends = walk(arm, drawn, q)
+        tip = ends[-1].point(arm.tool_mm)
+        lever = [cross(axis.z, [less(t, o) for t, o in zip(tip, axis.origin, strict=True)]) for axis in axes]
+        seen = Place(graph, arm, spec, q, axes, ends, lever, payload, warmth)
+        moved = list(q)
+        for effect, theta in effects:
+            if effect.name in DRIVES:
+                shifts = DRIVES[effect.name].add(seen, theta, effect)
+                moved = [plus(value, shift) for value, shift in zip(moved, shifts, strict=True)]
+        there = walk(arm, links, moved)[1][-1].point(arm.tool_mm)
+        for effect, theta in effects:
+            if effect.name == "frame-growth":
+                there = [plus(a, b) for a, b in zip(there, _grown(seen, moved, theta), strict=True)]
+        step = _least_move(lever, [less(a, b) for a, b in zip(goal, there, strict=True)])
+        q = [plus(value, part) for value, part in zip(q, step, strict=True)]
+    return graph.node("Concat", *q, axis=1)
+
+
+def _least_move(lever: Sequence[Vector], step: Vector) -> list[Any]:
+    """J^T (J J^T)^-1 step, by the minors of J J^T."""
+    square = [[_total([by(each[row], each[column]) for each in lever]) for column in range(3)] for row in range(3)]
+    minors = [cross(square[(row + 1) % 3], square[(row + 2) % 3]) for row in range(3)]
+    volume = dot(square[0], minors[0])
+    force = [_total([by(minors[row][axis], step[row]) for row in range(3)]) / volume for axis in range(3)]
+    return [dot(each, force) for each in lever]
+
+
+def _total(parts: Sequence[Any]) -> Any:
+    total = parts[0]
+    for part in parts[1:]:
+        total = plus(total, part)
+    return total
+
+
+def _errors(arm: Serial, theta: np.ndarray) -> np.ndarray:
+    errors = theta.reshape(5, arm.joints).T.copy()
+    errors[:, 4] *= arm.parallel_axes()
+    return errors
+
+
+def _offset(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+    return t[: s.arm.joints].tolist()
+
+
+def _scale(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+    return [by(float(share), value) for share, value in zip(t, s.q, strict=True)]
+
+
+def _turn(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+    k, found = s.arm.joints, []
+    for joint, value in enumerate(s.q):
+        phase = by(float(2.0 * np.pi / t[2 * k]), value)
+        found.append(plus(by(float(t[joint]), _cosine(phase)), by(float(t[k + joint]), s.graph.node("Sin", phase))))
+    return found
+
+
+def _error_map(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+    cut = np.split(t, np.cumsum(sizes(effect, s.arm.joints))[:-1])
+    cosine, sine = (
+        np.concatenate([part.reshape(s.arm.joints, -1) for part in cut[start::2]], axis=1) for start in (0, 1)
+    )
+    order, found = np.arange(1.0, cosine.shape[1] + 1.0)[None], []
+    for joint, value in enumerate(s.q):
+        phase = value * order
+        found.append(_cosine(phase) @ cosine[joint][:, None] + s.graph.node("Sin", phase) @ sine[joint][:, None])
+    return found
+
+
+def _yield(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+    """Torque of the payload at the tool, and of the links that the drawing weighs, by virtual work."""
+    down = [float(value) for value in gravity_of(s.spec)]
+    torque = [by(s.payload, by(GRAVITY, dot(each, down))) for each in s.lever]
+    for index, joint in enumerate(s.spec.joint):
+        if joint.mass_kg:
+            centre = s.ends[index].point(joint.com_mm or (0.0, 0.0, 0.0))
+            force = [GRAVITY * joint.mass_kg * value for value in down]
+            for moved in range(index + 1):
+                axis = s.axes[moved]
+                arm = [less(c, o) for c, o in zip(centre, axis.origin, strict=True)]
+                torque[moved] = plus(torque[moved], dot(cross(axis.z, arm), force))
+    return [by(float(share), value) for share, value in zip(t, torque, strict=True)]
+
+
+def _sag(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+    down, k = [float(value) for value in gravity_of(s.spec)], s.arm.joints
+    pairs, number, found = k * (k + 1) // 2, 0, []
+    for joint in range(k):
+        pull, total = cross(down, s.axes[joint].z), 0.0
+        for behind in range(joint, k):
+            x = s.ends[behind].x
+            total = plus(total, by(float(t[number]), dot(pull, x)))
+            total = plus(total, by(float(t[pairs + number]), dot(pull, cross(s.axes[behind].z, x))))
+            number += 1
+        found.append(total)
+    return found
+
+
+def _grown(s: Place, moved: Sequence[Node], t: np.ndarray) -> Vector:
+    grown = [
+        [by(plus(by(float(t[0]), s.warmth), 1.0), a), alpha, by(plus(by(float(t[1]), s.warmth), 1.0), d), turn, beta]
+        for a, alpha, d, turn, beta in drawn_links(s.arm, None)
+    ]
+    still, there = (walk(s.arm, each, moved)[1][-1].point(s.arm.tool_mm) for each in (drawn_links(s.arm, None), grown))
+    return [less(a, b) for a, b in zip(there, still, strict=True)]
+
+
+@dataclass(frozen=True)
+class Known:
+    """How an effect of the drives moves the joints, and what it asks for beside their values."""
+
+    add: Callable[[Place, np.ndarray, Effect], list[Any]]
+    context: tuple[str, ...] = ()
+
+
+DRIVES: dict[str, Known] = {
+    "homing-offset": Known(_offset),
+    "homing-slip": Known(_offset),
+    "lead-scale": Known(_scale),
+    "once-per-rev": Known(_turn),
+    "joint-error-map": Known(_error_map),
+    "axis-compliance": Known(_yield, ("payload",)),
+    "self-weight": Known(_sag),
+}
+CONTEXT = {name: known.context for name, known in DRIVES.items()} | {"dh-offsets": (), "frame-growth": ("temperature",)}
