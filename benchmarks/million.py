@@ -4,7 +4,7 @@
 
 The run comes from the virtual machine (backlash, an error with every turn of the screw, screws that grow as the room
 warms) and is written to a temporary folder. Memory is the sum over the process and its workers of what only they hold
-and their share of what they hold together (PSS), sampled ten times a second.
+and their share of what they hold together (PSS), sampled ten times a second, seldomer where to look takes long.
 """
 
 import argparse
@@ -61,8 +61,9 @@ def measure(command: list[str], cores: list[int]) -> dict[str, float | str]:
     with tempfile.TemporaryFile("w+") as said:  # a pipe that nobody reads while it runs would stop it
         with subprocess.Popen(command, stdout=said, stderr=subprocess.DEVNULL, text=True, preexec_fn=pinned) as run:
             while run.poll() is None:
+                looked = time.perf_counter()
                 peak = max(peak, sum(map(_share, _family(run.pid))))
-                time.sleep(0.1)
+                time.sleep(max(0.1, 20.0 * (time.perf_counter() - looked)))  # pages are counted one by one
         said.seek(0)
         text = said.read()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -94,6 +94,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     table = make_table(target, time_s=10.0 * np.arange(120), **columns)
     table = measure(table, file, [term("backlash", build_view(file, table), [0.03, 0.05, 0.02])])
     write_table(table, place / "run.csv")
+    later = measure(table, file, [term("backlash", build_view(file, table), [0.03, 0.01, 0.02])])  # slider 2 is mended
+    write_table(later, place / "after.csv")
     save_machine(file, place / "drawing.toml")
     problem = build_problem(file, table)
     ladder = climb(Model(file), problem, [KNOWN["backlash"]()])
@@ -107,7 +109,16 @@ def told(folder: Path) -> tuple[dict, str]:
     """The report as JSON and as HTML."""
     out = folder / "out" / "report.html"
     data = spoken(
-        "report", folder / "run.csv", "--model", folder / "model.toml", "--compensator", folder / "comp", "--out", out
+        "report",
+        folder / "run.csv",
+        "--model",
+        folder / "model.toml",
+        "--compensator",
+        folder / "comp",
+        "--after",
+        folder / "after.csv",
+        "--out",
+        out,
     )
     return data, out.read_text(encoding="utf-8")
 
@@ -119,6 +130,22 @@ def minimal() -> Contents:
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None}))
     table = measure(make_table(empty_run(10).target), file, [])
     return gather(table, file)
+
+
+def test_a_later_run_stands_beside_the_first(folder: Path, told: tuple[dict, str]) -> None:
+    files = folder / "run.csv", "--after", folder / "after.csv", "--model", folder / "model.toml"
+    pair = told[0]["before_after"]
+    figures = ("rms_um", "max_um", "rows")
+    beside = spoken("compare", *files)["before_after"]
+    assert [pair[side][key] for side in ("before", "after") for key in figures] == [
+        beside[side][key] for side in ("before", "after") for key in figures
+    ]
+    assert [pair[key] for key in ("where", "reduction_percent")] == [beside["where"], beside["reduction_percent"]]
+    assert pair["after"]["rms_um"]["total"] < pair["before"]["rms_um"]["total"]  # of a gap that was halved and more
+    page = Page(told[1])
+    assert "The run beside a later one" in page.text and "Before: run.csv; after: after.csv" in page.text
+    assert f"{pair['nearer_share']:.0%} of {pair['shared_poses']} poses" in page.text
+    assert any("--after after.csv" in line for line in told[0]["commands"])
 
 
 def test_figures_are_those_of_the_other_verbs(folder: Path, told: tuple[dict, str]) -> None:
@@ -179,7 +206,8 @@ def test_nothing_of_the_computer_is_told(folder: Path, told: tuple[dict, str]) -
     assert str(folder) not in json.dumps({key: value for key, value in told[0].items() if key != "out"})
     for name in ("run.csv", "model.toml", "comp/rbf.safetensors"):
         assert f"{name} {sha256(folder / name)}" in page.text
-    assert "ptt report run.csv --model model.toml --compensator comp --out report.html" in page.text
+    whole = "ptt report run.csv --model model.toml --after after.csv --compensator comp --out report.html"
+    assert whole in page.text
 
 
 def test_commands_that_are_printed_run_and_give_the_same(

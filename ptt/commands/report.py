@@ -1,5 +1,6 @@
 """`ptt report`: one HTML file that says everything, to be mailed and printed."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The HTML file to write.")]
 Interactive = Annotated[bool, typer.Option("--interactive", help="Embed pictures to turn and point at (plotly).")]
+After = Annotated[
+    Path | None, typer.Option("--after", metavar="AFTER.csv", help="A later run, to be held beside this one.")
+]
 Language = Annotated[str, typer.Option("--language", metavar="LANG", help="Language of the page: en, zh.")]
 Trained = Annotated[
     Path | None, typer.Option("--compensator", metavar="DIR", help="Folder that train.py wrote for this model.")
@@ -37,6 +41,7 @@ def report(
     model: ModelPath,
     out: Out,
     compensator: Trained = None,
+    after: After = None,
     interactive: Interactive = False,
     language: Language = "en",
     also: Also = None,
@@ -52,10 +57,11 @@ def report(
 
     reading = Reading(also, targets, set_, map_, effects, json, anyway)
     opened = open_run(run, model, reading)
+    later = None if after is None else (after, open_run(after, model, replace(reading, also=None)).table)
     with progress() as tell:
         contents = report_run(
-            opened, out, run=run, model=model, compensator=compensator, reading=reading, interactive=interactive,
-            language=language, progress=tell,
+            opened, out, run=run, model=model, compensator=compensator, after=later, reading=reading,
+            interactive=interactive, language=language, progress=tell,
         )  # fmt: skip
     data = {"out": str(out), "bytes": out.stat().st_size, **contents.to_dict()}
     show(data, _text(contents, out), json)

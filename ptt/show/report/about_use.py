@@ -3,12 +3,38 @@
 from ptt.judge.iso.pose import named_figures
 from ptt.show.report.blocks import Block, Picture, Section, Words, grid
 from ptt.show.report.contents import Contents
-from ptt.show.report.numbers import NONE, um
+from ptt.show.report.numbers import AXES, NONE, axes, um
 
 TITLES = {
     "blocks": "whole parts of the path held out: what a new place can expect",
     "random": "poses held out at random: between measured neighbours",
 }
+
+
+def pair_section(contents: Contents) -> Section:
+    """The run beside a later one of the same machine."""
+    assert contents.pair is not None
+    data = contents.pair.to_dict()
+    rows = [(key, str(data[key]["rows"]), *axes(data[key]["rms_um"])) for key in ("before", "after")]
+    rows.append(("less by", "", *(_less(data["reduction_percent"][axis]) for axis in (*"xyz", "total"))))
+    title = f"Tool against its targets, RMS in um ({data['frame']})"
+    zones = [(zone["where"], um(zone["before_um"]), um(zone["after_um"])) for zone in data["where"]]
+    blocks: list[Block] = [
+        Words(f"Before: {data['before']['source']}; after: {data['after']['source']}."),
+        grid(title, ("", "readings", *AXES), rows),
+        Picture("pair", "Error of the tool seen from above, before and after, in one scale."),
+        grid("Where, RMS in um", ("part of the workspace", "before", "after"), zones),
+    ]
+    if data["shared_poses"]:
+        left = "; rows without a counterpart: {before} before, {after} after".format(**data["unmatched"])
+        words = f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both come nearer{left}."
+    else:
+        words = "No pose was measured in both: totals and parts of the workspace are compared."
+    blocks.append(Words(words))
+    if data["worse"]:
+        worse = [(one["row"], um(one["before_um"]), um(one["after_um"])) for one in data["worse"]]
+        blocks.append(grid("Poses that got worse most, um", ("row", "before", "after"), worse))
+    return Section("pair", "The run beside a later one", tuple(blocks))
 
 
 def reduction_section(contents: Contents) -> Section:

@@ -57,7 +57,11 @@ def commands_of(source: MadeOf, model: Model, network: bool) -> tuple[Command, .
     if model.terms or network:
         steps.append(Command(shlex.join(["ptt", "evaluate", run, "--model", folder, *options]), "before and after"))
     iso = shlex.join(["ptt", "iso", run, "--model", file, *options_of(source, without=("effects",))])
-    whole = ["ptt", "report", run, "--model", file, *named, *options, "--out", "report.html"]
+    later = ["--after", source.one("after", "")] if "after" in source.names else []
+    if later:
+        words = ["ptt", "compare", run, *later, "--model", file, *options]
+        steps.append(Command(shlex.join(words), "both runs side by side"))
+    whole = ["ptt", "report", run, "--model", file, *later, *named, *options, "--out", "report.html"]
     return (*steps, Command(iso, "ISO 9283 figures"), Command(shlex.join(whole), "this report"))
 
 

@@ -18,6 +18,7 @@ from ptt.diagnosis.noise import noise_floor
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.effects.registry import Library, library
 from ptt.errors import InputError, ModelError
+from ptt.judge.before_after import BeforeAfter, compare_pair
 from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.evaluate import Evaluation
 from ptt.judge.history import Entry, read_entries, runs_of
@@ -80,6 +81,7 @@ class Contents:
         why_not: 'fit', 'evaluate', 'iso', 'history' -> why it is not there.
         versions: name and version of what worked it out.
         commands: what repeats it, and what each of them tells.
+        pair: the run beside a later one of the same machine; None where none was given.
     """
 
     date: str
@@ -97,6 +99,7 @@ class Contents:
     why_not: dict[str, str]
     versions: tuple[tuple[str, str], ...]
     commands: tuple[Command, ...]
+    pair: BeforeAfter | None = None
 
     @property
     def file(self) -> MachineFile:
@@ -128,6 +131,7 @@ class Contents:
             "why_not": self.why_not,
             "versions": dict(self.versions),
             "commands": [command.line for command in self.commands],
+            **({} if self.pair is None else {"before_after": self.pair.to_dict()}),
         }
 
 
@@ -138,6 +142,7 @@ def gather(
     *,
     known: Library | None = None,
     problem: Problem | None = None,
+    after: Table | None = None,
     progress: Progress | None = None,
 ) -> Contents:
     """Work out everything that a report says.
@@ -148,6 +153,7 @@ def gather(
         source: files and options; None where there are no files to name.
         known: effects by name; None for the library.
         problem: the same table seen through the machine; None builds it.
+        after: a later run of the same machine, to be held beside this one.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -192,6 +198,7 @@ def gather(
         why_not=why,
         versions=_versions(),
         commands=commands_of(source, model, compensator.network is not None),
+        pair=None if after is None else compare_pair(shown, shown_table(after, source), model.file),
     )
 
 

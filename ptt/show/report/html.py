@@ -33,6 +33,7 @@ def write_report(
     *,
     known: Library | None = None,
     problem: Problem | None = None,
+    after: Table | None = None,
     interactive: bool = False,
     language: str = "en",
     progress: Progress | None = None,
@@ -46,6 +47,7 @@ def write_report(
         source: files and options; None where there are no files to name.
         known: effects by name; None for the library.
         problem: the same table seen through the machine; None builds it.
+        after: a later run of the same machine, to be held beside this one.
         interactive: embed plotly and two pictures to turn and point at.
         language: 'en', or one that has a file of words.
         progress: told what is done, how much of how much.
@@ -57,7 +59,7 @@ def write_report(
         InputError: run and machine cannot be brought together, plotly is missing, or the file cannot be written.
     """
     say = words_of(language)  # a language that is not there is said before anything is worked out
-    contents = gather(table, machine, source, known=known, problem=problem, progress=progress)
+    contents = gather(table, machine, source, known=known, problem=problem, after=after, progress=progress)
     write_text(out, render(contents, interactive=interactive, language=language, say=say))
     return contents
 

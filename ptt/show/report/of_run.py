@@ -7,6 +7,7 @@ from ptt.door.opened import Opened
 from ptt.door.options import Reading
 from ptt.door.result import unwatched
 from ptt.progress import Progress
+from ptt.run.table import Table
 from ptt.show.report.contents import Contents, with_network
 from ptt.show.report.html import write_report
 from ptt.show.report.source import MadeOf, source_of
@@ -19,6 +20,7 @@ def report_run(
     run: Path,
     model: Path,
     compensator: Path | None = None,
+    after: tuple[Path, Table] | None = None,
     reading: Reading,
     interactive: bool = False,
     language: str = "en",
@@ -32,6 +34,7 @@ def report_run(
         run: the file of the run, as it was named.
         model: the machine file or compensator folder, as it was named.
         compensator: folder of a network that was trained for this model.
+        after: a later run of the same machine, to be held beside this one: its file, and its rows.
         reading: how the run was read.
         interactive: whether pictures can be turned and pointed at.
         language: 'en', or one that has a file of words.
@@ -47,9 +50,10 @@ def report_run(
         out,
         opened.table,
         _with_network(opened, compensator),
-        _source(run, model, compensator, reading),
+        _source(run, model, compensator, None if after is None else after[0], reading),
         known=opened.library,
         problem=opened.problem,
+        after=None if after is None else after[1],
         interactive=interactive,
         language=language,
         progress=progress,
@@ -62,13 +66,14 @@ def _with_network(opened: Opened, folder: Path | None) -> Compensator:
     return with_network(opened.compensator, load_compensator(folder, opened.library), str(folder))
 
 
-def _source(run: Path, model: Path, compensator: Path | None, reading: Reading) -> MadeOf:
+def _source(run: Path, model: Path, compensator: Path | None, after: Path | None, reading: Reading) -> MadeOf:
     trained = compensator or (model if model.is_dir() else None)
     given = {
         "model": [model],
         "compensator": [] if trained is None else [trained],
         "run": [run],
         "also": reading.also or (),
+        "after": [] if after is None else [after],
         "targets": [] if reading.targets is None else [reading.targets],
         "map": [] if reading.map_ is None else [reading.map_],
         "effects": reading.effects or (),

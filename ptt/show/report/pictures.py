@@ -16,7 +16,7 @@ from ptt.run.problem import Problem
 from ptt.show.plots.compare import draw_course, draw_histogram
 from ptt.show.plots.compensation import plot_error_curves
 from ptt.show.plots.depends import draw_dependences
-from ptt.show.plots.field import draw_field
+from ptt.show.plots.field import draw_field, draw_pair
 from ptt.show.plots.ladder import plot_history
 from ptt.show.report.blocks import Picture, Section
 from ptt.show.report.contents import Contents
@@ -57,6 +57,9 @@ def draw_picture(name: str, contents: Contents) -> bytes:
         return _written(lambda path: plot_history(contents.ladders[int(of)], path))
     if what == "curves":
         return _written(lambda path: _draw_curves(contents, path))
+    if what == "pair":
+        assert contents.pair is not None
+        return _png(draw_pair(contents.pair), 0.55)
     look = contents.drawing if of == "drawing" else contents.given
     draws: Mapping[str, tuple[Draw, float]] = {
         "field": (draw_field, 0.5),

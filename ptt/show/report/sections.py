@@ -3,7 +3,7 @@
 from ptt.show.report.about_error import error_section, left_section
 from ptt.show.report.about_model import ladder_section, network_section, parameter_section
 from ptt.show.report.about_run import origin_section, run_section
-from ptt.show.report.about_use import iso_section, reduction_section
+from ptt.show.report.about_use import iso_section, pair_section, reduction_section
 from ptt.show.report.about_verdict import in_short, verdict_section
 from ptt.show.report.blocks import Block, Section, Words, grid
 from ptt.show.report.contents import Contents
@@ -28,6 +28,7 @@ def sections_of(contents: Contents) -> tuple[Section, ...]:
         *(() if contents.bare else (parameter_section(contents), left_section(contents))),
         network_section(contents),
         reduction_section(contents),
+        *(() if contents.pair is None else (pair_section(contents),)),
         iso_section(contents),
         origin_section(contents),
     )

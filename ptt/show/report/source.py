@@ -8,7 +8,7 @@ from ptt.files import sha256
 from ptt.record import Record
 from ptt.run.table import Table
 
-ROLES = ("model", "compensator", "run", "also", "targets", "map", "effects")
+ROLES = ("model", "compensator", "run", "also", "after", "targets", "map", "effects")
 
 
 @dataclass(frozen=True)
