@@ -23,6 +23,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 START = "import sys; from ptt.commands.main import main; sys.argv = ['ptt', *sys.argv[1:]]; main()"
 FLAGS = ("--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WAIT = 120_000  # ms
+LATE = 30.0  # s
 
 
 def main() -> None:
@@ -77,23 +78,47 @@ def start(folder: Path, port: int = 0) -> tuple[subprocess.Popen, str]:
     raise SystemExit(log.read_text())
 
 
-def _walk(page: Page, place: str, count: int) -> list[str]:
-    took: dict[str, list[float]] = {}
+class Times:
+    """What took how long on a page, s."""
 
-    def timed(what: str, act: Callable[[], None], seen: Callable[[], None]) -> None:
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.took: dict[str, list[float]] = {}
+
+    def timed(self, what: str, act: Callable[[], object], seen: Callable[[], object]) -> None:
+        """Act, wait until it is seen, and keep how long that took."""
         start = time.perf_counter()
         act()
         seen()
-        took.setdefault(what, []).append(time.perf_counter() - start)
+        self.took.setdefault(what, []).append(time.perf_counter() - start)
 
-    def shown(selector: str) -> Callable[[], None]:
-        return lambda: page.locator(selector).first.wait_for(timeout=WAIT)
+    def shown(self, selector: str) -> Callable[[], object]:
+        """What waits for a thing to be seen."""
+        return lambda: self.page.locator(selector).first.wait_for(timeout=WAIT)
 
-    timed("first page", lambda: page.goto(place), lambda: page.get_by_role("button", name="Load sample").wait_for())
-    page.wait_for_timeout(4000)  # a process has loaded the library meanwhile
+    def lines(self) -> list[str]:
+        """A table."""
+        head = ["| from click to picture | median s | worst s | times |", "| --- | ---: | ---: | ---: |"]
+        rows = [(what, statistics.median(each), max(each), len(each)) for what, each in self.took.items()]
+        return [*head, *(f"| {what} | {middle:.2f} | {worst:.2f} | {count} |" for what, middle, worst, count in rows)]
+
+
+def _walk(page: Page, place: str, count: int) -> list[str]:
+    times = Times(page)
     sample = page.get_by_role("button", name="Load sample")
-    timed("sample: run and machine opened", sample.click, lambda: page.wait_for_url("**/result"))
-    timed("sample: diagnosed, card shown", lambda: None, shown(".st-finding"))
+    times.timed("first page", lambda: page.goto(place), sample.wait_for)
+    page.wait_for_timeout(4000)  # a process has loaded the library meanwhile
+    times.timed("sample: run and machine opened", sample.click, lambda: page.wait_for_url("**/result"))
+    times.timed("sample: diagnosed, card shown", lambda: None, times.shown(".st-finding"))
+    _tabs(times)
+    late, lost, done = _adds(times, count)
+    times.timed("reload", page.reload, times.shown(".st-finding"))
+    return [f"{done} adds and undos: {late} seen after more than 30 s, {lost} lost", "", *times.lines()]
+
+
+def _tabs(times: Times) -> None:
+    """Each view, and the card of what was found, three times."""
+    page = times.page
     views = {
         "Look": ".st-field canvas",
         "Model": ".st-ladder .main-svg",
@@ -102,36 +127,33 @@ def _walk(page: Page, place: str, count: int) -> list[str]:
     }
     for _ in range(3):
         for view, selector in views.items():
-            timed(f"tab {view}", page.get_by_role("tab", name=view).click, shown(selector))
+            times.timed(f"tab {view}", page.get_by_role("tab", name=view).click, times.shown(selector))
     card = page.get_by_role("button", name="card of backlash")
     for _ in range(3):
-        timed("why: this run's data with the fit", card.click, shown("[role=dialog] .main-svg"))
+        times.timed("why: this run's data with the fit", card.click, times.shown("[role=dialog] .main-svg"))
         page.keyboard.press("Escape")
         page.wait_for_timeout(300)
+
+
+def _adds(times: Times, count: int) -> tuple[int, int, int]:
+    """Add and undo by turns: how many adds came late, how many never, how many were done."""
+    page = times.page
     add = page.get_by_role("button", name="add backlash", exact=True)
     with_it, without = (page.locator(".st-told", has_text=words) for words in ("bench, backlash", "no effects"))
-    lost = 0
+    late = lost = 0
     for number in range(count):
         start = time.perf_counter()
         add.click()
         try:
-            expect(with_it).to_be_visible(timeout=WAIT if number == 0 else 30_000)
-        except AssertionError:
+            expect(with_it).to_be_visible(timeout=WAIT)
+        except AssertionError:  # no more comes of this click
             lost += 1
             continue
-        took.setdefault("add", []).append(time.perf_counter() - start)
-        timed("undo", lambda: page.keyboard.press("Control+z"), lambda: without.wait_for(timeout=WAIT))
-    timed("reload", page.reload, shown(".st-finding"))
-    lines = [
-        f"{count} adds and undos: {lost} clicks lost",
-        "",
-        "| from click to picture | median s | worst s | times |",
-        "| --- | ---: | ---: | ---: |",
-    ]
-    lines += [
-        f"| {what} | {statistics.median(each):.2f} | {max(each):.2f} | {len(each)} |" for what, each in took.items()
-    ]
-    return lines
+        took = time.perf_counter() - start
+        late += number > 0 and took > LATE
+        times.took.setdefault("add", []).append(took)
+        times.timed("undo", lambda: page.keyboard.press("Control+z"), lambda: without.wait_for(timeout=WAIT))
+    return late, lost, count
 
 
 if __name__ == "__main__":
