@@ -151,6 +151,21 @@ def test_a_network_is_sure_within_its_domain_only():
     np.testing.assert_allclose(commands.sigma, np.where(wanted[:, 0] > 0.0, 0.008, 0.14))
 
 
+def test_parameters_beside_a_network_leave_a_command_sure_where_they_are(tmp_path):
+    place = np.random.default_rng(4).uniform(-50, 50, (60, 3)).round(4)
+    *_, model = learn(tmp_path, place, DRIVE, EFFECTS)
+    far = np.concatenate([place[:20], place[:20] + np.array([90.0, 0.0, 0.0])])
+    bare = compensate(model, make_table(far))
+    promised = 1.5 * float(bare.sigma[:20].max())
+    assert bare.sigma[20:].max() > promised  # there they say less than the network promises
+    network = NetworkError(inside=promised, outside=promised)  # as of one that found nothing to learn
+    both = compensate(
+        model, make_table(far), correction=lambda p: p, inside=lambda p: p[:, 0] < np.inf, network=network
+    )
+    np.testing.assert_array_equal(both.status == "uncertain", bare.sigma > promised)
+    np.testing.assert_allclose(both.sigma, np.maximum(bare.sigma, promised))
+
+
 def test_where_nothing_is_promised_a_command_must_correct_more_than_is_uncertain():
     sigma, shift = np.array([0.01, 0.2, np.nan]), np.array([0.1, 0.1, 0.1])
     np.testing.assert_array_equal(doubtful(sigma, shift, None), [False, True, False])

@@ -48,7 +48,8 @@ def command_sigma(
         sigma = tool_sigma(kept, terms, task.see(q), model.file.machine.kind)
     if network is None:
         return sigma, None if kept is None else kept.heldout
-    return np.hypot(sigma, np.where(in_domain, network.inside, network.outside)), network.inside
+    # The errors of held-out rows have in them what the parameters leave open there; more than that they do not know.
+    return np.maximum(sigma, np.where(in_domain, network.inside, network.outside)), network.inside
 
 
 def doubtful(sigma: np.ndarray, shift: np.ndarray, promised: float | None) -> np.ndarray:
