@@ -172,7 +172,7 @@ def open_files(page: Page, run: Path, machine: Path) -> None:
 
 def show(page: Page, view: str) -> None:
     page.get_by_role("tab", name=view).click()
-    expect(page.get_by_role("tab", name=view)).to_have_attribute("aria-selected", "true")
+    expect(page.get_by_role("tab", name=view)).to_have_attribute("aria-selected", "true", timeout=WAIT)
 
 
 def saved(page: Page, button: str, path: Path) -> Path:
