@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from ptt.effects.shapes import KNOTS, natural_pieces
 from ptt.run import tails
 from ptt.run.frames import rotation_vector
-from ptt.run.pace import spline_slopes
+from ptt.run.pace import pace_of
+from ptt.run.table import make_table
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
@@ -57,10 +58,13 @@ def test_rotation_vectors_are_those_of_scipy(size):
 
 
 @pytest.mark.parametrize("rows", [4, 5, 40])
-def test_slopes_are_those_of_scipys_spline(rows):
+def test_velocities_along_a_smooth_way_are_those_of_scipys_spline(rows):
     rng = np.random.default_rng(rows)
     at, values = np.cumsum(rng.uniform(0.1, 3.0, rows)), rng.normal(size=(rows, 3))
-    np.testing.assert_allclose(spline_slopes(at, values), CubicSpline(at, values)(at, 1), rtol=1e-11, atol=1e-11)
+    even = np.outer(at, [3.0, 4.0, 0.0])  # the tool's way: straight, at one speed
+    pace = pace_of(even, np.arange(rows) == 0, make_table(even, time_s=at))
+    assert pace is not None
+    np.testing.assert_allclose(pace.velocity(values), CubicSpline(at, values)(at, 1), rtol=1e-11, atol=1e-11)
 
 
 def test_what_is_heavy_stays_out(tmp_path):

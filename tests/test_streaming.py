@@ -39,7 +39,7 @@ def in_parts(monkeypatch: pytest.MonkeyPatch, targets: Path, *more: str, rows: i
     monkeypatch.setattr(parts, "LINES", lines)
     for module in (blocks, stream):
         monkeypatch.setattr(module, "ROWS", rows)
-        monkeypatch.setattr(module, "BESIDE", 12)
+    monkeypatch.setattr(blocks, "BESIDE", 12)
     out, model = targets.parent / "parts.csv", targets.parent / "model.toml"
     return run(["predict", str(targets), "--model", str(model), "--out", str(out), *more])
 
@@ -77,7 +77,6 @@ def test_a_block_and_what_lies_beside_it_are_in_memory(bench, folder, monkeypatc
         return take(spool, first, last)
 
     monkeypatch.setattr(Spool, "take", noted)
-    monkeypatch.setattr(stream, "CHUNK", 60)
     monkeypatch.setattr(blocks, "CHUNK", 60)
     monkeypatch.setattr(streaming, "CHUNK", 80)
     monkeypatch.setattr(streaming, "STRETCH", 20)

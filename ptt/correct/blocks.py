@@ -13,6 +13,7 @@ import torch
 from ptt.correct.task import Behind, Solved, Task, hand_on, settle
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches
 from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.pace import shows_feed
 from ptt.run.table import Table, take_rows
 
 ROWS = CHUNK - 2 * BESIDE  # of a block, so that with those beside it is one chunk
@@ -132,11 +133,6 @@ def _seen_to(task: Task, first: int, last: int, behind: Behind | None) -> int:
     if len(place) and bool((place.amax(dim=0) - place.amin(dim=0) > STANDSTILL).all()):
         return high
     return min(last + CHUNK, rows)
-
-
-def shows_feed(table: Table) -> bool:
-    """Whether the feed tells speeds."""
-    return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
 
 
 def with_one_clock(table: Table, feed: bool) -> Table:

@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.correct.blocks import settle_blocks
 from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, command_sigma, doubtful
-from ptt.correct.nearest import places_of
+from ptt.correct.nearest import nearest_of
 from ptt.correct.task import Solved, Task, first_order, nearest_commands
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
@@ -79,8 +79,9 @@ def compensate(
         if block.last < rows:
             tell("invert", block.last, rows)
     commands = joined(done)
-    places, ways = places_of(task.wanted, task.nominal, commands.sent), np.flatnonzero(~commands.sent)
-    nearest, distance = nearest_commands(task, ways, places)
+    rest = np.flatnonzero(~commands.sent)
+    near = nearest_of(task.wanted, task.nominal, commands.sent) if len(rest) else None
+    nearest, distance = nearest_commands(task, rest, near)
     tell("done", 1, 1)
     return replace(commands, nearest=nearest, nearest_gap=distance)
 

@@ -22,12 +22,10 @@ class Lead:
 
     Attributes:
         solvers: of each joint; None where it does not lag.
-        rows: n.
         moved: rows that may move, (n,) float: 1 or 0.
     """
 
     solvers: tuple[Callable[[np.ndarray], np.ndarray] | None, ...]
-    rows: int
     moved: np.ndarray
 
     def __call__(self, move: Tensor) -> Tensor:
@@ -58,9 +56,9 @@ def lead_of(pace: Pace, lag: np.ndarray, hold: np.ndarray, moved: np.ndarray) ->
     Returns:
         The moves.
     """
-    rows, free = len(hold), moved.astype(float)
+    free = moved.astype(float)
     known = {value: _solver(pace, value, hold, free) for value in set(lag.tolist()) if value}
-    return Lead(tuple(known.get(value) for value in lag.tolist()), rows, free)
+    return Lead(tuple(known.get(value) for value in lag.tolist()), free)
 
 
 def _solver(pace: Pace, lag: float, hold: np.ndarray, free: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

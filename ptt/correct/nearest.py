@@ -49,7 +49,7 @@ class Ways:
         return place, torch.where(_works(self.mechanism, place, q)[:, None], q, torch.nan)
 
 
-def places_of(wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Nearest:
+def nearest_of(wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Nearest:
     """Who knows the place that is sent nearest to another.
 
     Args:
@@ -58,10 +58,9 @@ def places_of(wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Nearest:
         sent: (n,) bool.
 
     Returns:
-        Places (m, 3) mm -> the nearest ones, (m, 3) mm, and their joint values, (m, k); None where no target is sent,
-        or all are.
+        Places (m, 3) mm -> the nearest ones, (m, 3) mm, and their joint values, (m, k); None where no target is sent.
     """
-    if not sent.any() or sent.all():
+    if not sent.any():
         return None
     from scipy.spatial import cKDTree
 

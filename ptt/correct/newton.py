@@ -35,6 +35,12 @@ def holding(sent: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(last >= 0, last, int(np.argmax(sent))))
 
 
+def _held(sent: np.ndarray, given: int) -> tuple[Tensor, Tensor]:
+    """Which row's command holds at each row, (n,) int, and which rows are solved for, (n,) bool."""
+    known = np.arange(len(sent)) < given
+    return torch.as_tensor(holding(sent | known)), torch.as_tensor(sent & ~known)
+
+
 def invert(
     terms: Shifts,
     mechanism: Mechanism,
@@ -63,8 +69,7 @@ def invert(
     Returns:
         Commands (n, k), and by how much they miss, (n, 3) mm; infinite in rows that are not sent or were given.
     """
-    place = np.arange(len(sent))
-    hold, rows = torch.as_tensor(holding(sent | (place < given))), torch.as_tensor(sent & (place >= given))
+    hold, rows = _held(sent, given)
     q = start[hold]
     best, least = q, torch.full_like(goal, torch.inf)
     if not terms:
@@ -114,8 +119,7 @@ def invert_together(
     Returns:
         As `invert`.
     """
-    place = np.arange(len(sent))
-    hold, rows = torch.as_tensor(holding(sent | (place < given))), torch.as_tensor(sent & (place >= given))
+    hold, rows = _held(sent, given)
     q, least, idle = start[hold], torch.full((len(sent),), torch.inf, dtype=torch.float64), 0
     for turn in range(ROUNDS):
         view = see(q)

@@ -9,12 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.blocks import ROWS, leave_block, settle_block, with_one_clock
+from ptt.correct.blocks import ROWS, ahead, leave_block, settle_block, with_one_clock
 from ptt.correct.commands import Commands
 from ptt.correct.compensate import Correction, Inside, Plan, finish, prepare
-from ptt.correct.nearest import Nearest
+from ptt.correct.nearest import Nearest, nearest_of
 from ptt.correct.task import Behind, Task, nearest_commands
-from ptt.fitting.chunks import BESIDE, CHUNK, stretches
+from ptt.fitting.chunks import stretches
 from ptt.progress import Progress
 from ptt.run.spool import Spool
 from ptt.run.table import Table
@@ -85,11 +85,12 @@ class Stream:
 
     def find_nearest(self) -> None:
         """Give rows that are not sent the nearest commands that work."""
+        near = self._nearest()
         for index, (first, last) in enumerate(self.bounds):
             part = self.part(index)
             rows = np.flatnonzero(~part.commands.sent)
             if len(rows):
-                nearest, gap = nearest_commands(self._task(first, last, 0.0), rows, self._nearest())
+                nearest, gap = nearest_commands(self._task(first, last, 0.0), rows, near)
                 self._keep(index, replace(part, commands=replace(part.commands, nearest=nearest, nearest_gap=gap)))
 
     def _task(self, low: int, high: int, start: float) -> Task:
@@ -101,37 +102,25 @@ class Stream:
 
     def _seen_to(self, first: int, last: int, behind: Behind | None) -> int:
         """A block may look far ahead where a run begins in it: until each of its joints was seen to move."""
-        run = self._spool.take(max(first - 1, 0), last).run
-        begins = behind is None or first == 0 or bool((run[1:] != run[0]).any())
-        return min(last + (CHUNK if begins else BESIDE), self._spool.rows)
+        low = max(first - 1, 0)
+        run = self._spool.take(low, last).run
+        return min(last + ahead(run, first - low, last - low, behind), self._spool.rows)
 
     def _nearest(self) -> Nearest:
         """The nearest target that is sent, looked for part by part."""
-        from scipy.spatial import cKDTree
-
         parts = [index for index in range(len(self.bounds)) if self.part(index).commands.sent.any()]
-        if not parts:
-            return None
 
         def nearest(goal: Tensor) -> tuple[Tensor, Tensor]:
-            least = torch.full((len(goal),), torch.inf, dtype=torch.float64)
-            begin, near = torch.empty(len(goal), 3, dtype=torch.float64), None
+            best: tuple[Tensor, Tensor] | None = None
             for index in parts:
                 part = self.part(index)
-                rows = torch.as_tensor(np.flatnonzero(part.commands.sent))
-                way, found = cKDTree(part.wanted[rows].numpy()).query(goal.numpy())
-                distance, here = torch.as_tensor(way), rows[torch.as_tensor(found)]
-                near = part.nominal[here] if near is None else near
-                better = (distance < least)[:, None]
-                begin, near = (
-                    torch.where(better, part.wanted[here], begin),
-                    torch.where(better, part.nominal[here], near),
-                )
-                least = torch.minimum(least, distance)
-            assert near is not None
-            return begin, near
+                find = nearest_of(part.wanted, part.nominal, part.commands.sent)
+                assert find is not None
+                best = find(goal) if best is None else _nearer(goal, best, find(goal))
+            assert best is not None
+            return best
 
-        return nearest
+        return nearest if parts else None
 
     def _keep(self, index: int, part: Part) -> None:
         with self._file(index).open("wb") as file:
@@ -139,3 +128,9 @@ class Stream:
 
     def _file(self, index: int) -> Path:
         return self._folder / f"commands{index}"
+
+
+def _nearer(goal: Tensor, one: tuple[Tensor, Tensor], other: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+    """Of two places for each goal (m, 3), with their joint values, the nearer one."""
+    closer = ((other[0] - goal).norm(dim=1) < (one[0] - goal).norm(dim=1))[:, None]
+    return torch.where(closer, other[0], one[0]), torch.where(closer, other[1], one[1])

@@ -137,7 +137,7 @@ def plainest(scorer: Scorer, best: State) -> State:
 
 
 def _parts(scorer: Scorer, state: State) -> float:
-    """Names and unknowns of a set, memories of the noise that are no tracker's among these; a name untested is more."""
+    """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more."""
     odd = state.memory.pose > 0.0 or scorer.system.clock.is_fault(state.memory.wander)
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)

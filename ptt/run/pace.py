@@ -51,11 +51,16 @@ class Pace:
         slope = np.diff(q, axis=0) / self.lasts[:, None]
         total = _added(self.straight, slope, len(q))
         if len(self.owner):
-            from scipy.linalg import solve_banded
+            from scipy.linalg import solve_banded  # scipy.interpolate takes half a second to load
 
             slopes = solve_banded((1, 1), self.bands, _added(self.right, slope, len(self.owner)))
             np.add.at(total, self.owner, slopes)
         return total / np.maximum(self.sides, 1.0)[:, None]
+
+
+def shows_feed(table: "Table") -> bool:
+    """Whether the feed tells speeds."""
+    return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
 
 
 def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
@@ -73,7 +78,7 @@ def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
         return None
     moved = np.diff(p, axis=0)
     length = np.linalg.norm(moved, axis=1)
-    if table.feed_mm_s is not None and np.nanmax(table.feed_mm_s) > 0:
+    if shows_feed(table):
         feed = np.asarray(table.feed_mm_s, dtype=float)[1:]
         lasts = np.divide(length, feed, out=np.zeros_like(length), where=feed > 0)
     elif table.time_s is not None:
@@ -88,25 +93,6 @@ def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
     splines = [(a, b) for a, b in pairwise(ends.tolist()) if b - a > 2 and sound[a:b].all()]
     bands, owner, right = _splines(lasts, splines, sides)
     return Pace(lasts, sides, straight, bands, owner, right)
-
-
-def spline_slopes(at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Slopes at its points of the cubic spline without knots at the second and the last but one.
-
-    By hand, because scipy.interpolate takes half a second to load.
-
-    Args:
-        at: (n,) ascending, n of at least 4.
-        values: (n, k).
-
-    Returns:
-        (n, k).
-    """
-    from scipy.linalg import solve_banded
-
-    step = np.diff(at)
-    bands, right = _spline(step)
-    return np.asarray(solve_banded((1, 1), bands, _added(right, np.diff(values, axis=0) / step[:, None], len(at))))
 
 
 def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ptt.run.pace import shows_feed
 from ptt.run.table import Table, take_rows
 
 KEPT = 3  # parts that stay in memory after they were asked for
@@ -43,7 +44,7 @@ class Spool:
         if not self._firsts:
             self.lines, self._first_rows = lines, table.rows
         self.lines += tuple(line for line in lines[1:] if line.startswith("warning") and line not in self.lines)
-        self.feed |= table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
+        self.feed |= shows_feed(table)
         self.commands |= table.command is not None
         part = table.replace(run=codes[table.run])
         with self._file(len(self._firsts)).open("wb") as file:

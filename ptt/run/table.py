@@ -175,10 +175,8 @@ def read_table(
     """
     answers = _answers(mapping)
     request = Request(purpose, answers, ask)
-    tables = [
-        _read_one(each, joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order)
-        for each in (path, *also)
-    ]
+    how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
+    tables = [_table_of(each, read_any(each, request), *how) for each in (path, *also)]
     if isinstance(mapping, str | Path) and not Path(mapping).exists():
         save_mapping(tables[0].understood.mapping, mapping)
     return concat_tables(tables)
@@ -188,21 +186,6 @@ def _answers(mapping: Mapping | str | Path | None) -> Mapping:
     if isinstance(mapping, str | Path):
         return load_mapping(mapping) if Path(mapping).exists() else Mapping()
     return mapping or Mapping()
-
-
-def _read_one(
-    path: str | Path,
-    joints: int,
-    prefix: str,
-    targets: str | Path | None,
-    set_values: Dictionary[str, float | str],
-    request: Request,
-    judge_scale: bool,
-    judge_order: bool,
-) -> Table:
-    return _table_of(
-        path, read_any(path, request), joints, prefix, targets, set_values, request, judge_scale, judge_order
-    )
 
 
 def _table_of(
