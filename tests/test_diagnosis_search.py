@@ -16,11 +16,11 @@ from ptt.diagnosis import steps
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.memory import WHITE, Memory
-from ptt.diagnosis.moment import place_own_moments
 from ptt.diagnosis.screen import Gain
 from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, improve, plainest
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.fitting.moment import place_own_moments
 from ptt.fitting.solve import fit
 from ptt.model.model import Model, Term
 from ptt.rig.draw import DrawnRig, draw_rig

@@ -7,11 +7,15 @@ import pytest
 import torch
 from test_fit import KNOWN, empty_run, hidden_backlash, machine, measure, term
 
+from ptt.challenge.cases import draw, plan
+from ptt.challenge.truth import table_of
 from ptt.errors import ModelError
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import FOLDS, climb, descend
+from ptt.judge.ladder.rung import fit_rung
 from ptt.judge.ladder.text import format_ladder, verdicts
 from ptt.model.model import Model
+from ptt.rig import simulate
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
 from ptt.run.view import build_view
@@ -128,3 +132,30 @@ def test_rows_of_a_run_that_is_hidden_with_its_frame_are_not_judged() -> None:
     table = measure(short, file, [])
     ladder = climb(Model(file), build_problem(file, table), effects("backlash"))
     assert ladder.steps[0].heldout_rms_um["total"] < 2.0 * ladder.noise_um["total"]
+
+
+def test_a_slip_and_a_knock_found_one_after_the_other_end_at_their_own_moments() -> None:
+    """Beside first guesses of each other they were found exchanged, and the machine was sent the knock as a slip."""
+    drawn, truth = draw(plan("multi", 1, 960075, noise=None, bench=None, rows=None, visible=True)[0])
+    problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    ladder = climb(Model(drawn.rig.machine), problem, effects("homing-slip", "setup-jump", "homing-offset"))
+    terms, time = {term.effect.name: term for term in ladder.model.terms}, problem.view.time
+    slipped, knocked = drawn.rig.drive.slip_row, drawn.rig.tracker.knock_row
+    assert slipped is not None and knocked is not None
+    assert float(terms["homing-slip"].theta[-1]) == float(time[slipped - 1])
+    assert float(terms["setup-jump"].theta[-1]) == float(time[knocked - 1])
+    true = torch.tensor(drawn.truth["homing-slip"]["slip_mm"], dtype=torch.float64)
+    torch.testing.assert_close(terms["homing-slip"].theta[:3], true, atol=0.005, rtol=0.0)
+    assert ladder.steps[-1].rms_um["total"] < 1.1e3 * truth.noise.total
+
+
+def test_one_more_effect_never_fits_worse() -> None:
+    """Play, a slip, wind-up and turns, all hidden: what is searched anew may not end behind the rung before."""
+    drawn, _ = draw(plan("multi", 1, 960070, noise=None, bench=None, rows=None, visible=True)[0])
+    problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    fits, model, before = [], Model(drawn.rig.machine), None
+    for effect in effects("homing-slip", "backlash", "windup"):
+        model = model + effect
+        before = fit_rung(model, problem, None, before)
+        fits.append(1e3 * float(np.sqrt(np.square(before.residual[problem.used]).sum(axis=1).mean())))
+    assert fits[0] > fits[1] > 1.02 * fits[2]

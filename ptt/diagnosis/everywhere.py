@@ -8,7 +8,6 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.find import Found, moved, settled
-from ptt.diagnosis.moment import at_rows
 from ptt.diagnosis.moments import find_moments, place_moments
 from ptt.diagnosis.noise import starting_noise
 from ptt.diagnosis.score import Scorer, State
@@ -18,6 +17,7 @@ from ptt.effects import Library
 from ptt.fitting.chunks import numbers
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Shape
+from ptt.fitting.moment import at_rows
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fitted_terms
 from ptt.model.model import Model

@@ -11,7 +11,6 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import first_of, present_candidates
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moment import exchanged, place_own_moments
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
@@ -24,6 +23,7 @@ from ptt.effects import Effect, Library
 from ptt.effects.base import flatten
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
+from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
 from ptt.model.model import Model, Term

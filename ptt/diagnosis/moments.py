@@ -7,12 +7,13 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.blocks import unknown_blocks
-from ptt.diagnosis.moment import along, at_rows, best_row, last_before, put_after
+from ptt.diagnosis.moment import along, best_row
 from ptt.diagnosis.summed import Ansatz, Run, columns_of
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import map_chunks, numbers
 from ptt.fitting.linear import Linear, Place, Shape
+from ptt.fitting.moment import at_rows, last_before, put_after
 from ptt.run.problem import Problem
 
 Carried = Mapping[str, np.ndarray]  # name of a block -> its values

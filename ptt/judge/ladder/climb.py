@@ -14,6 +14,7 @@ from ptt.fitting.long import hidden_residual
 from ptt.fitting.report import FitReport, report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, hold, residual_of, rms
+from ptt.judge.ladder.rung import fit_rung
 from ptt.model.model import Model, Term
 from ptt.progress import Progress
 from ptt.record import Record
@@ -187,11 +188,14 @@ def _measure(
     problem = problem.anchored()  # else a moved frame would pass for what an effect took
     hidden = folds(problem.table, FOLDS)
     total, done = len(rungs) * (len(hidden) + 1), 0
-    fits, held_out = [], []
+    fits: list[FitResult] = []
+    held_out = []
     for name, kind, rung in rungs:
         tell(name, done, total)
-        run = residual_of if kind == "given" else fit
-        fits.append(run(rung, problem, noise=noise))
+        last = fits[-1] if fits else None
+        fits.append(
+            residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, problem, noise, last)
+        )
         # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
         if problem.table.rows > LONG:
             held_out.append(_judged(hidden_residual(fits[-1], problem, hidden), problem, hidden))

@@ -1,0 +1,124 @@
+"""The moments of a fitted model's own sudden effects: put to the row that has them, or exchanged."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import torch
+
+from ptt.effects.sudden import Sudden
+from ptt.fitting.result import FitResult
+from ptt.model.chain import predict
+from ptt.model.model import Model, Term
+from ptt.run.problem import Problem, apply_frames
+
+EDGE = 5  # rows before and after any moment
+
+
+def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
+    """Put the moments of a model's own sudden effects to the row that has them, their sizes held.
+
+    Linearised at a jump one row early, a second jump would have to make good for that row.
+
+    Args:
+        fitted: the model; its residual tells which rows count.
+        problem: the readings that it was fitted to.
+
+    Returns:
+        The model, the same one where no moment moved.
+    """
+    used = problem.used & ~fitted.outliers
+    for index, term in enumerate(fitted.layout.terms):
+        if not isinstance(term.effect, Sudden):
+            continue
+        never, always = (at_rows(put_after(fitted, index, end), problem).residual for end in (np.inf, -np.inf))
+        squares = [np.square(np.nan_to_num(left) @ fitted.noise.whitener.T).sum(axis=1) for left in (never, always)]
+        moment = last_before(term.effect.clock(problem.view).numpy(), np.where(used, squares[0] - squares[1], 0.0))
+        if moment != float(term.theta[-1]):
+            fitted = put_after(fitted, index, moment)
+    return fitted.model
+
+
+def exchanged(fitted: FitResult) -> Iterator[Model]:
+    """The model with the moments of two unlike sudden effects exchanged, for each pair, their sizes begun anew.
+
+    What three sliders slip and what a tripod is knocked by look alike but for turns and curvature, so each may have
+    been found first at the other's moment, where no step of one alone does better.
+
+    Args:
+        fitted: the model.
+
+    Yields:
+        Models to be fitted.
+    """
+    sudden = [term for term in fitted.model.terms if isinstance(term.effect, Sudden)]
+    for one, two in combinations(sudden, 2):
+        if one.effect.name != two.effect.name and float(one.theta[-1]) != float(two.theta[-1]):
+            moments = {one.effect.key: two.theta[-1:], two.effect.key: one.theta[-1:]}
+            terms = [_begun_at(term, moments.get(term.effect.key)) for term in fitted.model.terms]
+            yield replace(fitted.model, terms=tuple(terms))
+
+
+def _begun_at(term: Term, moment: torch.Tensor | None) -> Term:
+    return term if moment is None else replace(term, theta=torch.cat([torch.zeros_like(term.theta[:-1]), moment]))
+
+
+def last_before(clock: np.ndarray, gained: np.ndarray) -> float:
+    """The time of the last row before a jump.
+
+    Args:
+        clock: (n,).
+        gained: sum of squares by which each row is better with the jump than without it, (n,).
+
+    Returns:
+        As it is on the clock.
+    """
+    order = np.argsort(clock, kind="stable")
+    inner = order[EDGE - 1 : len(order) - EDGE]
+    better = np.cumsum(gained[order])[EDGE - 1 : len(order) - EDGE]
+    return float(clock[inner][int(np.argmin(better))])
+
+
+def put_after(fitted: FitResult, index: int, moment: float) -> FitResult:
+    """Move the moment of one of a model's terms.
+
+    Args:
+        fitted: the model.
+        index: of the term.
+        moment: of the last row before it.
+
+    Returns:
+        The same with the moment moved; what it predicts is as it was.
+    """
+    terms = list(fitted.layout.terms)
+    theta = terms[index].theta.clone()
+    theta[-1] = moment
+    terms[index] = replace(terms[index], theta=theta)
+    own = tuple(
+        replace(term, theta=torch.cat([term.theta[:-1], theta[-1:]]))
+        if term.effect.key == terms[index].effect.key
+        else term
+        for term in fitted.model.terms
+    )
+    return replace(fitted, layout=replace(fitted.layout, terms=tuple(terms)), model=replace(fitted.model, terms=own))
+
+
+def at_rows(fitted: FitResult, problem: Problem) -> FitResult:
+    """The same model and frames on other rows.
+
+    Args:
+        fitted: on any rows of the run.
+        problem: the rows.
+
+    Returns:
+        With their prediction and residual.
+    """
+    layout, unknowns = fitted.layout, fitted.unknowns
+    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
+    prediction = predict(terms, layout.see(problem, unknowns))
+    reading = prediction.reading
+    if layout.frames:
+        reading, _ = apply_frames(reading, problem.frame, layout.frame_parameters(unknowns))
+    outliers = np.zeros(problem.table.rows, dtype=bool)
+    return replace(fitted, prediction=prediction, residual=problem.measured - reading.numpy(), outliers=outliers)

@@ -1,0 +1,82 @@
+"""One rung of a ladder: a model with more in it may not fit worse than the one that it grew from."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.effects.sudden import Sudden
+from ptt.fitting.chunks import LONG
+from ptt.fitting.moment import exchanged, place_own_moments
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
+from ptt.model.model import Model
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+TURNS = 4  # of putting moments to their rows and fitting again
+
+
+def fit_rung(rung: Model, problem: Problem, noise: Noise | None, before: FitResult | None = None) -> FitResult:
+    """Fit a model that grew from one that is fitted.
+
+    What is new is searched beside first guesses of all else that is new, so a moment or a length may end where the
+    model fits worse than the one before it, which is a part of it. So it is begun once more from there, moments are
+    put to the rows that have them, and the fit that leaves least counts.
+
+    Args:
+        rung: the model.
+        problem: the readings.
+        noise: the noise floor; None takes the problem's.
+        before: the fit that it grew from; None where there is none.
+
+    Returns:
+        The fit.
+    """
+    best = fit(rung, problem, noise=noise)
+    if problem.table.rows > LONG or not _may_end_short(rung):
+        return best
+    if before is not None and (grown := _grown(rung, before)) is not rung:
+        best = _better(fit(grown, problem, noise=noise), best, problem)
+    given = any(isinstance(term.effect, Sudden) and len(term.theta) for term in rung.terms)  # and so are its moments
+    for _ in range(0 if given else TURNS):
+        last = best
+        for other in _elsewhere(best, problem):
+            best = _better(fit(other, problem, noise=noise), best, problem)
+        if best is last:
+            break
+    return best
+
+
+def _may_end_short(model: Model) -> bool:
+    """Whether a fit of several effects, of which one has a shape to be searched, may end where another start would not.
+
+    Effects that came with values keep the shapes they have.
+    """
+    searched = [t for t in model.terms if not len(t.theta) and any(p.role != "linear" for p in t.effect.parameters)]
+    return bool(searched) and len(model.terms) > 1
+
+
+def _grown(rung: Model, before: FitResult) -> Model:
+    """The model with what was fitted before at its values."""
+    known = {term.effect.key: term for term in before.model.terms if len(term.theta)}
+    if not any(term.effect.key in known for term in rung.terms if not len(term.theta)):
+        return rung
+    return replace(rung, terms=tuple(t if len(t.theta) else known.get(t.effect.key, t) for t in rung.terms))
+
+
+def _elsewhere(fitted: FitResult, problem: Problem) -> Iterator[Model]:
+    """The model with its sudden effects at other moments."""
+    if any(isinstance(term.effect, Sudden) for term in fitted.model.terms):
+        dated = place_own_moments(fitted, problem)
+        if dated is not fitted.model:
+            yield dated
+        yield from exchanged(fitted)
+
+
+def _better(one: FitResult, other: FitResult, problem: Problem) -> FitResult:
+    """The fit that leaves less of the rows that both count; the second one where there is little in it."""
+    rows = problem.used & ~one.outliers & ~other.outliers
+    rows &= np.isfinite(one.residual).all(axis=1) & np.isfinite(other.residual).all(axis=1)
+    left, right = (float(np.square(each.residual[rows] @ each.noise.whitener.T).sum()) for each in (one, other))
+    return one if left < right - 1.0 else other
