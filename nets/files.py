@@ -35,7 +35,9 @@ TENSORS = {
 }
 
 
-def save_rbf(network: GaussianRbf, path: str | os.PathLike[str], notes: Mapping[str, Any] | None = None) -> str:
+def save_rbf(
+    network: GaussianRbf, path: str | os.PathLike[str], notes: Mapping[str, Any] | None = None, *, beside: bool = True
+) -> str:
     """Write `path` and beside it `path`.sha256, in the format of the sha256sum tool.
 
     The same network and notes give the same bytes.
@@ -44,6 +46,7 @@ def save_rbf(network: GaussianRbf, path: str | os.PathLike[str], notes: Mapping[
         network: to save.
         path: usually named `rbf.safetensors`.
         notes: anything JSON can hold, kept in the metadata; read back with `read_notes`.
+        beside: whether the digest gets a file of its own; without, whoever saves keeps what is returned.
 
     Returns:
         SHA-256 of the file, 64 hexadecimal digits.
@@ -57,7 +60,8 @@ def save_rbf(network: GaussianRbf, path: str | os.PathLike[str], notes: Mapping[
     content = render_tensors(tensors, metadata={METADATA_KEY: json.dumps(about, sort_keys=True, allow_nan=False)})
     digest = hashlib.sha256(content).hexdigest()
     _write_atomic(path, content)
-    _write_atomic(digest_path(path), f"{digest}  {path.name}\n".encode())
+    if beside:
+        _write_atomic(digest_path(path), f"{digest}  {path.name}\n".encode())
     return digest
 
 

@@ -362,6 +362,8 @@ def test_reveal_on_the_command_line(tmp_path: Path) -> None:
     made = run.invoke(app, ["new", str(tmp_path / "c"), "--level", "single", "--seed", "3", "--json"])
     assert made.exit_code == 0, made.output
     assert json.loads(made.stdout)["level"] == "single" and "seed" not in made.stdout
+    drawn = run.invoke(app, ["new", str(tmp_path / "any"), "--rows", "60", "--json"])
+    assert drawn.exit_code == 0 and json.loads(drawn.stdout)["level"] == "any"
     opened = open_challenge(tmp_path / "c").drawn
     (name,) = opened.truth
     save_machine(write_model(fitted(opened, name)), tmp_path / "m.toml")

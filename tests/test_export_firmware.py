@@ -345,3 +345,13 @@ def test_the_command_tells_a_program_and_heads_its_files(tmp_path: Path, capsys:
     assert run(["export", "--model", str(model), "--to", "linuxcnc", "--out", str(tmp_path)]) == 0
     assert (tmp_path / "lineardelta.ini").exists() and (tmp_path / "lineardelta_joint_2.comp").exists()
     assert run(["export", "--model", str(DATA / "machines" / "ur10.toml"), "--to", "marlin", "--out", str(out)]) == 2
+
+
+@pytest.mark.parametrize("to", ["klipper", "linuxcnc", "siemens", "table"])
+def test_what_yields_to_a_payload_alone_is_not_held_where_none_is_known(to: str, tmp_path: Path) -> None:
+    weak = {"axis_compliance": {"compliance_mm_per_n": [3e-4] * 3}}
+    result = export(to, compensator(drawn(), **weak), tmp_path / "out")
+    assert result.holds == () and "load" in result.cannot_hold[0].why
+    heavy = export(to, compensator(drawn(platform_mass_kg=60.0), **weak), tmp_path / "heavy")
+    assert heavy.error_um.format < 0.5 * heavy.error_um.drawing  # the platform's own weight is there without a payload
+    assert all("stated" not in item.why and "of none" not in item.why for item in heavy.cannot_hold)

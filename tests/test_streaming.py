@@ -113,3 +113,17 @@ def test_what_only_the_whole_tells_is_read_as_a_whole(bench, folder, monkeypatch
 
 def test_titles_of_parts_keep_their_order() -> None:
     assert merged(["x", "z", "q"], ["n", "x", "y", "z", "q", "end"]) == ["n", "x", "y", "z", "q", "end"]
+
+
+def test_columns_of_the_input_come_first_in_their_own_order_empty_ones_too(folder, monkeypatch) -> None:
+    targets = folder / "targets.csv"
+    targets.write_text(
+        "note,z_cmd [m],role,y_cmd,temp_c,x_cmd,name\n" + "".join(f"a{i},0.01,,2,,{i},\n" for i in range(90))
+    )
+    more = ("--set", "payload_kg=2", "--reversal", "none")
+    assert whole(targets, *more) == in_parts(monkeypatch, targets, *more) == 0
+    one, two = texts(folder)
+    head, first, *_ = one.splitlines()
+    assert head.startswith("note,z_cmd,role,y_cmd,temp_c,x_cmd,name,payload_kg,b1,b2,b3,reversal1,")
+    assert first.startswith("a0,10.0,pose,2.0,,0.0,,2.0,")
+    assert one == two

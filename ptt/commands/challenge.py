@@ -31,7 +31,9 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the chall
 @app.command()
 def new(
     folder: Folder,
-    level: Annotated[LevelName, typer.Option("--level", help="One effect, several, one that is in no library, none.")],
+    level: Annotated[
+        LevelName, typer.Option("--level", help="One effect, several, one that is in no library, none; any draws one.")
+    ] = LevelName.any,
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Draw the same one again; else nobody knows.")
     ] = None,

@@ -19,6 +19,8 @@ from ptt.door.words import as_targets
 from ptt.errors import InputError, TableError
 from ptt.files import write_parts
 from ptt.progress import Progress
+from ptt.run.readers.columns import file_title
+from ptt.run.readers.mapping import IGNORE
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
 from ptt.run.written import columns_of, text_parts
@@ -217,10 +219,7 @@ def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = Non
     Returns:
         Title -> (n,).
     """
-    given = columns_of(table)
-    if "role" not in given and "role" in table.understood.mapping.columns.values():
-        given["role"] = table.role
-    columns = {title: given[title] for title in ("name", "role") if title in given} | given
+    columns = _as_given(table)
     _put(columns, table.joint_prefix, commands.q)
     _put(columns, "reversal", commands.reversal)
     columns["in_domain"] = commands.in_domain
@@ -231,6 +230,15 @@ def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = Non
         _put(columns, "nearest", commands.nearest)
         columns["nearest_mm"] = commands.nearest_gap
     return columns
+
+
+def _as_given(table: Table) -> dict[str, np.ndarray]:
+    """Every column of the input in its own order, also those without content; what was set for all rows behind them."""
+    held = columns_of(table)
+    empty = {"name": table.name, "role": table.role}
+    meant = table.understood.mapping.columns
+    own = [title if quantity == IGNORE else file_title(quantity) for title, quantity in meant.items()]
+    return {title: held.get(title, empty.get(title, np.full(table.rows, np.nan))) for title in own} | held
 
 
 def _put(columns: dict[str, np.ndarray], stem: str, values: np.ndarray) -> None:

@@ -259,7 +259,7 @@ def _renewed(entry: EffectEntry, effect: Effect, specs: Mapping[str, Parameter],
 def _spread(value: object, size: int, name: str) -> Tensor:
     tensor = torch.as_tensor(value, dtype=torch.float64).reshape(-1)
     if len(tensor) not in (1, size):
-        raise ModelError(f"parameter '{name}' has {len(tensor)} values", fix=f"give one, or {size}")
+        raise ModelError(f"parameter '{name}' has {len(tensor)} values", fix="give one" + f", or {size}" * (size > 1))
     return tensor.expand(size).clone()
 
 

@@ -11,6 +11,9 @@ from ptt.model.chain import predict
 from ptt.run.view import build_view
 
 HELD = 0.05  # share of an effect's error that may be left of what counts as held: a tenth of a tracker's noise or less
+NOTHING = 1e-6  # um: less is rounding
+LOAD_KG = 1.0  # tried where no payload is stated: what it does to an effect's share does not depend on its size
+UNSTATED = "the format knows no payload, and none is stated here; --run RUN.csv judges at the loads of a run"
 APART = "its tables' entries lie too far apart for it, or it is no matter of one axis' place"
 CONTEXTS = {
     "payload": "the format knows no payload",
@@ -52,8 +55,11 @@ def cannot_hold(
     whole = predict(terms, view).p
     basis = np.linalg.qr(_scaled(tangent.reshape(whole.numel(), -1)))[0]
     by_joint = view.jacobian.numpy()
-    why = {}
+    asleep = set() if "payload" in known else _asleep(ground)
+    why = dict.fromkeys(asleep, UNSTATED)
     for effect, _ in terms:
+        if effect.key in asleep:
+            continue
         without = predict([item for item in terms if item[0] is not effect], view).p
         moved = (whole - without).numpy().ravel()
         rest = moved if tabled is None else moved - np.einsum("nck,nk->nc", by_joint, tabled(effect)).ravel()
@@ -64,6 +70,38 @@ def cannot_hold(
             hint = (hints or {}).get(effect.name)
             why[effect.key] = f"{reason}; {hint}" if hint else reason
     return why
+
+
+def without_payload(ground: Ground) -> dict[str, float]:
+    """How much of each effect is there without a payload.
+
+    Args:
+        ground: places and model; where no payload is stated, a payload of 1 kg is tried.
+
+    Returns:
+        Key -> share of its shift under payload, 1 where the payload is no matter to it.
+    """
+    model = ground.compensator.model
+    stated = ground.table.payload_kg
+    loads = stated if stated is not None and _stated(ground) else np.full(len(ground.targets), LOAD_KG)
+    command = ground.commands.q
+    views = [
+        build_view(model.file, ground.table.replace(command=command, payload_kg=each)) for each in (loads, 0.0 * loads)
+    ]
+    shares = {}
+    for effect, values in split_terms(model)[0]:
+        loaded, bare = ((predict([(effect, values)], view).p - predict([], view).p).numpy().ravel() for view in views)
+        shares[effect.key] = 1.0 - _um(loaded - bare) / max(_um(loaded), NOTHING)
+    return shares
+
+
+def _stated(ground: Ground) -> bool:
+    return ground.table.payload_kg is not None and bool(np.nan_to_num(ground.table.payload_kg).any())
+
+
+def _asleep(ground: Ground) -> set[str]:
+    """Effects that act under a payload alone, where none is stated: nothing of them is there to be held."""
+    return set() if _stated(ground) else {key for key, share in without_payload(ground).items() if share < HELD}
 
 
 def network_note(ground: Ground) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.held import HELD, without_payload
 from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all
 from ptt.errors import InputError
@@ -62,7 +63,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     text += "".join(",".join(_cell(value) for value in row) + "\n" for row in rows)
     written = write_all({out: text})
     q = ground.nominal + _interpolate(axes, shift, ground.targets)
-    holds, cannot = holdings(ground, _cannot(compensator))
+    loaded = {key: WHY["payload"] for key, share in without_payload(ground).items() if share < 1.0 - HELD}
+    holds, cannot = holdings(ground, loaded | _cannot(compensator))
     return Exported(written, holds, cannot, error_left(ground, q), tuple(head[-2:]))
 
 

@@ -20,7 +20,7 @@ from ptt.model.model import Model, read_model, write_model
 from ptt.version import __version__
 
 NETWORK = "rbf.safetensors"
-OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})
+OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})  # older folders have the network's digest beside it too
 TRIES = 3  # readings of a folder that may be exchanged while it is read
 
 
@@ -84,7 +84,7 @@ def write_compensator(folder: str | Path, compensator: Compensator) -> None:
         raise InputError("no network to write", where=str(folder), fix="train one, or write the physics as a file")
     with write_folder(folder, OWN) as place:
         save_machine(write_model(compensator.model), place / MODEL)
-        digests = {MODEL: sha256(place / MODEL), NETWORK: save_rbf(compensator.network, place / NETWORK)}
+        digests = {MODEL: sha256(place / MODEL), NETWORK: save_rbf(compensator.network, place / NETWORK, beside=False)}
         write_text(place / NOTES, format_json(compensator.notes | {"sha256": digests}))
 
 
