@@ -9,9 +9,12 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
+from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.diagnosis import noise
+from ptt.diagnosis.floor import noise_floor
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.door.diagnosing import format_diagnosis
@@ -140,10 +143,23 @@ def test_a_floor_that_can_be_told_no_finer_is_the_last_that_could(tmp_path, monk
     rounds = [Noise(np.eye(3) * 1e-6, "saturated model", 30.0), Noise(np.eye(3) * 1e-7, "saturated model", 5.0)]
     monkeypatch.setattr(noise, "_saturated", lambda *given: (left.pop(0), {}))
     left = rounds.copy()
-    assert noise.noise_floor(Model(MACHINE), problem, library()) is rounds[0]
+    assert noise.saturated_floor(Model(MACHINE), problem, library()) is rounds[0]
     left = rounds[::-1]
     with pytest.raises(TableError, match="do not tell the noise"):
-        noise.noise_floor(Model(MACHINE), problem, library())
+        noise.saturated_floor(Model(MACHINE), problem, library())
+
+
+def test_forty_readings_that_are_diagnosed_tell_what_they_scatter_by_too():
+    """Everything at once leaves forty readings no freedom; what was found in them does, so that it can be added."""
+    drawn, truth = draw(plan("single", 1, 960029, noise="white", bench=None, rows=40, visible=True)[0])
+    frame = simulate(drawn.rig, drawn.targets).frame
+    problem = replace(build_problem(drawn.rig.machine, table_of(frame, drawn.absent)), noise=None)
+    with pytest.raises(TableError, match="do not tell the noise"):
+        noise.saturated_floor(Model(drawn.rig.machine), problem, library())
+    assert noise_floor(Model(drawn.rig.machine), problem, library()).total == pytest.approx(truth.noise.total, rel=0.2)
+    sparse = problem.masked(np.arange(problem.table.rows) >= 10)
+    with pytest.raises(TableError, match="do not tell the noise"):
+        noise_floor(Model(drawn.rig.machine), sparse, library())
 
 
 def test_two_effects_are_both_found(tmp_path):

@@ -155,8 +155,8 @@ def _after_a_knock(left: Noise) -> Noise:
     return replace(left, source="saturated model; repeats scatter by more, as after a knock")
 
 
-def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
-    """The noise floor for a comparison: the problem's own, else what a model with everything in it leaves.
+def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
+    """The noise floor: the problem's own, else what a model with everything in it leaves.
 
     Args:
         model: the model as given.
