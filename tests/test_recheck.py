@@ -42,7 +42,7 @@ WOUND = {
 }  # fmt: skip
 
 
-def run_of(seed: int, rows: int = 80, **sections: dict) -> Problem:
+def run_of(seed: int, rows: int = 80, room: tuple[float, ...] | None = None, **sections: dict) -> Problem:
     """A run of the machine with its faults, changed as said; path, tracker's place and noise by the seed."""
     random = np.random.default_rng(seed)
     tracker = {"white_mm": SIGMA, "translation_mm": random.uniform(-1, 1, 3).tolist(),
@@ -51,7 +51,8 @@ def run_of(seed: int, rows: int = 80, **sections: dict) -> Problem:
     for name, values in sections.items():
         content[name] = {**content.get(name, {}), **values}
     rig = parse_rig({"machine": MACHINE, "seed": seed, **content})
-    table = table_of(simulate(rig, make_volume(draw_machine(rig.spec), rows, seed)).frame)
+    half = () if room is None else (np.array(room),)
+    table = table_of(simulate(rig, make_volume(draw_machine(rig.spec), rows, seed, *half)).frame)
     file = parse_machine(f'{format_machine(rig.machine)}\n[tracker]\nframe = "fitted"\nsigma_mm = {SIGMA}\n')
     return build_problem(file, table)
 
@@ -136,6 +137,39 @@ def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -
     assert set(found.made_um["now"]) == {"total", *(term.effect.key for term in found.model.terms)}
     assert all(found.to_dict()["made_um"]["before"])  # no key without a name
     assert "The repair helped" in found.words and "link-length" in found.words.partition("The repair helped")[2]
+
+
+def test_a_cure_gives_back_what_the_first_fit_had_taken_from_its_neighbour(tmp_path: Path) -> None:
+    """Twist and leaning towers share an error that one run cannot part: half of each went to the other."""
+    sound = {"backlash_mm": (0.0, 0.0, 0.0)}
+    lean = {"link_mm": (0.0,) * 3, "lean_radial_mrad": (0.0, 0.62, 0.0), "lean_tangential_mrad": (0.0, 0.75, 0.0)}
+    twist = {"platform_axis_radial_mrad": (-0.12, -0.54, -0.12), "platform_axis_vertical_mrad": (-0.56, 0.3, 0.58)}
+    first = solve(run_of(1, 50, drive=sound, geometry=lean | twist), ("platform-twist", "tower-tilt"), tmp_path)
+    tilt = next(term for term in first.model.terms if term.effect.key == "tower-tilt")
+    assert tilt.std is not None and abs(float(tilt.theta[4]) - 0.75e-3) < 2.0 * float(tilt.std[4])
+    assert max(abs(float(tilt.theta[place])) for place in (3, 5)) > 2e-4  # towers that stand upright
+    found = look(first, run_of(11, 60, drive=sound, geometry=lean))
+    assert found.verdict == "changed" and {item.moved.effect for item in found.changed} == {"platform-twist"}
+    assert all(item.repaired for item in found.changed)
+    assert found.made_um["now"]["platform-twist"] < 0.05 * found.made_um["before"]["platform-twist"]
+    assert found.error_um["left"] < 1.2 * np.sqrt(3.0) * 1e3 * SIGMA < 0.5 * found.error_um["now"]
+    now = next(term for term in found.model.terms if term.effect.key == "platform-twist")
+    assert not now.theta.any()
+
+
+def test_beyond_the_heights_of_the_first_run_a_curve_may_go_on_as_it_likes(tmp_path: Path) -> None:
+    screw = {"backlash_mm": (0.0, 0.0, 0.0), "curve_parabola_um": (0.0, -25.0, 35.0),
+             "curve_cubic_um": (15.0, 20.0, -25.0), "curve_span_mm": (180.0, 400.0)}  # fmt: skip
+    links = {"link_mm": (0.0, 0.0, 0.0)}
+    first = solve(run_of(1, room=(30.0, 30.0, 20.0), drive=screw, geometry=links), ("screw-error-map",), tmp_path)
+    found = look(first, run_of(11, room=(60.0, 60.0, 50.0), drive=screw, geometry=links))
+    assert found.verdict == "same" and not found.changed
+    assert found.error_um["now"] > 1.5 * 1e3 * SIGMA * np.sqrt(3.0)  # and yet nothing has happened
+    assert any("when the model was made" in note and "screw-error-map" in note for note in found.notes)
+    turning = run_of(11, 60, room=(60.0, 60.0, 50.0), drive={**screw, "turn_um": (0.0, 0.0, 25.0)}, geometry=links)
+    model, _ = for_runs(first.model, turning)
+    new = weigh(look_back(model, turning), turning, library(), str).new
+    assert [key.partition("#")[0] for key in new] == ["once-per-rev"]
 
 
 def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_it_is_named(

@@ -29,6 +29,7 @@ class Before:
         left: what it left unexplained of rows it had not seen, beyond the noise then, um.
         notes: what is not carried over, in words.
         blind: keys of effects that the run cannot judge.
+        cured: keys of effects that are taken to be gone now, whatever they were.
     """
 
     model: Model
@@ -39,6 +40,25 @@ class Before:
     left: float
     notes: tuple[str, ...]
     blind: frozenset[str] = frozenset()
+    cured: frozenset[str] = frozenset()
+
+    @property
+    def gone(self) -> np.ndarray:
+        """(w,) bool, values of the effects that are gone now."""
+        layout, width = self.layout, self.width
+        own = [index for index, term in enumerate(layout.terms) if term.effect.key in self.cured]
+        searched = np.array([kind == "searched" for kind in layout.kinds] + [False])[layout.group[:width]]
+        return np.isin(layout.owner[:width], own) & ~searched
+
+    @property
+    def start(self) -> np.ndarray:
+        """(w,) the values that they have now if nothing else has changed."""
+        return np.where(self.gone, 0.0, self.values)
+
+    @property
+    def loose(self) -> np.ndarray:
+        """(w, r) the same of the root: what is gone is zero, for sure."""
+        return np.where(self.gone[:, None], 0.0, self.root)
 
     @property
     def width(self) -> int:

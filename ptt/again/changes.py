@@ -79,6 +79,8 @@ def changes_of(before: Before, joints: int) -> tuple[Change, ...]:
                     )
                 )  # fmt: skip
         wholes += _whole(found[mine:], before)
+        if term.effect.key in before.cured:  # of what is gone only a share of the whole may be left
+            del found[mine:]
         first += int(free.sum())
     return (*found, *wholes)
 

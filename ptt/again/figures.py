@@ -74,12 +74,12 @@ def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
         part = slice(at, at + change.ways.shape[1])
         at = part.stop
         size = before.layout.scale[change.places]
-        then, step = before.values[change.places] * size, change.ways @ values[part] * size
+        then, start = before.values[change.places] * size, before.start[change.places] * size
+        now = start + change.ways @ values[part] * size
         std = np.sqrt(np.diag(change.ways @ error[part, part] @ change.ways.T)) * size
         rows = zip(change.parameters, change.joints, change.names, change.units, strict=True)
         result += [
-            Moved(change.effect.key, *row, float(then[i]), float(then[i] + step[i]), float(std[i]))
-            for i, row in enumerate(rows)
+            Moved(change.effect.key, *row, float(then[i]), float(now[i]), float(std[i])) for i, row in enumerate(rows)
         ]
     return tuple(result)
 
@@ -105,12 +105,12 @@ def errors_of(found: Weighed) -> dict[str, float]:
         said to have changed.
     """
     system, state, before = found.system, found.state, found.before
-    frame, loose = found.frame, system.frame[len(found.frame) :]
-    flat = system.columns.reshape(3 * len(system.rows), -1)
-    basis, _ = np.linalg.qr(flat[:, frame])
-    value = system.values.ravel()
+    own = found.own.reshape(3 * len(system.rows), -1)
+    basis, _ = np.linalg.qr(system.columns.reshape(len(own), -1)[:, found.frame])
+    value = system.values.ravel() - own @ (before.values - before.start)
     off = value - basis @ (basis.T @ value)
-    doubt = flat[:, loose] - basis @ (basis.T @ flat[:, loose])
+    doubt = np.hstack([own @ before.root, found.goes_on.reshape(-1, 1)])
+    doubt = doubt - basis @ (basis.T @ doubt)
     spread = [system.in_mm(column.reshape(-1, 3)) for column in doubt.T]
     doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)
     wander = 0.0 if state.memory.wander is None else state.memory.wander.share

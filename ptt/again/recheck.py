@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.again.before import look_back
+from ptt.again.before import Before, look_back
 from ptt.again.beside import sure_beside
+from ptt.again.beyond import beyond_notes
 from ptt.again.changes import PREFIX, Change
 from ptt.again.contexts import context_notes
+from ptt.again.cures import with_cures
 from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
 from ptt.again.news import News, look_for_news
 from ptt.again.result import Changed, Recheck, Verdict
@@ -59,7 +61,7 @@ def recheck(
         notes.append(f"of {problem.table.rows} rows, stretches of about {SAMPLE} in all were looked at")
         problem = take(problem, sample_stretches(problem, SAMPLE))
     before = look_back(model, problem)
-    found = weigh(before, problem, known, tell)
+    found = with_cures(weigh(before, problem, known, tell), problem, known, tell)
     now, news = _with_news(found, problem, known, tell, seed)
     if news.diagnosis is not None and found.changed:
         sure = sure_beside(found, news.diagnosis, problem, known, tell)
@@ -67,7 +69,7 @@ def recheck(
             then = _with_news(sure, problem, known, tell, seed)
             if then[1].diagnosis is not None:  # else what was new had needed the changes
                 found, (now, news) = sure, then
-    made = {"before": made_by(found, before.values), "now": made_by(found, before.values + _stands(found))}
+    made = {"before": made_by(found, before.values), "now": made_by(found, found.before.start + _stands(found))}
     cured = {key for key, size in made["now"].items() if size < GONE * made["before"][key]}
     changed = _changed(found, problem, cured)
     verdict: Verdict = "new" if news.diagnosis is not None else "changed" if changed else "same"
@@ -82,7 +84,14 @@ def recheck(
         since=before.since,
         rows=len(found.system.rows),
         outlier_rows=tuple(int(row) for row in numbers(problem)[found.gross]),
-        notes=(*notes, *before.notes, *news.notes, *_set_up(found), *context_notes(before, problem)),
+        notes=(
+            *notes,
+            *before.notes,
+            *news.notes,
+            *_set_up(found),
+            *context_notes(before, problem),
+            *beyond_notes(before, problem),
+        ),
         words="",
         model=replace(model, terms=_merged(model, now)),
     )
@@ -105,9 +114,9 @@ def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
 
 
 def _stands(found: Weighed) -> np.ndarray:
-    """How far all values are from those of the model, (w,) in usual sizes: changes, and what was uncertain."""
-    unsure = np.flatnonzero(found.state.owner < 0)[len(found.frame) :]
-    return moved_by(found) + found.before.root @ found.state.posterior.values[unsure]
+    """How far all values are from where they started, (w,) in usual sizes: changes, and what was uncertain."""
+    unsure = np.flatnonzero(found.state.owner < 0)[len(found.frame) :][: found.before.root.shape[1]]
+    return moved_by(found) + found.before.loose @ found.state.posterior.values[unsure]
 
 
 def _merged(model: Model, now: Model) -> tuple[Term, ...]:
@@ -124,7 +133,7 @@ def _named(found: Weighed) -> tuple[Change, ...]:
     if all(found.system.atoms[key].effect for key in found.state.keys):
         return found.changed
     named = {step.key for step in name_steps(found.scorer, found.state)[0]}
-    return tuple(change for change in found.changed if change.key in named)
+    return tuple(c for c in found.changed if c.key in named or c.effect.key in found.before.cured)
 
 
 def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[Changed, ...]:
@@ -134,26 +143,36 @@ def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[Changed
         return ()
     values, rows, at = moved_of(found, changes), list[Changed](), 0
     for change in changes:
-        others = ties(found.scorer, found.state, change.key)
-        alike = tuple(name.removeprefix(PREFIX) for name in others if name != change.key)
         own = values[at : at + len(change.names)]
         at += len(own)
-        rows += _rows_of(change, own, alike, problem, found.before.since, change.effect.key in cured)
+        rows += _rows_of(found, change, own, problem, change.effect.key in cured)
     return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
 
 
-def _rows_of(
-    change: Change,
-    values: Sequence[Moved],
-    alike: tuple[str, ...],
-    problem: Problem,
-    since: str | None,
-    gone: bool,
-) -> list[Changed]:
+def _alike(found: Weighed, change: Change) -> tuple[str, ...]:
+    """What would do as well in the place of a change."""
+    if change.effect.key in found.before.cured:
+        return found.alike.get(change.effect.key, ())
+    others = ties(found.scorer, found.state, change.key)
+    return tuple(name.removeprefix(PREFIX) for name in others if name != change.key)
+
+
+def _clear_then(found: Weighed, change: Change) -> tuple[str, ...]:
+    """Names of the values of what is gone that the model knew to be other than zero; of other changes all."""
+    before, own = found.before, change.places
+    if change.effect.key not in before.cured:
+        return change.names
+    clear = np.abs(before.values[own]) > CLEAR * before.std[own]
+    return tuple(name for name, sure in zip(change.names, clear, strict=True) if sure)
+
+
+def _rows_of(found: Weighed, change: Change, values: Sequence[Moved], problem: Problem, gone: bool) -> list[Changed]:
     """The values of one change that are clearly otherwise, each with its words; one sentence where they are one."""
+    since, alike, known = found.before.since, _alike(found, change), _clear_then(found, change)
     pairs = list(zip(values, change.at, strict=True))
     clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
-    clear = clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
+    sure = [pair for pair in clear if pair[0].name in known]  # what is gone and never was clearly there is no change
+    clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
         words = say_whole(change.effect, change.at, values, problem.view, since)
         return [Changed(value, gone or is_repaired(value), alike, words) for value, _ in clear]
@@ -175,6 +194,10 @@ def is_repaired(value: Moved) -> bool:
     """
     was, now = abs(value.before), abs(value.now)
     return was > CLEAR * value.std and (now < GONE * was or (now < CLEAR * value.std and now < 0.5 * was))
+
+
+def _contexts(before: Before, problem: Problem) -> tuple[str, ...]:
+    return (*context_notes(before, problem), *beyond_notes(before, problem))
 
 
 def _set_up(found: Weighed) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ptt.again.before import Before
+from ptt.again.beyond import columns_beyond
 from ptt.again.changes import Change, atoms_of_changes
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.effects import Effect
@@ -48,7 +49,7 @@ def stand_at(before: Before, moved: np.ndarray, problem: Problem, noise: Noise) 
     framed = fit(still, problem, noise=noise, robust=False, coarse=True)
     unknowns = np.concatenate([values, framed.unknowns])
     own = replace(layout, terms=model.terms)
-    return At(replace(framed, model=model, layout=own, unknowns=unknowns), values - before.values)
+    return At(replace(framed, model=model, layout=own, unknowns=unknowns), values - before.start)
 
 
 def model_at(before: Before, moved: np.ndarray) -> Model:
@@ -62,7 +63,7 @@ def model_at(before: Before, moved: np.ndarray) -> Model:
         The model.
     """
     layout, width = before.layout, before.width
-    values = np.clip(before.values + moved, layout.lower[:width], layout.upper[:width])
+    values = np.clip(before.start + moved, layout.lower[:width], layout.upper[:width])
     rest = np.zeros(len(layout.scale) - width)
     thetas = layout.thetas(np.concatenate([values, rest]))
     terms = tuple(replace(term, theta=theta) for term, theta in zip(layout.terms, thetas, strict=True))
@@ -79,7 +80,7 @@ def suppose(
     freedom: float,
     rows: np.ndarray,
     shapes: Mapping[str, Sequence[Shape]],
-) -> tuple[RowSystem, np.ndarray]:
+) -> tuple[RowSystem, np.ndarray, np.ndarray]:
     """Linearise: y = frame + X (uncertain then + changed since) + what may be new + noise.
 
     What was uncertain then is part of every hypothesis, as the frame is; its prior enters as readings of zero with
@@ -97,32 +98,37 @@ def suppose(
         shapes: of candidates, by key.
 
     Returns:
-        The system, whose values are what the model as it was leaves; and the columns of the model's values, (m, 3, w).
+        The system, whose values are what the model as it was leaves; the columns of the model's values, (m, 3, w); and
+        those of how its curves go on beyond the heights that they were seen at, (m, 3, c).
     """
     system = build_system(at.fitted, problem, candidates, noise, freedom, rows, shapes=shapes)
     linear = linear_columns(at.fitted, problem, [], noise)
     own = linear.columns[rows][:, :, : before.width]
+    assert linear.at is not None
+    beyond = columns_beyond(before, linear.at, problem)[rows]
+    doubt = np.concatenate([own @ before.loose, beyond], axis=2)
     ways = ways_of(changes, before.width)
     first, more = system.columns.shape[2], ways.shape[1]
-    unsure, width = before.root.shape[1], before.root.shape[1] + more
+    unsure, width = doubt.shape[2], doubt.shape[2] + more
     atoms = {key: atom for key, atom in system.atoms.items() if atom.effect is None or atom.shape is not None}
     told, zero = _readings_of_zero(unsure)
     base = np.pad(system.base_columns, [(0, 0), (0, 0), (0, width)])
     prior = np.pad(told, [(0, 0), (0, 0), (first, more)])
     if len(linear.base_values):
-        base[:, :, first:] = linear.base_columns[:, :, : before.width] @ np.hstack([before.root, ways])
+        still = np.zeros((before.width, beyond.shape[2]))
+        base[:, :, first:] = linear.base_columns[:, :, : before.width] @ np.hstack([before.loose, still, ways])
     supposed = replace(
         system,
         frame=np.concatenate([system.frame, np.arange(first, first + unsure)]).astype(int),
         atoms=atoms | atoms_of_changes(changes, first + unsure),
-        columns=np.concatenate([system.columns, own @ before.root, own @ ways], axis=2),
+        columns=np.concatenate([system.columns, doubt, own @ ways], axis=2),
         values=linear.residual[rows] + own @ at.moved,
         scale=np.concatenate([system.scale, np.ones(unsure + more)]),
         base_columns=np.concatenate([base, prior]),
         base_values=np.concatenate([system.base_values, zero]),
         _sums={},
     )
-    return supposed, own
+    return supposed, own, beyond
 
 
 def ways_of(changes: Sequence[Change], width: int) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Weigh what may have happened to a machine since its model: the same, some values changed, something new."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -45,6 +45,8 @@ class Weighed:
         gross: rows left out as gross errors, (n,) bool.
         untestable: effect -> what the run lacks.
         own: columns of the model's values, (m, 3, w) whitened, in usual sizes.
+        beyond: columns of how its curves go on where they were not seen, (m, 3, c).
+        alike: effect that is gone -> other effects of the model that may be it as well.
     """
 
     before: Before
@@ -57,11 +59,13 @@ class Weighed:
     gross: np.ndarray
     untestable: dict[str, str]
     own: np.ndarray
+    beyond: np.ndarray
+    alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def changed(self) -> tuple[Change, ...]:
         """What has changed."""
-        return tuple(change for change in self.changes if change.key in self.state.keys)
+        return tuple(c for c in self.changes if c.key in self.state.keys or c.effect.key in self.before.cured)
 
     @property
     def new(self) -> tuple[str, ...]:
@@ -80,14 +84,20 @@ class Weighed:
     @property
     def frame(self) -> np.ndarray:
         """Columns of the run's own frames and mounts in the system."""
-        return self.system.frame[: len(self.system.frame) - self.before.root.shape[1]]
+        return self.system.frame[: len(self.system.frame) - self.before.root.shape[1] - self.beyond.shape[2]]
+
+    @property
+    def goes_on(self) -> np.ndarray:
+        """What the model's curves seem to do where they were not seen, (m, 3) whitened."""
+        own = np.flatnonzero(self.state.owner < 0)
+        return np.asarray(self.beyond @ self.state.posterior.values[own[len(own) - self.beyond.shape[2] :]])
 
     def columns_of(self, change: Change) -> np.ndarray:
         """Places of a change's columns in the system."""
         return self.system.atoms[change.key].columns
 
 
-def weigh(before: Before, problem: Problem, known: Library, tell: Tell) -> Weighed:
+def weigh(before: Before, problem: Problem, known: Library, tell: Tell, beside: Weighed | None = None) -> Weighed:
     """Find the best explanation of a run by a solved model.
 
     Args:
@@ -95,11 +105,14 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell) -> Weigh
         problem: the run.
         known: effects by name.
         tell: told what is being done.
+        beside: another explanation to compare with, whose noise and rows are kept; None finds them.
 
     Returns:
         What was found.
     """
     noise, freedom = starting_noise(problem)
+    if beside is not None:
+        noise = beside.noise
     changes = changes_of(before, problem.view.joints)
     moved, gross = np.zeros(before.width), np.zeros(problem.table.rows, dtype=bool)
     kept: tuple[str, ...] | None = None
@@ -110,37 +123,37 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell) -> Weigh
         at = stand_at(before, moved, problem.masked(gross), noise)
         candidates, untestable = present_candidates(at.fitted, problem, known)
         if turn == 0:
-            gross = _sift(at, problem, candidates, noise)
+            gross = _sift(at, problem, candidates, noise) if beside is None else beside.gross
         rows = problem.used & ~gross & np.isfinite(at.fitted.residual).all(axis=1)
         shapes = {effect.key: [*effect.search(problem.view), *moments.get(effect.key, ())] for effect in candidates}
-        system, own = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
+        system, own, beyond = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
         system.atoms = _priced(system, before)
-        scorer = Scorer(system, (), STEPS)
+        scorer = Scorer(system, (), STEPS, {change.key for change in changes if change.effect.key in before.cured})
         if kept is None:
             state = search(scorer)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             state = improve(scorer, state)
         state = _fewest(scorer, _unfolded(scorer, _known_first(scorer, state), changes), changes)
-        found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own)
+        found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own, beyond)
         if turn == TURNS - 1:
             break
-        gross = gross_beside(system, state, gross)
+        gross = gross_beside(system, state, gross) if beside is None else gross
         there = moved_by(found)
         still = np.abs(there - at.moved).max(initial=0.0) < SETTLED and (gross == found.gross).all()
         if turn > 0 and still and _same_names(kept, state):
             break
         new = [key for key in state.keys if not key.startswith(PREFIX)]
         moments = best_moments(scorer, state, new, candidates)
-        noise, moved = noise_again(problem, system, state), there
+        noise, moved = noise_again(problem, system, state) if beside is None else noise, there
         kept, memory = state.keys, state.memory
     return found
 
 
 def moved_by(found: Weighed) -> np.ndarray:
-    """How far the changes that are named move the values of the model, (w,) in usual sizes."""
+    """How far the changes that are named move the values of the model, (w,) in usual sizes, from where they started."""
     moved = np.zeros(found.before.width)
-    for change in found.changed:
+    for change in [change for change in found.changed if change.key in found.state.keys]:
         moved[change.places] += change.ways @ found.state.posterior.values[found.state.of(change.key)]
     return moved
 
