@@ -18,7 +18,7 @@ from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict, sentence, sentences
 from ptt.effects import library
 from ptt.effects.base import family
-from ptt.effects.phrases import compose, figure, scaled
+from ptt.effects.phrases import compose, figure, listed, scaled
 from ptt.fitting.gauge import Told, sparsest
 from ptt.fitting.solve import fit, residual_of
 from ptt.machine import format_machine, load_machine
@@ -483,3 +483,8 @@ def test_the_prefix_is_that_of_all_sizes_together():
     assert scaled([25_000.0, 10_000.0], "um") == (1e-3, "mm") and scaled([999.0, 2000.0], "um") == (1.0, "um")
     assert scaled([4e-4, 1e-4], "\N{MICRO SIGN}m/N") == (1e3, "nm/N") and scaled([60_000.0], "ms") == (1e-3, "s")
     assert scaled([3e6], "urad") == (1e-6, "rad") and scaled([5e9], "kg") == (1.0, "kg") and scaled([], "um")[1] == "um"
+
+
+def test_a_list_of_nothing_is_no_error() -> None:
+    lists = [listed(["a", "b", "c"][:count]) for count in range(4)]
+    assert lists == ["", "a", "a and b", "a, b and c"]

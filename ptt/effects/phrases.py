@@ -243,5 +243,5 @@ def figure(value: float) -> str:
 
 
 def listed(items: Sequence[str], last: str = " and ") -> str:
-    """Items with commas, and a word before the last."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])}{last}{items[-1]}"
+    """Items with commas, and a word before the last; '' of none."""
+    return last.join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
