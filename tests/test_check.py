@@ -350,3 +350,19 @@ def test_sliders_in_another_order_are_shown_first_and_may_be_gone_over(
     words = ("backlash", *given[1:], "--out", tmp_path / "out.toml")
     assert run_verb("add", given[0], *words) == 3
     assert run_verb("add", given[0], *words, "--anyway") == 0
+
+
+@pytest.mark.parametrize("stated", ["sigma_mm", "std"])
+def test_noise_in_um_shows_without_repeats(stated: str) -> None:
+    file, table = draw_run(20_003, faults=1, rows=60)
+    once = np.unique(np.round(table.target, 6), axis=0, return_index=True)[1]
+    table = take_rows(table, np.sort(once))
+    sigma = {"sigma_mm": 4.0} if stated == "sigma_mm" else {}
+    file = replace(file, tracker=file.tracker.model_copy(update=sigma))
+    table = table if sigma else table.replace(std=np.full((table.rows, 3), 4.0))
+    found = check_setup(file, table)
+    assert [item.mistake for item in found.findings] == ["noise-implausible"] and not found.ok
+    cured = found.file.tracker.sigma_mm if sigma else float(found.table.std[0, 0])
+    assert cured == pytest.approx(0.004)
+    fair = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": 0.15}))
+    assert check_setup(fair, table.replace(std=None)).ok

@@ -1,4 +1,4 @@
-"""Noise as stated against what repeats of a pose scatter by."""
+"""Noise as stated against what repeats of a pose scatter by, or against all that readings are off by."""
 
 from dataclasses import replace
 
@@ -6,11 +6,16 @@ import numpy as np
 
 from ptt.setup.columns import Result, said
 from ptt.setup.result import Finding
+from ptt.setup.rigid import align_many
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, Undo
 
 BEYOND_FAULTS = 2.0  # mm: what a machine with ordinary faults never returns to a pose by
 STATED_TOO_LARGE, SCATTER_TOO_LARGE = 20.0, 10.0
+LARGE = 0.2  # mm: no noise below is called implausibly large
+BEYOND_ALL = 5.0  # times all that readings are off by, faults included: an accuracy stated at three sigma is within
+ROWS = 30  # readings that a rigid motion cannot follow
+MEDIAN_3D = 1.538  # of the length of a vector of three coordinates with sigma 1
 
 
 def find_noise(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -29,15 +34,17 @@ def find_noise(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _noise(setup: Setup) -> Result | None:
-    """Stated noise against what repeats of a pose in a row scatter by."""
+    """Stated noise against what repeats of a pose in a row scatter by; without repeats against the whole error."""
     stated, source = _stated(setup)
     found = repeat_scatter(setup)
-    if stated is None or found is None:
+    if stated is None:
         return None
+    if found is None:
+        return _beyond_all(setup, stated, source)
     scatter, count = found
-    if stated > STATED_TOO_LARGE * scatter and stated > 0.2:
+    if stated > STATED_TOO_LARGE * scatter and stated > LARGE:
         words = (
-            f"{source} says that a coordinate scatters by {1e3 * stated:,.0f} um; "
+            f"{source} {_say(source)} that a coordinate scatters by {1e3 * stated:,.0f} um; "
             f"{count} repeats scatter by {1e3 * scatter:.1f} um"
         )
         fix = f"state it in mm: {scatter:.2g}"
@@ -45,10 +52,27 @@ def _noise(setup: Setup) -> Result | None:
     still = repeat_scatter(setup, still=True)
     scatter, count = still if still is not None else found
     if scatter > SCATTER_TOO_LARGE * stated and (still is not None or scatter > BEYOND_FAULTS):
-        words = f"{count} repeats scatter by {1e3 * scatter:,.1f} um, {source} says {1e3 * stated:.1f} um"
+        words = f"{count} repeats scatter by {1e3 * scatter:,.1f} um, {source} {_say(source)} {1e3 * stated:.1f} um"
         fix = "look for what changed between the repeats, or state the noise in mm"
         return said(setup, "noise-implausible", words, fix, False), None
     return None
+
+
+def _beyond_all(setup: Setup, stated: float, source: str) -> Result | None:
+    """Stated noise against all that the readings are off by, where no pose was repeated."""
+    place, reading = places(setup), setup.table.measured
+    known = np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1)
+    if known.sum() < ROWS or stated <= LARGE:
+        return None
+    off = float(np.median(align_many(place[known][None], reading[known][None])[2])) / MEDIAN_3D + 1e-9
+    if stated < BEYOND_ALL * off:
+        return None
+    words = (
+        f"{source} {_say(source)} that a coordinate scatters by {1e3 * stated:,.0f} um; "
+        f"with all its faults the machine is off by {1e3 * off:.1f} um"
+    )
+    factor = 1e-3 if 1e-3 * stated < off else off / stated  # um in a column of mm
+    return said(setup, "noise-implausible", words, f"state it in mm: {factor * stated:.2g}"), _restated(source, factor)
 
 
 def _stated(setup: Setup) -> tuple[float | None, str]:
@@ -56,6 +80,10 @@ def _stated(setup: Setup) -> tuple[float | None, str]:
     if std is not None and np.isfinite(std).any():
         return float(np.nanmedian(std)), "the std columns"
     return setup.file.tracker.sigma_mm, "sigma_mm of the machine file"
+
+
+def _say(source: str) -> str:
+    return "say" if source.endswith("columns") else "says"
 
 
 def _restated(source: str, factor: float) -> Undo:
