@@ -375,6 +375,7 @@ def test_reveal_on_the_command_line(tmp_path: Path) -> None:
     assert text.rstrip().endswith("RIGHT") and "NOT RIGHT" not in text and name in text
     bare = run.invoke(app, ["reveal", str(tmp_path / "c"), "--model", str(tmp_path / "c" / "machine.toml")]).stdout
     assert "MISSED" in bare and bare.rstrip().endswith("NOT RIGHT")
+    assert run.invoke(app, ["reveal", str(tmp_path / "c")]).stdout == bare
 
 
 # --- the loop: diagnose first, look at the truth afterwards -------------------------------------------------------

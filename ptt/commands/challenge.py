@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ptt.commands.common import Effects, Json, ModelPath, note, show
+from ptt.commands.common import Effects, Json, note, show
 
 app = typer.Typer(
     help="A run with hidden faults that you find; then open the seal and see how well you did.",
@@ -64,18 +64,24 @@ def new(
 @app.command()
 def reveal(
     folder: Folder,
-    model: ModelPath,
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", metavar="M", help="Your solved model; else the drawing as it was handed out."),
+    ] = None,
     rig_out: Annotated[Path | None, typer.Option("--rig", metavar="RIG.toml", help="Write the opened rig.")] = None,
     effects: Effects = None,
     json: Json = False,
 ) -> None:
     """Open the seal: what was hidden, what the model says, and where its commands put the real tool."""
+    from ptt.challenge.challenge import MACHINE
     from ptt.door.model import load
     from ptt.door.revealing import reveal as open_seal
     from ptt.files import write_text
     from ptt.rig import format_rig
 
-    result = open_seal(load(model, effects=effects or ()), folder)
+    if model is None:
+        note("no --model: the drawing itself is judged")
+    result = open_seal(load(model or folder / MACHINE, effects=effects or ()), folder)
     if rig_out is not None:
         write_text(rig_out, format_rig(result.sealed.drawn.rig))
         note(f"opened rig in {rig_out}")
