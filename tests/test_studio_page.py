@@ -280,15 +280,25 @@ def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_pa
 AT_ONCE = """() => { [...document.querySelectorAll('[role=tab]')].find(tab => tab.innerText.includes('Look')).click();
   const canvas = document.querySelector('.st-field canvas');
   return [getComputedStyle(canvas).visibility, canvas.width > 300, location.pathname.endsWith('/look')]; }"""
+WHY_AT_ONCE = """() => { document.querySelector('button[aria-label="card of backlash"]').click();
+  const card = document.querySelector('dialog[open]'), box = card.getBoundingClientRect();
+  return [getComputedStyle(card.querySelector('.main-svg')).visibility,
+    card.querySelectorAll('.points path').length > 100,
+    card.innerText.includes('Mended by'), box.width > 300 && box.right <= innerWidth]; }"""
 
 
-def test_look_is_drawn_before_it_is_asked_for(page: Page):
-    """The field is there in the moment of the click: nothing is waited for, neither drawing nor the server."""
+def test_look_and_why_are_drawn_before_they_are_asked_for(page: Page):
+    """Field and card are there in the moment of the click: nothing is waited for, neither drawing nor the server."""
     load_sample(page)
     field = page.locator(".st-field canvas").first
     field.wait_for(state="attached", timeout=WAIT)
     page.wait_for_function("document.querySelectorAll('.st-look .main-svg').length >= 6", timeout=WAIT)
     assert not field.is_visible()
+    page.wait_for_function("document.querySelectorAll('dialog .points path').length > 100", timeout=WAIT)
+    assert page.get_by_role("dialog").count() == 0  # hidden from everybody
+    assert page.evaluate(WHY_AT_ONCE) == ["visible", True, True, True]
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
     assert page.evaluate(AT_ONCE) == ["visible", True, True]
     expect(page.get_by_role("tab", name="Look")).to_have_attribute("aria-selected", "true", timeout=WAIT)
     expect(page.get_by_role("tabpanel")).to_have_count(1)  # all others are hidden from everybody

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import shutil
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,6 +31,7 @@ from ptt.show.studio.card_figures import ruler_words
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import COOKIE, Guard, same_origin
+from ptt.show.studio.keeping import Keeper
 from ptt.show.studio.machine_figure import ROOM, chain_figure, machine_figure
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.outcomes import JobFailedError, SetupFoundError
@@ -109,6 +111,43 @@ def test_a_session_is_taken_up_as_it_was(here: Path, learned: Learned, tmp_path:
         and shown.columns == look.columns
         and shown.views.keys() == look.views.keys()
     )
+
+
+def test_the_newest_state_gets_on_the_disk_and_a_full_disk_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    place, said, written = Store(tmp_path).fresh(OWNER), [], []
+    states = [replace(Session().opened(RUN, MACHINE), first=f"2026-01-0{day}") for day in (1, 2, 3, 4)]
+
+    def slow(session: Session) -> None:
+        time.sleep(0.05)
+        written.append(session.first)
+        Place.save(place, session)
+
+    async def keep() -> None:
+        keeper = Keeper(place, said.append)
+        keeper.keep(states[0])
+        await asyncio.sleep(0.02)  # the first is being written
+        for state in states[1:3]:
+            keeper.keep(state)
+        await keeper.kept()
+        assert (written, place.load().first) == (["2026-01-01", "2026-01-03"], "2026-01-03")
+        keeper.keep(states[3])
+        keeper.close()  # the server ends before its turn comes
+        assert place.load().first == "2026-01-04"
+
+    def full(session: Session) -> None:
+        raise InputError("the disk is full", where="session.json")
+
+    async def fail() -> None:
+        keeper = Keeper(place, said.append)
+        keeper.keep(states[0])
+        await keeper.kept()
+
+    monkeypatch.setattr(place, "save", slow)
+    asyncio.run(keep())
+    assert said == []
+    monkeypatch.setattr(place, "save", full)
+    asyncio.run(fail())
+    assert len(said) == 1 and "cannot be kept on disk" in said[0] and "the disk is full" in said[0]
 
 
 def test_a_session_belongs_to_the_browser_that_made_it(here: Path, tmp_path: Path):

@@ -8,8 +8,9 @@ from typing import Any
 
 from nicegui import Client
 
-from ptt.errors import InputError, PttError
+from ptt.errors import PttError
 from ptt.machine import parse_machine
+from ptt.show.studio.keeping import Keeper
 from ptt.show.studio.looks import Look
 from ptt.show.studio.outcomes import JobCancelledError, JobFailedError, QuestionError, SetupFoundError
 from ptt.show.studio.panels import Later
@@ -70,6 +71,7 @@ class Studio:
         self._turn_of, self._one = asyncio.Lock(), asyncio.Lock()
         self._tasks: dict[asyncio.Task[Any], bool] = {}  # -> whether it gives way
         self._epoch = 0
+        self._keeper = Keeper(place, self.fail)
 
     def attach(self, client: Client) -> None:
         """Show the session on a page, a reloaded one for instance; a page before is forgotten.
@@ -90,13 +92,20 @@ class Studio:
         """
         self._listeners[topic].append(listener)
 
+    def when(self, view: str, topic: str, listener: Listener) -> None:
+        """Call a part of a view whenever something changes: at once where it is seen, else when there is time.
+
+        Args:
+            view: its name.
+            topic: one of `TOPICS`.
+            listener: of the view.
+        """
+        self.on(topic, lambda: self.later.ask(view, listener))
+
     def tell(self, topic: str) -> None:
-        """Tell the views; a changed session is written down first."""
+        """Tell the views; a changed session is written down meanwhile."""
         if topic == "session":
-            try:
-                self.place.save(self.session)
-            except InputError as error:
-                self.trouble = f"this session cannot be kept on disk: {error}"
+            self._keeper.keep(self.session)
         if getattr(self.client, "is_deleted", False):
             return  # nobody looks any more
         # A button that is replaced by its own doing leaves no place to put things in; the page itself stays.
@@ -112,7 +121,8 @@ class Studio:
     def close(self) -> None:
         """Stop what is running; an empty session leaves nothing behind."""
         self.cancel()
-        if self.place.empty:
+        self._keeper.close()
+        if self.place.empty and not self.session.ready:
             self.place.remove()
 
     def fail(self, words: str) -> None:

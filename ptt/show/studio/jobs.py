@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ptt.progress import Progress
 from ptt.show.studio.jobs_again import again
+from ptt.show.studio.jobs_effects import card, names, words_of_effect
 from ptt.show.studio.jobs_export import export, formats
 from ptt.show.studio.jobs_files import columns, describe, mend, peek
 from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effect
@@ -82,6 +83,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     from ptt.diagnosis.long import choose_diagnosis
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
+    from ptt.effects.registry import library
     from ptt.run.table import table_to_frame
     from ptt.show.card.fits import fits_of
     from ptt.show.card.ghost import ghosts_of
@@ -95,6 +97,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     poses = None if result.separation is None else result.separation.targets
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
     steps = tuple(step[0] for step in result.suggested)
+    known, family = opened.library or library(), problem.file.machine.kind
     return Learned(
         plain(result.to_dict() | opened.set_up),
         format_diagnosis(result, problem.table),
@@ -103,6 +106,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
         fits=fits_of(result, opened.model, problem),
         ghosts=ghosts_of(result.model, problem, steps),
         unknown=_unknown(result, opened.model, problem),
+        cards=plain({key: words_of_effect(known, key, family) for key in steps}),
     )
 
 
@@ -241,34 +245,3 @@ def reveal(model: str, tell: Progress) -> Mapping[str, Any]:
 
     tell("opening the seal", 0, 0)
     return open_seal(load(place_of(model)), Path()).to_dict()
-
-
-def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapping[str, Any]:
-    """The card of an effect and its sign at usual size on the sample machine."""
-    from dataclasses import asdict
-
-    from ptt.effects.bench import sample_view
-    from ptt.effects.cards import card_of
-    from ptt.effects.registry import library, make_effect, parse_key
-    from ptt.show.plots.atlas import effect_sign, picture_theta
-
-    known = library(*files)
-    made = make_effect(known, *parse_key(effect))
-    family = kind if kind in made.mechanisms else made.mechanisms[0]
-    own = card_of(made).on(family)
-    sign = effect_sign(made, picture_theta(made, family), sample_view(family), own)
-    shade = None if sign.shade is None else sign.shade.tolist()
-    drawn = {
-        "telling": sign.telling.tolist(),
-        "residual": sign.residual.tolist(),
-        "shade": shade,
-        "labels": sign.labels,
-    }
-    return {"effect": effect, "stage": made.stage, **asdict(own), "sign": drawn}
-
-
-def names(kind: str, files: tuple[str, ...], tell: Progress) -> tuple[str, ...]:
-    """Effects that fit a mechanism family."""
-    from ptt.effects.registry import library
-
-    return tuple(name for name, cls in library(*files).items() if kind in cls.mechanisms)

@@ -27,6 +27,9 @@ ICONS = {
 ADDRESS = """(() => { const to = '/s/KEY/VIEW';
   if (location.pathname === to) return; const own = location.pathname.startsWith('/s/KEY/');
   history[own ? 'pushState' : 'replaceState']({}, '', to); })()"""
+# In the browser alone: what NiceGUI has for it sets the theme, and so all styles, anew at every change of the page.
+THEME = """() => { Quasar.Dark.toggle();
+  document.getElementById('nicegui-color-scheme').content = Quasar.Dark.isActive ? 'dark' : 'light'; }"""
 BACK = """window.addEventListener('popstate', () => { const view = location.pathname.split('/').pop();
   emitEvent('view', view); })"""
 
@@ -40,7 +43,6 @@ def build_page(studio: Studio, view: str) -> None:
     """
     ui.add_css(CSS)
     ui.colors(primary="#1f5f8b", secondary="#440154", accent="#e69f00", positive="#00735a", negative="#a33f00")
-    dark = ui.dark_mode(value=None)
     studio.view = next((name for name in VIEWS if name.lower() == view), "Load")
     with ui.header().classes("st-header"):
         ui.html("ptt studio", sanitize=False, tag="h1").classes("st-brand")
@@ -50,8 +52,8 @@ def build_page(studio: Studio, view: str) -> None:
                 ui.tab(name, icon=ICONS[name]).on("click", js_handler=switch)
         ui.space()
         _build_undo(studio)
-        theme = ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not _is_dark(dark)))
-        theme.props('flat round dense color=white aria-label="light or dark"')
+        theme = ui.button(icon="dark_mode").props('flat round dense color=white aria-label="light or dark"')
+        theme.on("click", js_handler=THEME)
     tabs.set_value(studio.view)
 
     def show(name: str) -> None:
@@ -88,10 +90,6 @@ async def _pressed(studio: Studio, event: events.KeyEventArguments) -> None:
         await studio.undo()
     elif key == "y" or key == "z":
         await studio.redo()
-
-
-def _is_dark(dark: ui.dark_mode) -> bool:
-    return bool(dark.value)
 
 
 def _build_undo(studio: Studio) -> None:

@@ -17,6 +17,7 @@ from ptt.show.card.words import length, parameter_in_words, percent, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import WHEN, error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import LIMIT
+from ptt.show.studio.picture import Picture
 from ptt.show.studio.tables import table_html
 from ptt.show.studio.uploads import keep
 
@@ -48,7 +49,7 @@ class AgainView:
                     self._build_runs()
                 self.changed = ui.element("div").classes("st-box").mark("changed")
             self.right = ui.element("div").classes("st-col st-scroll").props("tabindex=0")
-        studio.on("session", self.show)
+        studio.when("Again", "session", self.show)
         studio.on("busy", self._enable)
         self.show()
 
@@ -217,7 +218,7 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
             for when in WHEN:
                 with ui.element("div").style("flex: 1 1 280px; min-width: 0"):
                     ui.label(f"{when}: {pair[when]['rows']} readings").classes("font-medium")
-                    plot = ui.plotly(pair_figure(pair, when)).classes("w-full").style("height: 290px")
+                    plot = Picture(pair_figure(pair, when)).classes("w-full").style("height: 290px")
                     plot.props("role=img").props["aria-label"] = f"errors {when}, from above"
 
 
@@ -252,11 +253,11 @@ def _show_months(months: Mapping[str, Any]) -> None:
             return
         for words in dict.fromkeys(alarm["words"] for alarm in months["alarms"]):  # one for several values of an effect
             ui.label(pretty(words)).classes("st-tie").style("margin: 4px 0")
-        plot = ui.plotly(error_figure(months["history"])).classes("w-full").style("height: 210px")
+        plot = Picture(error_figure(months["history"])).classes("w-full").style("height: 210px")
         plot.props('role=img aria-label="error with the model by date"')
         for value in months["values"]:
             ui.label(f"{value['label']}{', moves' if value['moves'] else ''}").classes("font-medium")
-            plot = ui.plotly(value_figure(value)).classes("w-full").style("height: 150px")
+            plot = Picture(value_figure(value)).classes("w-full").style("height: 150px")
             plot.props("role=img").props["aria-label"] = f"{value['label']} by date"
         rows = [
             (

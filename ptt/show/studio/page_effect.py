@@ -1,6 +1,8 @@
 """Why: the card of an effect with this run's data and the fit through it, its values on a ruler, cause and cure."""
 
+import json
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from nicegui import ui
@@ -8,43 +10,98 @@ from nicegui import ui
 from ptt.show.card.words import how_sure, pretty, value_in_words
 from ptt.show.studio.card_figures import fit_figure, ruler_html, sign_figure
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.panels import BEHIND
+from ptt.show.studio.picture import Picture
+from ptt.show.studio.results import Learned
 
 PARTS = (
     ("Cause", "cause"), ("Shows as", "fingerprint"), ("Equation", "equation"), ("Usual size", "size"),
     ("Mended by", "remedy"), ("Needs", "needs"), ("Source", "source"),
 )  # fmt: skip
+SHOW = "own ? own.open || own.showModal()"
 
 
-async def open_effect(studio: Studio, key: str) -> None:
-    """Open the card of an effect.
+class EffectCards:
+    """The cards of one session's effects, each in a dialog of its own.
 
-    Args:
-        studio: of this session.
-        key: of the effect.
+    Those of the findings are built and drawn unseen as soon as there is time, so that the browser opens them by itself;
+    any other is built when it is asked for.
     """
-    with (
-        studio.client,
-        ui.dialog().props("transition-duration=80") as dialog,
-        ui.card().style("max-width: 860px; width: 94vw; background: var(--card)"),
-    ):
-        with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
-            ui.html(key.replace("-", " "), sanitize=False, tag="h2").classes("st-title")
-            ui.space()
-            ui.button(icon="close", on_click=dialog.close).props('flat round dense aria-label="close"')
-        body = ui.element("div").classes("w-full").mark("effect-card")
-        with body:
-            fit, finding = _own(studio, key)
-            if finding is not None:
-                _show_finding(finding, fit)
+
+    def __init__(self, studio: Studio) -> None:
+        """Build none yet.
+
+        Args:
+            studio: of this session.
+        """
+        self.studio = studio
+        self._dialogs: dict[str, ui.element] = {}
+
+    def prepare(self, lesson: Learned) -> None:
+        """Take away the cards of what was found before, and have those of a diagnosis built ahead."""
+        for dialog in self._dialogs.values():
+            dialog.delete()
+        self._dialogs.clear()
+        for finding in lesson.card["findings"]:
+            if finding["effect"] in lesson.cards:
+                self.studio.later.ask(BEHIND, partial(self._ahead, lesson, finding["effect"]))
+
+    def open_on(self, button: ui.button, key: str) -> None:
+        """Have a button open the card of an effect."""
+        known = f"document.querySelector({json.dumps(f'dialog[data-card={json.dumps(key)}]')})"
+        button.on("click", lambda: self._open(key), js_handler=f"() => {{ const own = {known}; {SHOW} : emit(); }}")
+
+    def _ahead(self, lesson: Learned, key: str) -> None:
+        if self.studio.session.lesson is lesson and key not in self._dialogs:
+            body = self._dialog(key)
+            with body:
+                fit = self._found(key)
+                _show_card(lesson.cards[key], own=fit)
+
+    async def _open(self, key: str) -> None:
+        if key in self._dialogs:  # it was on its way
+            self._show(key)
+            return
+        with self._dialog(key) as body:
+            own = self._found(key)
             waiting = ui.spinner()
-    dialog.open()
-    source = studio.session.source
-    files = () if source is None else source.effect_files
-    card = await studio.work(f"card of {key}", "card", key, studio.session.kind, files, how="aside")
-    waiting.delete()
-    if card is not None:
-        with body:
-            _show_card(card, own=fit is not None)
+        self._show(key)
+        session = self.studio.session
+        files = () if session.source is None else session.source.effect_files
+        card = await self.studio.work(f"card of {key}", "card", key, session.kind, files, how="aside")
+        if body.is_deleted:
+            return
+        waiting.delete()
+        if card is not None:
+            with body:
+                _show_card(card, own)
+        else:
+            self._dialogs.pop(key).delete()  # asked for anew next time
+
+    def _dialog(self, key: str) -> ui.element:
+        """An empty one; what it returns takes what it says."""
+        with self.studio.client, ui.element("dialog").classes("st-dialog") as dialog:
+            dialog.props["data-card"] = dialog.props["aria-label"] = key
+            dialog.on("click", js_handler="e => { if (e.target === e.currentTarget) e.target.close(); }")
+            with ui.element("div").classes("st-inner"):
+                with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
+                    ui.html(key.replace("-", " "), sanitize=False, tag="h2").classes("st-title")
+                    ui.space()
+                    close = ui.button(icon="close").props('flat round dense aria-label="close"')
+                    close.on("click", js_handler="e => e.currentTarget.closest('dialog').close()")
+                body = ui.element("div").classes("w-full").mark("effect-card")
+        self._dialogs[key] = dialog
+        return body
+
+    def _show(self, key: str) -> None:
+        ui.run_javascript(f"(() => {{ const own = getHtmlElement({self._dialogs[key].id}); {SHOW} : null; }})()")
+
+    def _found(self, key: str) -> bool:
+        """Show this run's data with the fit; whether there is one."""
+        fit, finding = _own(self.studio, key)
+        if finding is not None:
+            _show_finding(finding, fit)
+        return fit is not None
 
 
 def _own(studio: Studio, key: str) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | None]:
@@ -63,7 +120,7 @@ def _show_finding(finding: Mapping[str, Any], fit: Mapping[str, Any] | None) -> 
     ui.label(finding["words"]).style("font-size: 15px")
     ui.label(f"{how_sure(finding['probability'])} that it is part of what is missing").classes("st-note")
     if fit is not None:
-        plot = ui.plotly(fit_figure(fit)).style("width: 100%; height: 280px")
+        plot = Picture(fit_figure(fit)).style("width: 100%; height: 280px")
         plot.props("role=img").props["aria-label"] = f"readings and the fit of {finding['effect']}"
         ui.label(
             "This run, everything else taken out: pale what is left without the effect, orange what it explains."
@@ -78,7 +135,7 @@ def _show_finding(finding: Mapping[str, Any], fit: Mapping[str, Any] | None) -> 
 
 def _show_card(card: Mapping[str, Any], own: bool) -> None:
     if not own:
-        plot = ui.plotly(sign_figure(card["sign"])).style("width: 100%; height: 250px")
+        plot = Picture(sign_figure(card["sign"])).style("width: 100%; height: 250px")
         plot.props("role=img").props["aria-label"] = f"sign of {card['effect']}"
         ui.label("Its sign at usual size on the sample machine, no noise: the run was not fitted with it.").classes(
             "st-note"

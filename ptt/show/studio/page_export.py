@@ -32,7 +32,7 @@ class ExportView:
                 )
                 self.write = ui.button("Write it", icon="memory", on_click=self._write).props("no-caps unelevated")
             self.body = ui.element("div").classes("w-full")
-        studio.on("session", self.show)
+        studio.when("Finish", "session", self.show)
         studio.on("busy", self._enable)
         self.show()
 

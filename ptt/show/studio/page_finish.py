@@ -7,11 +7,11 @@ from nicegui import events, ui
 from ptt.errors import PttError
 from ptt.show.card.words import length, percent
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import empty_figure
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.ladder_figures import before_after_figure
 from ptt.show.studio.page_export import build_export
 from ptt.show.studio.page_tools import build_tools
+from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import SEAL
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.steps import REFITS
@@ -38,7 +38,7 @@ class FinishView:
                 with ui.element("div").classes("st-box"):
                     self._build_train()
                 build_tools(studio)
-        studio.on("session", self.show)
+        studio.when("Finish", "session", self.show)
         studio.on("busy", self._enable)
         self.show()
 
@@ -48,7 +48,7 @@ class FinishView:
             ui.space()
             self.train = ui.button("Train", icon="model_training", on_click=self._train).props("no-caps outline")
         self.told = ui.label().classes("st-note").mark("trained")
-        self.plot = ui.plotly(empty_figure()).classes("w-full").style("height: 300px")
+        self.plot = Picture().classes("w-full").style("height: 300px")
         self.plot.props('role=img aria-label="errors before and after"')
 
     def _build_downloads(self) -> None:
@@ -115,7 +115,7 @@ class FinishView:
             f"Network: {what}; it takes {percent(max(data['share'], 0.0))} of what physics leaves. Held-out error "
             f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)} ({data['protocol']})."
         )
-        self.plot.update_figure(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
+        self.plot.show(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
 
     async def _train(self) -> None:
         """Train the network on what the active model leaves."""

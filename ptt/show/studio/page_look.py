@@ -10,9 +10,10 @@ from ptt.show.card.words import length
 from ptt.show.studio.arrow_figure import SHOWN as ARROWS
 from ptt.show.studio.arrow_figure import mean_arrows, usual_scale
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, empty_figure, short_label, unit_of
+from ptt.show.studio.figures import against_figure, short_label, unit_of
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import machine_figure
+from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
 
@@ -43,8 +44,8 @@ class LookView:
                 self._build_against()
             with ui.element("div").classes("st-box st-table st-col"):
                 self._build_table()
-        studio.on("session", lambda: studio.later.ask("Look", self.show))
-        studio.on("picked", lambda: studio.later.ask("Look", self.redraw))
+        studio.when("Look", "session", self.show)
+        studio.when("Look", "picked", self.redraw)
         self.show()
 
     def _build_field(self) -> None:
@@ -55,7 +56,7 @@ class LookView:
             self.near = ui.switch("close up", value=True, on_change=self.redraw_field)
             self.pick = ui.select(PICKS, value=0.0, label="a click picks").props("dense outlined").classes("w-44")
         self.field_note = ui.label().classes("st-note").mark("field-note")
-        self.field = ui.plotly(empty_figure()).classes("st-plot st-field")
+        self.field = Picture().classes("st-plot st-field")
         self.field.props('role=img aria-label="error field in space"')
         # Plotly emits no click in space where frames are slow: what is pointed at when the button comes up counts.
         self.field.on("plotly_hover", js_handler=POINTED.replace("ID", str(self.field.id)))
@@ -70,9 +71,9 @@ class LookView:
             self.beside = ui.select([NONE], value=NONE, label="beside it", on_change=self.redraw_against)
             for select in (self.view, self.context, self.beside):
                 select.props("dense outlined options-dense")
-        self.against = ui.plotly(empty_figure()).classes("st-plot")
+        self.against = Picture().classes("st-plot")
         self.against.props('role=img aria-label="residual against a variable"')
-        self.time = ui.plotly(empty_figure()).classes("st-plot")
+        self.time = Picture().classes("st-plot")
         self.time.props('role=img aria-label="residual over time"')
         for plot in (self.against, self.time):
             plot.on("plotly_click", self._clicked, js_handler=ROWS)
@@ -119,13 +120,19 @@ class LookView:
                 self.context.set_value(item["on"])
 
     def redraw(self) -> None:
-        """Draw everything again."""
-        self.redraw_field()
-        self.redraw_against()
-        self._fill_table()
+        """Draw everything again, piece by piece where it is not seen."""
+        for draw in (self._draw_field, self._draw_against, self._fill_table):
+            self.studio.later.ask("Look", draw)
 
     def redraw_field(self) -> None:
         """Draw the field again."""
+        self.studio.later.ask("Look", self._draw_field)
+
+    def redraw_against(self) -> None:
+        """Draw residual and time line again."""
+        self.studio.later.ask("Look", self._draw_against)
+
+    def _draw_field(self) -> None:
         look = self.drawn
         if look is None:
             return
@@ -135,7 +142,7 @@ class LookView:
         figure = machine_figure(
             look, row, picked=picked, scale=scale, machine=bool(self.machine.value), near=bool(self.near.value)
         )
-        self.field.update_figure(figure)
+        self.field.show(figure)
         count = mean_arrows(look)[2]
         share = (
             "of readings near each other"
@@ -147,17 +154,16 @@ class LookView:
             f"{scale:,.0f} times enlarged: 10 mm long is {length(1e4 / scale)}"
         )
 
-    def redraw_against(self) -> None:
-        """Draw residual and time line again."""
+    def _draw_against(self) -> None:
         look = self.drawn
         if look is None or self.view.value not in look.views or self.context.value not in look.contexts:
             return
         others = self.studio.session.others()
         beside = (self.beside.value, others[self.beside.value]) if self.beside.value in others else None
         picked = self.studio.picked
-        self.against.update_figure(against_figure(look, self.view.value, self.context.value, picked, beside))
+        self.against.show(against_figure(look, self.view.value, self.context.value, picked, beside))
         if "time" in look.contexts:
-            self.time.update_figure(against_figure(look, self.view.value, "time", picked, None))
+            self.time.show(against_figure(look, self.view.value, "time", picked, None))
 
     def _fill_table(self) -> None:
         look, picked = self.drawn, self.studio.picked

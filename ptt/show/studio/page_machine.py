@@ -10,7 +10,7 @@ from ptt.errors import PttError
 from ptt.machine import parse_machine
 from ptt.show.card.words import pretty
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import empty_figure
+from ptt.show.studio.picture import Picture
 
 NUMBERS = {
     "base_radius_mm": ("base radius [mm]", 200.0),
@@ -131,7 +131,7 @@ class MachineForm:
             with ui.element("div").classes("st-box"):
                 self.said = ui.label().classes("st-note").style("white-space: pre-wrap").mark("machine-said")
                 self.drawn = ui.html("", sanitize=False).classes("st-svg w-full").mark("machine-drawing")
-                self.arm = ui.plotly(empty_figure()).classes("w-full").style("height: 60vh")
+                self.arm = Picture().classes("w-full").style("height: 60vh")
                 self.arm.props('role=img aria-label="the arm with all joints at zero"')
         ui.timer(0.01, self._kind, once=True)
 
@@ -236,7 +236,7 @@ class MachineForm:
         if found["chain"]:
             from ptt.show.studio.machine_figure import chain_figure
 
-            self.arm.update_figure(chain_figure(found["chain"]))
+            self.arm.show(chain_figure(found["chain"]))
 
     def _use(self) -> None:
         try:

@@ -9,9 +9,9 @@ from ptt.show.card.scene import Lines, usual_times
 from ptt.show.card.words import length
 from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import empty_figure
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import machine_figure
+from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Learned
 
 STEP = 1.0 / 3.0  # of a power of ten, a notch of the sliders
@@ -35,7 +35,7 @@ class MachinePicture:
             self.arrows = ui.switch("errors", value=True, on_change=self.draw).props("dense")
             self.fault = ui.switch("fault", value=True, on_change=self.draw).props("dense")
         self.note = ui.label().classes("st-note").mark("picture-note")
-        self.plot = ui.plotly(empty_figure())
+        self.plot = Picture()
         self.plot.classes("st-plot st-machine").props('role=img aria-label="the machine, its errors and its fault"')
         with ui.element("div").style(
             "display: grid; grid-template-columns: max-content 1fr; gap: 0 12px; width: 100%; align-items: center"
@@ -126,7 +126,7 @@ class MachinePicture:
                 else f"{self.key} moves no part of the machine"
             )
         self.note.set_text("; ".join(told) or "as drawn, nothing enlarged")
-        self.plot.update_figure(
+        self.plot.show(
             machine_figure(
                 look, int(rows[at]), scale=shown, ghost=ghost, near=bool(self.near.value), picked=self.studio.picked
             )

@@ -10,6 +10,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import against_figure, empty_figure, short_label
 from ptt.show.studio.ladder_figures import ladder_figure
 from ptt.show.studio.page_look import first_of
+from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Rung, Session, Snapshot, key_of, parameter_rows
 from ptt.show.studio.tables import table_html
 
@@ -33,7 +34,7 @@ class ModelView:
             with ui.element("div").classes("st-box st-col st-scroll").props("tabindex=0"):
                 self._build_add()
                 self.list = ui.element("div").classes("w-full")
-        studio.on("session", lambda: studio.later.ask("Model", self.show))
+        studio.when("Model", "session", self.show)
         studio.on("busy", self._enable)
         self.show()
 
@@ -41,21 +42,21 @@ class ModelView:
         with ui.element("div").classes("st-tools"):
             ui.html("Error after each step", sanitize=False, tag="h2").classes("st-head")
             ui.space()
-            self.axis = ui.toggle(list(AXES), value="total", on_change=self._draw_ladder)
+            self.axis = ui.toggle(list(AXES), value="total", on_change=self.redraw)
             self.axis.props('dense no-caps aria-label="axis of the ladder"')
         self.figures = ui.label().classes("st-note").mark("ladder")
-        self.ladder = ui.plotly(empty_figure()).classes("st-plot st-ladder")
+        self.ladder = Picture().classes("st-plot st-ladder")
         self.ladder.props('role=img aria-label="ladder of errors"')
 
     def _build_against(self) -> None:
         with ui.element("div").classes("st-tools st-line"):
             ui.html("With and without", sanitize=False, tag="h2").classes("st-head")
-            self.view = ui.select(["x"], value="x", label="residual in", on_change=self._draw_against)
-            self.context = ui.select(["time"], value="time", label="against", on_change=self._draw_against)
-            self.beside = ui.select(["nothing"], value="nothing", label="beside it", on_change=self._draw_against)
+            self.view = ui.select(["x"], value="x", label="residual in", on_change=self.redraw)
+            self.context = ui.select(["time"], value="time", label="against", on_change=self.redraw)
+            self.beside = ui.select(["nothing"], value="nothing", label="beside it", on_change=self.redraw)
             for select in (self.view, self.context, self.beside):
                 select.props("dense outlined options-dense")
-        self.against = ui.plotly(empty_figure()).classes("st-plot")
+        self.against = Picture().classes("st-plot")
         self.against.props('role=img aria-label="residual with and without"')
 
     def _build_add(self) -> None:
@@ -79,15 +80,19 @@ class ModelView:
         if session.ready and self.asked != asked:
             self.asked = asked
             ui.timer(0.01, self._learn_names, once=True)
-        self._draw_ladder()
         self._fill_selects()
-        self._draw_against()
+        self.redraw()
         if session.now is not self.listed:  # never rebuilt under the pointer for the same model
             self.listed = session.now
             self.list.clear()
             with self.list:
                 if session.now is not None:
                     self._fill_list(session.now)
+
+    def redraw(self) -> None:
+        """Draw both pictures again, one after the other where they are not seen."""
+        for draw in (self._draw_ladder, self._draw_against):
+            self.studio.later.ask("Model", draw)
 
     async def _learn_names(self) -> None:
         session = self.studio.session
@@ -126,9 +131,9 @@ class ModelView:
             self.figures.set_text(
                 "The ladder appears once a run is compared." if session.ready else "Load a run first."
             )
-            self.ladder.update_figure(empty_figure())
+            self.ladder.show(empty_figure())
             return
-        self.ladder.update_figure(ladder_figure(rungs, noise, str(self.axis.value)))
+        self.ladder.show(ladder_figure(rungs, noise, str(self.axis.value)))
         self.figures.set_text(words_of(session, rungs[-1], noise, str(self.axis.value)))
 
     def _fill_selects(self) -> None:
@@ -151,7 +156,7 @@ class ModelView:
         others = session.others()
         beside = (self.beside.value, others[self.beside.value]) if self.beside.value in others else None
         view, context = self.view.value, self.context.value
-        self.against.update_figure(against_figure(look, view, context, self.studio.picked, beside))
+        self.against.show(against_figure(look, view, context, self.studio.picked, beside))
 
     async def _add(self) -> None:
         if self.which.value:

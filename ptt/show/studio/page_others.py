@@ -7,7 +7,8 @@ from nicegui import ui
 
 from ptt.show.card.words import length, percent, pretty
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.page_effect import open_effect
+from ptt.show.studio.page_effect import EffectCards
+from ptt.show.studio.panels import BEHIND
 from ptt.show.studio.results import Learned, Source
 from ptt.show.studio.session import key_of
 
@@ -17,9 +18,9 @@ HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told fr
 class OthersView:
     """The view's parts."""
 
-    def __init__(self, studio: Studio, add: Callable[[str], Awaitable[None]]) -> None:
+    def __init__(self, studio: Studio, add: Callable[[str], Awaitable[None]], cards: EffectCards) -> None:
         """Build it."""
-        self.studio, self.add = studio, add
+        self.studio, self.add, self.cards = studio, add, cards
         self.shown: Learned | None = None
         self.of: Source | None = None
         self.adds: dict[str, ui.button] = {}
@@ -28,7 +29,7 @@ class OthersView:
             ui.expansion("What else was looked at").classes("w-full").props("dense"),
         ):
             self.body = ui.element("div").classes("st-grid").props("tabindex=0")
-        studio.on("session", self.show)
+        studio.when(BEHIND, "session", self.show)
         self.show()
 
     def show(self) -> None:
@@ -81,9 +82,8 @@ class OthersView:
         )  # fmt: skip
         with ui.element("tr"):
             with ui.element("td").classes("w"):
-                name = ui.button(key, on_click=lambda: open_effect(self.studio, key)).props(
-                    "flat dense no-caps align=left"
-                )
+                name = ui.button(key).props("flat dense no-caps align=left")
+                self.cards.open_on(name, key)
                 name.props["aria-label"] = f"why {key}"
             for text in cells:
                 ui.html(text, sanitize=False, tag="td")
@@ -95,11 +95,12 @@ class OthersView:
                 self.adds[key] = button.style("padding: 0 8px")
 
 
-def build_others(studio: Studio, add: Callable[[str], Awaitable[None]]) -> OthersView:
+def build_others(studio: Studio, add: Callable[[str], Awaitable[None]], cards: EffectCards) -> OthersView:
     """Build the box.
 
     Args:
         studio: of this session.
         add: adds an effect.
+        cards: of effects.
     """
-    return OthersView(studio, add)
+    return OthersView(studio, add, cards)

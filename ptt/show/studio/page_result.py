@@ -8,7 +8,7 @@ from nicegui import ui
 from ptt.show.card.bar import COLOURS, MOST, bar_html
 from ptt.show.card.words import how_sure, length
 from ptt.show.studio.controller import LEARN, LONG, Studio
-from ptt.show.studio.page_effect import open_effect
+from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.page_machine_picture import MachinePicture
 from ptt.show.studio.page_others import build_others
 from ptt.show.studio.page_unknown import build_unknown
@@ -25,6 +25,7 @@ class ResultView:
     def __init__(self, studio: Studio, go: Go) -> None:
         """Build it."""
         self.studio, self.go = studio, go
+        self.cards = EffectCards(studio)
         self.filled: Learned | None = None
         self.adds: dict[str, tuple[ui.button, ui.label]] = {}
         self.rows: dict[str, ui.element] = {}
@@ -37,10 +38,10 @@ class ResultView:
                     with self.next:
                         self._build_next()
                 self.unknown = build_unknown(studio, go)
-                self.others = build_others(studio, self.add)
+                self.others = build_others(studio, self.add, self.cards)
             with ui.element("div").classes("st-box st-col"):
                 self.picture = MachinePicture(studio)
-        studio.on("session", lambda: studio.later.ask("Result", self.show))
+        studio.when("Result", "session", self.show)
         studio.on("busy", self._enable)
         self.show()
 
@@ -129,6 +130,7 @@ class ResultView:
             self.sure.set_text(how_sure(card["probability"]))
             self.sure.set_visibility(True)
             self.picture.show(lesson)
+            self.cards.prepare(lesson)
         there = {key_of(entry) for entry in self.studio.session.effects}
         left = [one["effect"] for one in card["findings"] if one["effect"] not in there]
         for key, (button, note) in self.adds.items():
@@ -193,8 +195,9 @@ class ResultView:
     def _buttons(self, key: str) -> None:
         show = ui.button("On the machine", icon="my_location", on_click=lambda: self._point(key))
         show.props("flat dense no-caps size=sm").props["aria-label"] = f"show {key} on the machine"
-        why = ui.button("Why", icon="query_stats", on_click=lambda: open_effect(self.studio, key))
-        why.props("flat dense no-caps size=sm").props["aria-label"] = f"card of {key}"
+        why = ui.button("Why", icon="query_stats").props("flat dense no-caps size=sm")
+        why.props["aria-label"] = f"card of {key}"
+        self.cards.open_on(why, key)
         add = ui.button("Add", icon="add", on_click=lambda: self.add(key))
         add.props("dense no-caps unelevated size=sm").props["aria-label"] = f"add {key}"
         add.style("padding: 0 10px")

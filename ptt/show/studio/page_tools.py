@@ -117,7 +117,7 @@ def _build_history(studio: Studio) -> None:
             head = ("date", "command", "effect", "readings", "held-out error", "noise")
             ui.html(table_html(head, rows, words=3, caption="steps of the model"), sanitize=False).classes("w-full")
 
-    studio.on("session", update)
+    studio.when("Finish", "session", update)
     update()
 
 

@@ -44,7 +44,7 @@ def build_understood(studio: Studio, go: Callable[[str], None]) -> None:
                 return
             _show(studio, look, go)
 
-    studio.on("session", update)
+    studio.when("Load", "session", update)
     update()
 
 

@@ -9,7 +9,7 @@ from nicegui import ui
 from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import empty_figure
+from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Learned
 
 
@@ -23,7 +23,7 @@ class UnknownView:
         self.file = ""
         with ui.element("div").classes("st-box").mark("unknown") as self.box:
             ui.html("The curve that it follows", sanitize=False, tag="h2").classes("st-head")
-            self.plot = ui.plotly(empty_figure()).classes("w-full").style("height: 340px")
+            self.plot = Picture().classes("w-full").style("height: 340px")
             self.plot.props('role=img aria-label="what the unknown follows"')
             self.how = ui.label().classes("st-note")
             with ui.element("div").classes("st-tools"):
@@ -32,7 +32,7 @@ class UnknownView:
                 self.add = ui.button("Add it to the model", icon="add", on_click=self._add).props("no-caps outline")
             self.code = ui.label().classes("st-mono st-code").mark("effect-file")
             self.code.props("tabindex=0")
-        studio.on("session", lambda: studio.later.ask("Result", self.show))
+        studio.when("Result", "session", self.show)
         self.show()
 
     def show(self) -> None:
@@ -42,7 +42,7 @@ class UnknownView:
         if lesson is None or lesson.unknown is None or lesson is self.shown:
             return
         self.shown = lesson
-        self.plot.update_figure(unknown_figure(lesson.unknown))
+        self.plot.show(unknown_figure(lesson.unknown))
         unknown = lesson.unknown
         rivals = f"; {', '.join(unknown['rivals'])} would tell it about as well" if unknown["rivals"] else ""
         follows = f"{percent(unknown['share'])} of what is left of {unknown['residual']} follows it"

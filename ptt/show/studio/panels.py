@@ -12,6 +12,7 @@ from nicegui import ui
 if TYPE_CHECKING:
     from ptt.show.studio.controller import Studio
 
+BEHIND = ""  # the view of what nobody sees before it is asked for
 PAUSE = 0.2  # s between two things drawn unseen, so that what a person does comes first
 # A hidden view keeps its place and size: what was drawn there is right when it is seen, and nothing is drawn anew.
 SWITCH = """document.querySelectorAll('.st-panel')
@@ -46,9 +47,9 @@ class Later:
             self._draw(draw)
 
     def _one(self) -> None:
-        """Draw one thing of a view that is not seen, unless something goes on that a person watches, and may stop."""
+        """Draw one thing of a view that is not seen, unless something goes on that a person asked for and may stop."""
         studio = self._studio
-        if studio.busy is None and studio.session.look is not None and self._due:
+        if studio.idle and studio.session.look is not None and self._due:
             self._draw(next(iter(self._due)))
 
     def _draw(self, draw: Callable[[], None]) -> None:

@@ -102,6 +102,7 @@ class Learned:
         fits: effect -> this run's data with the fit through it.
         ghosts: effect -> how far the parts of the machine are off, at each pose of the picture.
         unknown: the one curve that the unknown follows; None where there is none.
+        cards: effect -> what its card says, of each that is suggested.
     """
 
     data: Mapping[str, Any]
@@ -111,6 +112,7 @@ class Learned:
     fits: Mapping[str, Any] = field(default_factory=dict)
     ghosts: Mapping[str, Any] = field(default_factory=dict)
     unknown: Mapping[str, Any] | None = None
+    cards: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

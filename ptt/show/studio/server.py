@@ -60,8 +60,9 @@ def serve(
         InputError: the port is in use, or the folder cannot be written.
     """
     store, pool = Store(root), Pool(verb=verb)
-    _lay_out(_Pages(store, pool, opening))
-    app.on_shutdown(pool.close)
+    pages = _Pages(store, pool, opening)
+    _lay_out(pages)
+    app.on_shutdown(pages.close)
     app.add_middleware(UploadLimit)
     app.add_middleware(Guard, owner=_owner_of_client)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
@@ -69,7 +70,7 @@ def serve(
     tell(f"http://{HOST}:{port}")
     ui.run(
         host=HOST, port=port, title="ptt studio", show=show, reload=False, reconnect_timeout=STAY, language="en-US",
-        show_welcome_message=False, favicon="\N{STRAIGHT RULER}",
+        show_welcome_message=False, favicon="\N{STRAIGHT RULER}", tailwind=False, dark=None,
     )  # fmt: skip
 
 
@@ -108,6 +109,12 @@ class _Pages:
         if place is None and known is not None and known.place.owner == owner:
             return known.place  # nothing was opened yet, so nothing is on disk
         return place
+
+    def close(self) -> None:
+        """End what calculates, and write down what is not written yet."""
+        self.pool.close()
+        for studio in list(self.studios.values()):
+            studio.close()
 
     def _left(self, studio: Studio, client: Client) -> None:
         if studio.client is client:  # else the page was loaded anew and lives on

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from ptt.errors import InputError, PttError
@@ -58,6 +59,7 @@ class Place:
         self.files = self.folder / FILES
         self.files.mkdir(parents=True, exist_ok=True)
         self._kept: set[Path] = set()
+        self._turn = Lock()
 
     def save(self, session: Session) -> None:
         """Write down a session; what was found is written once.
@@ -65,6 +67,10 @@ class Place:
         Raises:
             InputError: the disk is full, or the folder cannot be written.
         """
+        with self._turn:
+            self._save(session)
+
+    def _save(self, session: Session) -> None:
         if session.source is None or session.now is None:
             return
         state = {
@@ -111,7 +117,8 @@ class Place:
 
     def remove(self) -> None:
         """Take it off the disk."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        with self._turn:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
     @property
     def empty(self) -> bool:
