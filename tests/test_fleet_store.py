@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from ptt.commands.main import app
+from ptt.commands.main import app, run
 from ptt.errors import InputError
 from ptt.files import sha256
 from ptt.fleet.database import rows, transaction
@@ -107,6 +107,27 @@ def test_a_machine_needs_a_drawing_once_and_keeps_it(tmp_path):
     other.write_text(MACHINE.read_text().replace("300.0", "301.0"))
     with pytest.raises(InputError, match="is not the drawing"):
         add_machine(store, "a", other)
+
+
+def test_a_broken_file_among_the_runs_keeps_no_other_out_and_makes_no_machine(tmp_path, capsys):
+    store = create_store(tmp_path / "s")
+    paths = [tmp_path / f"{name}-2026-0{number}-05.csv" for number, name in enumerate(("a", "broken", "c"), 1)]
+    for number in (0, 2):
+        write_table(table(number), paths[number])
+    paths[1].write_text(f"{paths[0].read_text()}1,2\n")
+    call = ["fleet", "add", str(store.folder), "mill", "--model", str(MACHINE)]
+    assert run([*call, str(paths[1])]) == 2
+    assert not store.ask("SELECT machine FROM machines UNION SELECT machine FROM models")
+    capsys.readouterr()
+    assert run([*call, *map(str, paths), str(tmp_path / "nowhere.csv")]) == 2
+    told = capsys.readouterr()
+    assert [line.partition(":")[0] for line in told.out.splitlines()] == [paths[0].name, paths[2].name]
+    error = next(line for line in told.err.splitlines() if line.startswith("error"))
+    assert "2 of 4 files are not added, the others are" in error
+    assert f"{paths[1].name} row 22" in error and "nowhere.csv" in error
+    assert {row["file"] for row in store.ask("SELECT file FROM runs")} == {paths[0].name, paths[2].name}
+    assert run([*call[:3], "press", "--model", str(MACHINE), str(paths[0])]) == 2  # another machine's run
+    assert len(store.ask("SELECT machine FROM machines")) == 1
 
 
 def test_a_name_that_is_no_text_is_refused_and_nothing_kept(tmp_path):

@@ -130,9 +130,8 @@ def beyond_notes(before: Before, problem: Problem) -> tuple[str, ...]:
     places: dict[str, list[str]] = {}
     for end in ends_left(before, problem):
         way = "up" if end.upper else "down"
-        words = f"slider {end.joint + 1} goes {way} to {end.furthest:.0f} mm, {end.at:.0f}"
+        words = f"slider {end.joint + 1} goes {way} to {end.furthest:.0f} mm ({end.at:.0f} when the model was made)"
         places.setdefault(end.term.effect.key, []).append(words)
     return tuple(
-        f"{'; '.join(words)} when the model was made: what {key} does beyond is taken to be unknown"
-        for key, words in places.items()
+        f"{', '.join(words)}: what {key} does beyond that is taken to be unknown" for key, words in places.items()
     )

@@ -57,18 +57,35 @@ def add(
     json: Json = False,
 ) -> None:
     """Add runs of a machine; a run that is there already is left as it is."""
-    from ptt.fleet.store import add_machine, add_run, open_store, read_date
+    from ptt.errors import InputError, PttError
+    from ptt.files import sha256
+    from ptt.fleet.store import add_machine, add_run, drawing_of, is_there, open_store, read_date
 
     opened, when = open_store(store), None if date is None else read_date(date)
-    file = add_machine(opened, machine, model)
+    file = drawing_of(opened, machine, model)
     reading = Reading(None, targets, set_, map_, None, json)
     ordered = any(text.startswith("order=") for text in set_ or ())
-    added = []
+    added, refused = [], list[PttError | OSError]()
     for path in run:
-        table = read_rows(path, file, reading, checked=True)
-        added.append(add_run(opened, machine, path, table, when, ordered=ordered, units_said=reading.states_units))
+        try:
+            table = read_rows(path, file, reading, checked=True)
+            is_there(opened, machine, sha256(path), path)
+            add_machine(opened, machine, model)  # with its first run: one without any would only wait for ever
+            added.append(add_run(opened, machine, path, table, when, ordered=ordered, units_said=reading.states_units))
+        except (PttError, OSError) as error:
+            if len(run) == 1:
+                raise
+            refused.append(error)
     lines = [f"{each.file}: {each.rows} rows, {each.date}{'' if each.new else '; is there already'}" for each in added]
-    show({"machine": machine, "runs": [vars(each) for each in added]}, "\n".join(lines), json)
+    if added or not refused:
+        show({"machine": machine, "runs": [vars(each) for each in added]}, "\n".join(lines), json)
+    if refused:
+        what = f"{len(refused)} of {len(run)} files are not added{', the others are' if added else ''}"
+        raise InputError(f"{what}: {'; '.join(map(_in_words, refused))}")
+
+
+def _in_words(error: Exception) -> str:
+    return f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
 
 
 @app.command()

@@ -122,16 +122,13 @@ def machine_of(store: Store, machine: str) -> MachineFile | None:
     return parse_machine(found[0]["toml"], machine) if found else None
 
 
-def add_machine(store: Store, machine: str, model: Path | None) -> MachineFile:
-    """A machine's drawing, kept when it is first given.
+def drawing_of(store: Store, machine: str, model: Path | None) -> MachineFile:
+    """A machine's drawing: the one that is kept, or, the first time, the one given.
 
     Args:
         store: the store.
         machine: any text but none.
         model: its machine.toml; None where it is known already.
-
-    Returns:
-        The drawing.
 
     Raises:
         InputError: no name, no drawing, or another than the one that is kept.
@@ -144,9 +141,14 @@ def add_machine(store: Store, machine: str, model: Path | None) -> MachineFile:
     if known is not None and given is not None and (known.machine, known.effect) != (given.machine, given.effect):
         what = f"is not the drawing that is kept of '{shown(machine)}'"
         raise InputError(what, where=str(model), fix="leave --model out, or add the run under another name")
-    if known is not None:
-        return known
-    assert given is not None
+    found = known or given
+    assert found is not None
+    return found
+
+
+def add_machine(store: Store, machine: str, model: Path | None) -> MachineFile:
+    """A machine's drawing as `drawing_of` tells it, kept when it is first given."""
+    given = drawing_of(store, machine, model)
     with transaction(store.file) as connection:
         if not rows(connection, "SELECT 1 FROM machines WHERE machine = ?", machine):
             kind, drawing = given.machine.kind, _drawing(given)
@@ -181,7 +183,7 @@ def add_run(
     run = sha256(path)
     when, how = (date, "as said") if date is not None else date_of(path)
     told = f"{when.date().isoformat()} ({how})"
-    if _is_there(store, machine, run, path):
+    if is_there(store, machine, run, path):
         return Added(path.name, run, table.rows, told, False)
     kept, readings = f"runs/{run}{path.suffix}", f"readings/{run}.parquet"
     _copy(path, store.folder / kept)
@@ -227,7 +229,12 @@ def shown(name: str) -> str:
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in name)
 
 
-def _is_there(store: Store, machine: str, run: str, path: Path) -> bool:
+def is_there(store: Store, machine: str, run: str, path: Path) -> bool:
+    """Whether a run is in the store.
+
+    Raises:
+        InputError: it is another machine's.
+    """
     known = store.ask("SELECT machine FROM runs WHERE run = ?", run)
     if known and known[0]["machine"] != machine:
         owner = shown(known[0]["machine"])
