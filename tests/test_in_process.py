@@ -54,6 +54,24 @@ def test_a_code_of_three_comes_back_as_it_is(tmp_path, capsys):
     assert (tmp_path / "s.csv").exists() and "not sent" in capsys.readouterr().err
 
 
+READINGS = [(x, y, z) for x in (-30, 0, 30) for y in (-20, 10) for z in (0, 25)]
+DATA_THAT_CANNOT_WORK = {  # verb, rows of x, y, z, code; all cells are whole
+    "one pose, nothing to hold out": ("evaluate", READINGS[:1] * 9, 3),
+    "no pose twice": ("iso", READINGS, 2),
+}
+
+
+@pytest.mark.parametrize("case", DATA_THAT_CANNOT_WORK)
+def test_a_whole_file_of_which_nothing_follows_is_named(case, tmp_path, capsys):
+    verb, places, code = DATA_THAT_CANNOT_WORK[case]
+    lines = [f"{x},{y},{z},{x},{y},{z + 0.001 * row}" for row, (x, y, z) in enumerate(places)]
+    (tmp_path / "few.csv").write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas", *lines]) + "\n")
+    (tmp_path / "m.toml").write_text("\n".join(Path(MACHINE).read_text().split("[tracker]")[:1]) + "\n")
+    assert run([verb, str(tmp_path / "few.csv"), "--model", str(tmp_path / "m.toml"), "--json"]) == code
+    out, err = capsys.readouterr()
+    assert out == "" and [line for line in err.splitlines() if line.startswith(f"error: {tmp_path}/few.csv")]
+
+
 def test_train_is_a_verb_too(tmp_path, capsys):
     words = ["none.csv", "--machine", MACHINE, "--out", str(tmp_path / "out")]
     assert run(["train", *words]) == 2

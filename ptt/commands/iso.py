@@ -42,6 +42,7 @@ def iso(
     json: Json = False,
 ) -> None:
     """Work out ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
+    from ptt.errors import TableError
     from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
     if effects:
@@ -54,7 +55,10 @@ def iso(
     else:
         reading = {"also": also or (), "targets": targets, "set_values": parse_settings(set_ or []), "mapping": map_}
         table, per_run = _run_table(run, model, reading)
-        result = iso_of_poses(table, per_run, not any_direction)
+        try:
+            result = iso_of_poses(table, per_run, not any_direction)
+        except TableError as error:
+            raise TableError(error.what, where=error.where or table.source, fix=error.fix) from error
     show(result.to_dict(), _text(result.to_dict()), json)
 
 

@@ -8,6 +8,7 @@ from nets import RbfTraining
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.rest import Space
 from ptt.correct.training.train import Protocol, fit_physics, hold_out, learn_rest, sound
+from ptt.errors import PosesError
 from ptt.judge.evaluate import Evaluation
 from ptt.model.model import Model
 from ptt.progress import Progress
@@ -34,7 +35,14 @@ def evaluate_heldout(
 
     Returns:
         Before: the bare drawing's error on those rows; after: what model and network leave of it.
+
+    Raises:
+        PosesError: all readings are of one pose.
     """
+    if any((problem.used <= hidden).all() for hidden in protocol.folds):
+        raise PosesError(
+            f"{problem.table.source}: no reading can be held out: too few poses differ; measure more poses"
+        )
     problem = problem.anchored()
     bare = fit_physics(Model(compensator.model.file), problem)
     networks: dict[Space, RbfTraining] = {}
