@@ -68,11 +68,13 @@ class Hidden(ABC):
     Attributes:
         gram: (p, p) whitened.
         side: (p,).
+        energy: sum of squares of the readings, in units of noise.
         rows: of the block.
     """
 
     gram: np.ndarray
     side: np.ndarray
+    energy: float
     rows: int
 
     @abstractmethod
@@ -134,7 +136,7 @@ def block_sums(joined: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray
 
 def hide(white: np.ndarray, in_mm: np.ndarray, rows: int) -> Hidden:
     """A held-out block from its normal sums."""
-    return HiddenSums(white[:-1, :-1], white[:-1, -1], rows, in_mm)
+    return HiddenSums(white[:-1, :-1], white[:-1, -1], float(white[-1, -1]), rows, in_mm)
 
 
 def base_sums(columns: np.ndarray, values: np.ndarray) -> np.ndarray:

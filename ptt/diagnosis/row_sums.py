@@ -226,7 +226,8 @@ class HiddenRows(Hidden):
 def hide_rows(columns: np.ndarray, values: np.ndarray, unit: np.ndarray) -> Hidden:
     """A held-out block from its rows, arguments as of `HiddenRows`."""
     flat = flattened(columns)
-    return HiddenRows(flat @ flat.T, flat @ values.ravel(), values.shape[1], columns, values, unit)
+    energy = float(np.square(values).sum())
+    return HiddenRows(flat @ flat.T, flat @ values.ravel(), energy, values.shape[1], columns, values, unit)
 
 
 def flattened(rows: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from scipy import linalg
 from scipy.linalg import lapack
 
 from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
-from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums
 from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
@@ -143,16 +143,10 @@ class Scorer:
         columns = np.concatenate([system.frame, *(atom.columns for atom in atoms)]).astype(int)
         frame = np.full(len(system.frame), -1)
         owner = np.concatenate([frame, *(np.full(len(a.columns), i) for i, a in enumerate(atoms))])
-        first = np.cumsum([0, *(atom.groups for atom in atoms)])
-        group = np.concatenate([frame, *(a.group + first[i] for i, a in enumerate(atoms))])
         begin = np.concatenate([np.zeros(0), *(start.get(a.key, np.ones(a.groups)) for a in atoms)])
-        width = np.concatenate([np.zeros(0), *(np.full(a.groups, WIDTH if a.effect else np.inf) for a in atoms)])
-        ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
+        first = np.cumsum([0, *(atom.groups for atom in atoms)])
         sums = system.sums_of(columns, memory)
-        posterior = learn(
-            sums.gram, sums.side, sums.square, system.spare, group.astype(int),
-            freedom=system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
-        )  # fmt: skip
+        posterior = self._learned(atoms, sums, system.spare, begin)
         total = (
             posterior.total
             - sums.log_noise
@@ -166,6 +160,33 @@ class Scorer:
             if self._absurd(state)
             else state
         )
+
+    def _learned(self, atoms: Sequence[Atom], sums: Sums, count: float, begin: np.ndarray) -> Posterior:
+        """Variances and values of the frame and some atoms, from sums of their columns."""
+        first = np.cumsum([0, *(atom.groups for atom in atoms)])
+        frame = np.full(len(self.system.frame), -1)
+        group = np.concatenate([frame, *(a.group + first[i] for i, a in enumerate(atoms))])
+        width = np.concatenate([np.zeros(0), *(np.full(a.groups, WIDTH if a.effect else np.inf) for a in atoms)])
+        ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
+        return learn(
+            sums.gram, sums.side, sums.square, count, group.astype(int),
+            freedom=self.system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
+        )  # fmt: skip
+
+    def without_rows(self, state: State, hidden: Hidden) -> np.ndarray:
+        """What a state's columns would be had some rows never been read: how wide they are is learned anew as well.
+
+        Args:
+            state: of white noise.
+            hidden: the rows.
+
+        Returns:
+            (p,) values.
+        """
+        sums = self.system.sums_of(state.columns, state.memory)
+        less = Sums(sums.gram - hidden.gram, sums.side - hidden.side, sums.square - hidden.energy, 0.0)
+        atoms, count = [self.system.atoms[key] for key in state.keys], self.system.spare - 3.0 * hidden.rows
+        return self._learned(atoms, less, max(count, 1.0), state.posterior.scales).values
 
     def _absurd(self, state: State) -> bool:
         """Whether a value that physics does not let be negative is clearly so."""
