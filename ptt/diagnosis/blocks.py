@@ -1,6 +1,6 @@
 """Blocks of unknown physics by construction: what varies, times smooth, times where it acts."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -96,7 +96,7 @@ def unknown_blocks(
     elif problem.view.number is not None:
         span = span.of(problem.view.number.numpy().astype(int))
     found = []
-    places = _places(problem, chain, span.levers)
+    places = places_of_chain(problem, chain, span.levers)
     for name, place, on, make in (*_recipes(problem, places, span), *_periodic(problem, places, periods)):
         if (names is None or name in names) and (shapes := make()).shape[1]:
             found.append(Block(name, place, on, shapes))
@@ -156,8 +156,14 @@ def _letter(problem: Problem) -> str:
     return problem.file.machine.letter
 
 
-def _places(problem: Problem, chain: Chain, levers: dict[str, float]) -> list[Place]:
-    """The tool first, then joints that move it, then rails sideways."""
+def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:
+    """Where something unknown may act: the tool first, then joints that move it, then rails sideways.
+
+    Args:
+        problem: n rows.
+        chain: of the present model, for how joints and rails move the reading.
+        levers: of each place, by its residual, where another part of the run has set them.
+    """
     n, k = problem.view.rows, problem.view.joints
     places = [Place("tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
     word = problem.file.machine.noun
@@ -168,7 +174,7 @@ def _places(problem: Problem, chain: Chain, levers: dict[str, float]) -> list[Pl
         ways = np.stack([axis.numpy() for axis in horizontal_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
         found += [(f"rail {leg + 1}", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
     for residual, slopes, joint in found:
-        lever = levers.get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
+        lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
         if lever > 1e-6:
             places.append(Place(residual, slopes / lever, joint, lever))
     return places

@@ -10,6 +10,7 @@ from torch import Tensor
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import first_of, present_candidates
 from ptt.diagnosis.gross import gross_errors, places_of
+from ptt.diagnosis.jumps import jumps_instead
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
@@ -143,7 +144,8 @@ def find(
         noise = noise_again(problem, system, state)
         current = moved(found, model, problem)
         kept, memory, held = (*current.keys, *blocks), state.memory, blocks
-    return found
+    scorer, state = jumps_instead(found.scorer, found.state)
+    return replace(found, scorer=scorer, system=scorer.system, state=state)
 
 
 def opening_rows(problem: Problem) -> np.ndarray:

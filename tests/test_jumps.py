@@ -1,0 +1,84 @@
+"""A jump in time is held against jumps along the travel: a scale of two pieces is no slip, and a slip is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.challenge.truth import table_of
+from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.row_system import RowSystem, build_system
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.effects import library
+from ptt.fitting.solve import fit
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
+from ptt.rig import parse_rig
+from ptt.rig.simulate import simulate
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, build_problem
+
+MACHINE = bench_machine()
+ROWS, SIZE = 60, 0.06  # mm
+SHARE = np.arange(ROWS) / ROWS
+LEVEL = np.floor(5 * SHARE)
+CIRCLES = np.column_stack([15 * np.cos(10 * np.pi * SHARE), 15 * np.sin(10 * np.pi * SHARE), 20 * LEVEL - 40]).round(3)
+
+
+def on_circles(share: float, *, slips: bool) -> Problem:
+    """Five circles above one another; slider 1 slips after a share of the rows, or its scale has a step there."""
+    height = build_mechanism(MACHINE.machine).inverse(torch.as_tensor(CIRCLES)).numpy()[:, 0]
+    splice = {"kind": "splice", "leg": 1, "height_mm": float(np.quantile(height, share)), "step_um": 1e3 * SIZE}
+    slip = {"slip_mm": [SIZE, 0.0, 0.0], "slip_row": int(ROWS * share)}
+    hidden = {"drive": slip} if slips else {"odd": [splice]}
+    rig = parse_rig({"machine": MACHINE.machine.model_dump(), "seed": 2, **hidden})
+    frame = simulate(rig, pd.DataFrame(CIRCLES, columns=["x_cmd", "y_cmd", "z_cmd"]), noise=False).frame
+    frame[["x_meas", "y_meas", "z_meas"]] += np.random.default_rng(2).normal(0.0, 0.004, CIRCLES.shape)
+    return build_problem(MACHINE, table_of(frame))
+
+
+def learned(share: float, *, slips: bool) -> Diagnosis:
+    return diagnose(Model(MACHINE), on_circles(share, slips=slips))
+
+
+def test_a_scale_of_two_pieces_is_not_told_as_slips_and_knocks() -> None:
+    found = learned(0.55, slips=False)
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    assert (found.depends_on[0].residual, found.depends_on[0].on) == ("slider 1", "b1")
+
+
+def test_a_slip_on_the_same_path_is_still_a_slip() -> None:
+    found = learned(0.55, slips=True)
+    assert (found.verdict, found.suggested) == ("missing", (("homing-slip",),))
+    assert found.candidates[0].probability > 0.9
+
+
+@pytest.mark.parametrize("slips", [True, False])
+def test_where_a_slip_and_a_step_are_the_same_readings_nobody_is_sure(slips: bool) -> None:
+    """The slip comes just as the tool goes up to the next circle, where the slider goes beyond all heights before."""
+    found = learned(0.4, slips=slips)
+    assert all(candidate.probability < 0.6 for candidate in found.candidates)
+
+
+def test_rows_that_are_hidden_tell_nothing_not_even_how_large_a_curve_is() -> None:
+    problem = replace(on_circles(0.55, slips=False), noise=None)
+    noise = Noise(np.eye(3) * 1.6e-5, "machine file")
+    fitted = fit(Model(MACHINE), problem, noise=noise, robust=False)
+    candidates, _ = present_candidates(fitted, problem, library())
+    system = build_system(fitted, problem, candidates, noise, 100.0, problem.used)
+    hidden = 4
+    dented = np.where((system.block == hidden)[:, None], system.values + 100.0, system.values)
+
+    def foretold(of: RowSystem) -> np.ndarray:
+        scorer = Scorer(of)
+        state = scorer.score(("slider 1 on b1", "rail 2 on b2"), WHITE)
+        part = list(of.hidden(state.columns))[hidden]
+        return np.asarray(of.columns[of.block == hidden][:, :, state.columns] @ scorer.without_rows(state, part))
+
+    plain, other = foretold(system), foretold(replace(system, values=dented, _sums={}))
+    np.testing.assert_allclose(other, plain, atol=0.5)  # units of noise, of a dent of a hundred
