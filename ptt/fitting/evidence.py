@@ -250,10 +250,13 @@ def _newton(slope: _Slope, free: np.ndarray) -> np.ndarray:
 
 
 def _steps(slope: _Slope, newton: np.ndarray, free: np.ndarray) -> Iterator[np.ndarray]:
-    """Steps worth trying: MacKay's while it is long (near the end it is slow), then Newton's and parts of it."""
-    mackay = np.where(free, slope.mackay, 0.0)
-    if np.abs(mackay).max() > LEAP:
-        yield mackay
+    """Steps worth trying: MacKay's while it is long (near the end it is slow), then Newton's and parts of it.
+
+    His rule knows no prior of the sizes: where that pulls the other way, it would press a group to its bound for good.
+    """
+    uphill = free & (slope.mackay * slope.first > 0.0)
+    if np.abs(slope.mackay[uphill]).max(initial=0.0) > LEAP:
+        yield np.where(uphill, slope.mackay, newton)
     yield from (newton * 0.5**n for n in range(HALVINGS))
 
 
