@@ -1,6 +1,7 @@
 """`ptt`: finds verbs by their files, and turns every error into one line and an exit code."""
 
 import difflib
+import gc
 import importlib
 import importlib.util
 import os
@@ -229,6 +230,7 @@ def _end(code: int) -> NoReturn:
             code = code or 1
             with suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    gc.freeze()  # the interpreter's last collections would go through every object of torch and pandas for nothing
     sys.exit(code)
 
 
