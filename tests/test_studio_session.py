@@ -445,7 +445,8 @@ def test_colours_of_curves_stand_out_on_light_and_dark_cards():
 
 
 def test_arrows_are_means_of_poses_and_as_long_as_stated(look: Look):
-    place, mean, count = arrow_figure.mean_arrows(look)
+    means = arrow_figure.mean_arrows(look)
+    place, mean, count = means.place, means.error, means.count
     assert count.sum() == look.kept.sum() and len(place) < look.rows
     solid, owner = arrows(place, 250.0 * mean, 1.0)
     for number in (0, len(place) // 2, len(place) - 1):
@@ -462,8 +463,15 @@ def test_a_large_run_is_thinned_but_what_is_picked_is_drawn(look: Look):
     large = replace(look, line=np.arange(len(many)), target=spread, residual=look.residual[many], kept=look.kept[many])
     rows = figures.shown_rows(large, [3, 1001])
     assert figures.MOST <= len(rows) <= figures.MOST + 2 and {3, 1001} <= set(rows.tolist())
-    place, _, count = arrow_figure.mean_arrows(large)
-    assert len(place) <= arrow_figure.SHOWN and count.sum() == large.kept.sum()
+    means = arrow_figure.mean_arrows(large)
+    assert len(means.place) <= arrow_figure.SHOWN and means.count.sum() == large.kept.sum()
+    whole = (means.count[:, None] * means.error).sum(axis=0)  # every reading is in one mean, and once
+    np.testing.assert_allclose(whole, large.residual[large.kept].sum(axis=0), atol=1e-9)
+    apart = np.linalg.norm(large.target[means.row] - means.place, axis=1)
+    assert (
+        large.kept[means.row].all() and apart.max() < np.ptp(large.target, axis=0).max() / 4.0
+    )  # a reading of its own
+    assert arrow_figure.mean_arrows(large) is means
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """Errors of a run as arrows in space: the mean of each pose, its colour from zero, its length enlarged."""
 
 import math
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from ptt.show.studio.looks import Look
 
 SCALE = "Cividis"  # made for every kind of colour vision
 SHOWN = 240  # more hide each other
+FEW = 1e6  # cells that are counted one by one
 REACH = 0.45  # of the path's size that the 95 % arrow takes
 OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
 APART, THIN = (
@@ -38,32 +41,78 @@ def usual_scale(look: Look) -> float:
     return float(max(step * power for step in (1.0, 2.0, 3.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
 
 
-def mean_arrows(look: Look) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@dataclass(frozen=True)
+class Means:
+    """Mean errors of a run, m places.
+
+    Attributes:
+        place: (m, 3) mm.
+        error: (m, 3) mm.
+        count: (m,) readings of each.
+        row: (m,) the reading next to each place.
+    """
+
+    place: np.ndarray
+    error: np.ndarray
+    count: np.ndarray
+    row: np.ndarray
+
+
+_KNOWN: WeakKeyDictionary[Look, Means] = WeakKeyDictionary()  # of a look that is shown each picture asks several times
+
+
+def mean_arrows(look: Look) -> Means:
     """The mean error of each pose; of each small cell where there are too many poses.
 
     Args:
         look: the run.
 
     Returns:
-        (m, 3) mm places, (m, 3) mm mean errors, (m,) readings of each.
+        The means.
     """
+    if look not in _KNOWN:
+        _KNOWN[look] = _means(look)
+    return _KNOWN[look]
+
+
+def _means(look: Look) -> Means:
     rows = np.flatnonzero(look.kept)
     if not len(rows):
-        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=int)
-    place, cell = look.target[rows], 1e-3
-    span = max(float(np.ptp(place, axis=0).max()), 1e-3)
-    while True:
-        _, owner = np.unique(np.round(place / cell), axis=0, return_inverse=True)
-        owner = owner.reshape(-1)
-        if owner.max() < SHOWN or cell > span:
-            break
-        cell = span / 30.0 if cell < span / 40.0 else cell * 1.25
+        return Means(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=int), rows)
+    place, error = look.target[rows], look.residual[rows]
+    owner = _owners(place)
     count = np.bincount(owner)
-    means = [
+    middle, mean = (
         np.stack([np.bincount(owner, values[:, axis]) / count for axis in range(3)], axis=1)
-        for values in (place, look.residual[rows])
-    ]
-    return means[0], means[1], count
+        for values in (place, error)
+    )
+    order = np.lexsort((((place - middle[owner]) ** 2).sum(axis=1), owner))
+    return Means(middle, mean, count, rows[order[np.searchsorted(owner[order], np.arange(len(count)))]])
+
+
+def _owners(place: np.ndarray) -> np.ndarray:
+    """(n,) which pose each reading is of, or which cell where there are too many poses."""
+    span = max(float(np.ptp(place, axis=0).max()), 1e-3)
+    cell = 1e-3
+    while True:
+        owner = _cells(place, cell)
+        if owner.max() < SHOWN or cell > span:
+            return owner
+        cell = span / 30.0 if cell < span / 40.0 else cell * 1.25
+
+
+def _cells(place: np.ndarray, cell: float) -> np.ndarray:
+    """(n,) number of the cell of each place."""
+    index = np.round(place / cell)
+    index -= index.min(axis=0)
+    many = index.max(axis=0) + 1.0
+    if many.prod() < FEW:  # counted, without sorting anything
+        flat = ((index[:, 0] * many[1] + index[:, 1]) * many[2] + index[:, 2]).astype(np.int64)
+        return (np.cumsum(np.bincount(flat) > 0) - 1)[flat]
+    owner = np.zeros(len(place), dtype=np.int64)
+    for own in (np.unique(column, return_inverse=True)[1] for column in index.T):  # numbers sort faster than places
+        owner = np.unique(owner * (own.max() + 1) + own, return_inverse=True)[1]
+    return owner
 
 
 def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
@@ -77,7 +126,8 @@ def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
     Returns:
         Traces of plotly; none where nothing was observed.
     """
-    place, error, count = mean_arrows(look)
+    means = mean_arrows(look)
+    place, error = means.place, means.error
     if not len(place):
         return []
     sizes = UM * np.linalg.norm(error, axis=1)
@@ -91,7 +141,7 @@ def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
     }  # fmt: skip
     return [
         mesh(solid, "errors") | colours | {"showscale": True, "flatshading": False},
-        _feet(look, place, count, sizes),
+        _feet(means, sizes),
     ]
 
 
@@ -130,22 +180,15 @@ def xyz(points: np.ndarray) -> dict[str, list[float]]:
     return {axis: column for axis, column in zip("xyz", np.round(points, 3).T.tolist(), strict=True)}
 
 
-def _feet(look: Look, place: np.ndarray, count: np.ndarray, sizes: np.ndarray) -> Figure:
+def _feet(means: Means, sizes: np.ndarray) -> Figure:
     """What a pointer finds at each arrow: where it is, how large, of how many readings."""
     words = [
         f"{', '.join(f'{value:.1f}' for value in spot)} mm<br>{length(each)}, "
         f"{f'mean of {many} readings' if many > 1 else 'one reading'}"
-        for spot, each, many in zip(place, sizes, count, strict=True)
+        for spot, each, many in zip(means.place, sizes, means.count, strict=True)
     ]
     return {
-        "type": "scatter3d", "mode": "markers", "name": "readings", "uid": "readings", **xyz(place), "text": words,
-        "hoverinfo": "text", "customdata": _nearest(look, place),
+        "type": "scatter3d", "mode": "markers", "name": "readings", "uid": "readings", **xyz(means.place),
+        "text": words, "hoverinfo": "text", "customdata": means.row.tolist(),
         "marker": {"size": 6, "opacity": 0.02, "color": MIDDLE},
     }  # fmt: skip
-
-
-def _nearest(look: Look, place: np.ndarray) -> list[int]:
-    """A reading for each place: what a click picks."""
-    rows = np.flatnonzero(look.kept)
-    own = look.target[rows]
-    return [int(rows[np.argmin(((own - spot) ** 2).sum(axis=1))]) for spot in place]

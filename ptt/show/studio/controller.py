@@ -110,6 +110,8 @@ class Studio:
             return  # nobody looks any more
         # A button that is replaced by its own doing leaves no place to put things in; the page itself stays.
         with self.client:
+            if topic == "session":
+                self.later.rest()
             for listener in self._listeners[topic]:
                 listener()
 
@@ -149,7 +151,7 @@ class Studio:
             job: name of the job.
             *arguments: what it takes.
             how: 'asked' by a person, 'quiet' and short, 'unasked' and giving way, or 'aside': reads no file of the
-                session, so that it need not wait for anything.
+                session, so that it need not wait for anything; 'spare' is the same of what nobody waits for.
 
         Returns:
             Its result; None where it was stopped or failed, which is shown.
@@ -160,7 +162,7 @@ class Studio:
             for task in [task for task, yields in self._tasks.items() if yields]:
                 task.cancel()
         try:
-            if how == "aside":
+            if how in ("aside", "spare"):
                 return await self._do(words, job, arguments, how)
             async with self._one:
                 if epoch != self._epoch:
@@ -325,15 +327,16 @@ class Studio:
             if how in ("asked", "unasked") and self.busy is not None:
                 self._is_busy(replace(self.busy, words=f"{words}: {what}" if what else words, done=done, of=of))
 
-        task = asyncio.create_task(self.pool.run(self.folder, job, arguments, tell))
-        self._tasks[task] = how == "unasked"
+        task = asyncio.create_task(self.pool.run(self.folder, job, arguments, tell, patient=how == "spare"))
+        if how != "spare":  # nobody means it who stops what goes on
+            self._tasks[task] = how == "unasked"
         try:
             await asyncio.wait([task])
         except asyncio.CancelledError:
             task.cancel()
             raise
         finally:
-            del self._tasks[task]
+            self._tasks.pop(task, None)
         if task.cancelled():
             raise JobCancelledError("stopped")
         return task.result()

@@ -151,8 +151,8 @@ def _whole_box(look: Look, scale: float, there: Lines | None) -> np.ndarray:
 def _tips(look: Look, scale: float) -> list[np.ndarray]:
     if not scale:
         return []
-    place, error, _ = mean_arrows(look)
-    return [place + scale * error]
+    means = mean_arrows(look)
+    return [means.place + scale * means.error]
 
 
 def _around(points: np.ndarray, rim: float) -> np.ndarray:
@@ -175,6 +175,17 @@ def _axis(name: str, ends: np.ndarray) -> Figure:
         "zerolinecolor": "rgba(128,136,144,0.4)",
         "range": ends.tolist(),
     }
+
+
+def empty_space() -> Figure:
+    """A space in which nothing is seen: a browser takes long to begin one where no graphics card helps it."""
+    corner: Figure = {"x": [0.0, 1.0, 0.0], "y": [0.0, 0.0, 1.0], "z": [0.0, 0.0, 0.0], "hoverinfo": "skip"}
+    unseen: list[Figure] = [
+        {"type": "mesh3d", **corner, "i": [0], "j": [1], "k": [2], "opacity": 0.0, "showscale": False},
+        {"type": "scatter3d", "mode": "markers", **corner, "marker": {"opacity": 0.0}},
+    ]
+    scene = {f"{axis}axis": {"visible": False} for axis in "xyz"} | {"bgcolor": "rgba(0,0,0,0)", "dragmode": False}
+    return whole_figure(unseen, _layout(scene, ""))
 
 
 def chain_figure(chain: Sequence[Sequence[float]]) -> Figure:

@@ -49,7 +49,7 @@ class ExportView:
             ui.timer(0.01, self._formats, once=True)
 
     async def _formats(self) -> None:
-        found = await self.studio.work("forms for controllers", "formats", self.studio.session.kind, how="aside")
+        found = await self.studio.work("forms for controllers", "formats", self.studio.session.kind, how="spare")
         if found is not None:
             self.which.set_options(
                 {name: f"{name}: {about}" for name, about in found}, value=found[0][0] if found else None

@@ -12,7 +12,7 @@ from ptt.show.studio.arrow_figure import mean_arrows, usual_scale
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import against_figure, short_label, unit_of
 from ptt.show.studio.looks import Look
-from ptt.show.studio.machine_figure import machine_figure
+from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
@@ -56,7 +56,7 @@ class LookView:
             self.near = ui.switch("close up", value=True, on_change=self.redraw_field)
             self.pick = ui.select(PICKS, value=0.0, label="a click picks").props("dense outlined").classes("w-44")
         self.field_note = ui.label().classes("st-note").mark("field-note")
-        self.field = Picture().classes("st-plot st-field")
+        self.field = Picture(empty_space()).classes("st-plot st-field")
         self.field.props('role=img aria-label="error field in space"')
         # Plotly emits no click in space where frames are slow: what is pointed at when the button comes up counts.
         self.field.on("plotly_hover", js_handler=POINTED.replace("ID", str(self.field.id)))
@@ -143,7 +143,7 @@ class LookView:
             look, row, picked=picked, scale=scale, machine=bool(self.machine.value), near=bool(self.near.value)
         )
         self.field.show(figure)
-        count = mean_arrows(look)[2]
+        count = mean_arrows(look).count
         share = (
             "of readings near each other"
             if len(count) and count.max() > 1 and len(count) > ARROWS // 2

@@ -10,7 +10,7 @@ from ptt.show.card.words import length
 from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
-from ptt.show.studio.machine_figure import machine_figure
+from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Learned
 
@@ -35,7 +35,7 @@ class MachinePicture:
             self.arrows = ui.switch("errors", value=True, on_change=self.draw).props("dense")
             self.fault = ui.switch("fault", value=True, on_change=self.draw).props("dense")
         self.note = ui.label().classes("st-note").mark("picture-note")
-        self.plot = Picture()
+        self.plot = Picture(empty_space())
         self.plot.classes("st-plot st-machine").props('role=img aria-label="the machine, its errors and its fault"')
         with ui.element("div").style(
             "display: grid; grid-template-columns: max-content 1fr; gap: 0 12px; width: 100%; align-items: center"

@@ -97,7 +97,7 @@ class ModelView:
     async def _learn_names(self) -> None:
         session = self.studio.session
         files = () if session.source is None else session.source.effect_files
-        known = await self.studio.work("effects", "names", session.kind, files, how="aside")
+        known = await self.studio.work("effects", "names", session.kind, files, how="spare")
         if known is not None:
             self.which.set_options(list(known))
 

@@ -3,6 +3,7 @@
 A picture in space takes half a second to come into being in a browser; whoever opens its view finds it there already.
 """
 
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from ptt.show.studio.controller import Studio
 
 BEHIND = ""  # the view of what nobody sees before it is asked for
+REST = 0.6  # s after a step in which nothing unseen is drawn: what a person does next comes first
 PAUSE = 0.2  # s between two things drawn unseen, so that what a person does comes first
 # A hidden view keeps its place and size: what was drawn there is right when it is seen, and nothing is drawn anew.
 SWITCH = """document.querySelectorAll('.st-panel')
@@ -26,6 +28,7 @@ class Later:
         """Begin with nothing; needs the page, whose clock it takes."""
         self._studio = studio
         self._due: dict[Callable[[], None], str] = {}
+        self._from = 0.0
         self._clock = ui.timer(PAUSE, self._one, active=False)
 
     def ask(self, view: str, draw: Callable[[], None]) -> None:
@@ -46,10 +49,13 @@ class Later:
         for draw in [draw for draw, of in self._due.items() if of == view]:
             self._draw(draw)
 
+    def rest(self) -> None:
+        """Draw nothing unseen for a moment."""
+        self._from = time.monotonic() + REST
+
     def _one(self) -> None:
         """Draw one thing of a view that is not seen, unless something goes on that a person asked for and may stop."""
-        studio = self._studio
-        if studio.idle and studio.session.look is not None and self._due:
+        if self._studio.idle and self._due and time.monotonic() > self._from:
             self._draw(next(iter(self._due)))
 
     def _draw(self, draw: Callable[[], None]) -> None:

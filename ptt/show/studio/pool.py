@@ -19,6 +19,7 @@ from ptt.show.studio.worker import serve
 
 POLL = 0.02  # s
 IDLE = 120.0  # s without work after which a process is given back
+PATIENCE = 20.0  # s that what nobody waits for stands back
 FEWEST, MOST = 2, 4  # at once: a diagnosis beside a quick look; more than this and each of them gets slow
 KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
 
@@ -97,7 +98,9 @@ class Pool:
             self._free.append(self._started())
             self._trim_later()
 
-    async def run(self, folder: Path, job: str, arguments: Sequence[Any], tell: Progress | None = None) -> Any:
+    async def run(
+        self, folder: Path, job: str, arguments: Sequence[Any], tell: Progress | None = None, patient: bool = False
+    ) -> Any:
         """Do a job; a task that is cancelled ends the process that does it.
 
         Args:
@@ -105,6 +108,7 @@ class Pool:
             job: name of a function of `ptt.show.studio.jobs`.
             arguments: what it takes, all of it picklable.
             tell: told what is done, how much of how much.
+            patient: whether it rather waits a while than have another process started, which takes the processor.
 
         Returns:
             What it returns.
@@ -114,6 +118,9 @@ class Pool:
             QuestionError: it needs an answer.
             SetupFoundError: the set-up looks mistaken.
         """
+        until = time.monotonic() + (PATIENCE if patient else 0.0)
+        while self._all and not self._free and time.monotonic() < until:
+            await asyncio.sleep(POLL)
         if self._room.locked() and tell is not None:
             tell("waiting until other sessions are served", 0, 0)
         async with self._room:

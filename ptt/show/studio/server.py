@@ -71,6 +71,7 @@ def serve(
     ui.run(
         host=HOST, port=port, title="ptt studio", show=show, reload=False, reconnect_timeout=STAY, language="en-US",
         show_welcome_message=False, favicon="\N{STRAIGHT RULER}", tailwind=False, dark=None,
+        ws_per_message_deflate=False,  # nothing is saved on the way within one computer
     )  # fmt: skip
 
 
