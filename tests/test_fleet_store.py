@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from datetime import datetime
 from pathlib import Path
 
 import duckdb
@@ -86,8 +87,10 @@ def test_the_same_run_twice_is_one_run_and_its_file_is_kept_unchanged(tmp_path):
     add_machine(store, NASTY, MACHINE)
     one = add_run(store, NASTY, path, read_table(path), None, ordered=False, units_said=False)
     two = add_run(store, NASTY, path, read_table(path), None, ordered=False, units_said=False)
+    late = add_run(store, NASTY, path, read_table(path), datetime(2026, 5, 1), ordered=False, units_said=False)
     rows = store.ask("SELECT * FROM runs")
-    assert (one.new, two.new, len(rows)) == (True, False, 1)
+    assert (one.new, two.new, late.new, len(rows)) == (True, False, False, 1)
+    assert two.date == late.date == "2026-03-15 (as it is kept)"  # what is told is what the store holds
     assert sha256(store.folder / rows[0]["kept"]) == sha256(path) == rows[0]["run"]
     assert rows[0]["machine"] == NASTY and rows[0]["date"].date().isoformat() == "2026-03-15"
     add_machine(store, "other", MACHINE)

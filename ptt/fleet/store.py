@@ -184,7 +184,8 @@ def add_run(
     when, how = (date, "as said") if date is not None else date_of(path)
     told = f"{when.date().isoformat()} ({how})"
     if is_there(store, machine, run, path):
-        return Added(path.name, run, table.rows, told, False)
+        (held,) = store.ask("SELECT date FROM runs WHERE run = ?", run)
+        return Added(path.name, run, table.rows, f"{held['date'].date().isoformat()} (as it is kept)", False)
     kept, readings = f"runs/{run}{path.suffix}", f"readings/{run}.parquet"
     _copy(path, store.folder / kept)
     write_readings(table, machine, run, store.folder / readings)
