@@ -30,13 +30,13 @@ def by_parameters(function: Function, theta: Tensor) -> Tensor:
         if not values.requires_grad or not len(theta):
             return values.new_zeros(*values.shape, len(theta)).detach()
         weights = torch.zeros_like(values, requires_grad=True)
-        # The sum is weighted here: weights handed to `grad` would have their shapes compared by sympy.
-        (pulled,) = torch.autograd.grad((values * weights).sum(), inputs, create_graph=True)
-        return torch.stack([_gradient(each, weights) for each in pulled], dim=-1)
+        return torch.stack([_gradient(each, weights) for each in _pulled(values, weights, inputs)], dim=-1)
 
 
 def by_input(function: Function, x: Tensor) -> Tensor:
     """Derivative, row by row, of a function that treats every row by itself.
+
+    Where a row has more values than inputs, it is worked out as in `by_parameters`: a pass an input, not a value.
 
     Args:
         function: (n, m) -> (n, out).
@@ -48,7 +48,20 @@ def by_input(function: Function, x: Tensor) -> Tensor:
     with torch.enable_grad():
         inputs = x.detach().clone().requires_grad_(True)
         values = function(inputs)
-        return torch.stack([_gradient(column.sum(), inputs) for column in values.unbind(dim=-1)], dim=-2)
+        if not values.requires_grad:
+            return values.new_zeros(*values.shape, x.shape[1]).detach()
+        if values.shape[1] <= x.shape[1]:
+            return torch.stack([_gradient(column.sum(), inputs) for column in values.unbind(dim=-1)], dim=-2)
+        weights = torch.zeros_like(values, requires_grad=True)
+        pulled = _pulled(values, weights, inputs).unbind(dim=-1)
+        return torch.stack([_gradient(column.sum(), weights) for column in pulled], dim=-1)
+
+
+def _pulled(values: Tensor, weights: Tensor, inputs: Tensor) -> Tensor:
+    """The gradient by the inputs of the weighted values: linear in the weights, and as many numbers as inputs."""
+    # The sum is weighted here: weights handed to `grad` would have their shapes compared by sympy.
+    (pulled,) = torch.autograd.grad((values * weights).sum(), inputs, create_graph=True)
+    return pulled
 
 
 def _gradient(value: Tensor, inputs: Tensor) -> Tensor:
