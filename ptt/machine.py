@@ -82,12 +82,14 @@ class CovarianceSpec(Frozen):
         root: square root of the covariance, packed.
         values: digest of the parameter values that it belongs to.
         heldout_mm: error of rows that the fit had not seen.
+        helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
     """
 
     of: tuple[str, ...]
     root: str
     values: str
     heldout_mm: float | None = None
+    helped: bool | None = None
 
 
 class ParameterEntry(Frozen):

@@ -38,7 +38,8 @@ def command_sigma(
         network: what it leaves; None without one.
 
     Returns:
-        (n,) mm, NaN where nothing is kept; and the error of held-out rows in mm, None where nothing tells it.
+        (n,) mm, NaN where nothing is kept; and how sure a command should be in mm: the error of held-out rows, nothing
+        where the drawing did as well at them, None where nothing tells it.
     """
     kept: Kept | None = kept_covariance(model)
     if (terms and kept is None) or (not terms and network is None):
@@ -47,7 +48,7 @@ def command_sigma(
     if kept is not None and terms:
         sigma = tool_sigma(kept, terms, task.see(q), model.file.machine.kind)
     if network is None:
-        return sigma, None if kept is None else kept.heldout
+        return sigma, None if kept is None else kept.promised
     # The errors of held-out rows have in them what the parameters leave open there; more than that they do not know.
     return np.maximum(sigma, np.where(in_domain, network.inside, network.outside)), network.inside
 

@@ -28,11 +28,18 @@ class Kept:
         names: one for each row, (u,); parameters as 'backlash gap_mm 2', then mount and frame.
         root: (u, r), in the parameters' own units.
         heldout: error of rows that the fit had not seen, root mean square in total, mm; None where not known.
+        helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
     """
 
     names: tuple[str, ...]
     root: np.ndarray
     heldout: float | None = None
+    helped: bool | None = None
+
+    @property
+    def promised(self) -> float | None:
+        """How sure a command should be, mm: nothing is where the drawing foretold as well what the fit had not seen."""
+        return 0.0 if self.helped is False else self.heldout
 
     def rows(self, names: Sequence[str]) -> np.ndarray:
         """Rows of the root by name, (len(names), r); zero for what the fit held."""
@@ -41,7 +48,9 @@ class Kept:
         return np.array([self.root[place[name]] if name in place else blank for name in names]).reshape(-1, len(blank))
 
 
-def keep_covariance(fitted: FitResult, heldout: float | None = None) -> CovarianceSpec | None:
+def keep_covariance(
+    fitted: FitResult, heldout: float | None = None, helped: bool | None = None
+) -> CovarianceSpec | None:
     """What a machine file keeps of a fit.
 
     Of several tracker frames the first one's is kept: what a frame takes is nothing that a command could mend.
@@ -49,6 +58,7 @@ def keep_covariance(fitted: FitResult, heldout: float | None = None) -> Covarian
     Args:
         fitted: the fit.
         heldout: error of rows that it had not seen, mm; None where not known.
+        helped: whether these were foretold better than by the drawing; None where nobody knows.
 
     Returns:
         The section of the file; None where nothing was fitted.
@@ -65,7 +75,8 @@ def keep_covariance(fitted: FitResult, heldout: float | None = None) -> Covarian
     root = size[:, None] * way * np.sqrt(np.maximum(strength, 0.0))
     packed = base64.b64encode(zlib.compress(np.ascontiguousarray(root, dtype="<f4").tobytes(), 9)).decode()
     of = tuple(names[row] for row in first)
-    return CovarianceSpec(of=of, root=packed, values=_digest(fitted.model), heldout_mm=heldout)
+    values = _digest(fitted.model)
+    return CovarianceSpec(of=of, root=packed, values=values, heldout_mm=heldout, helped=helped)
 
 
 def kept_covariance(model: Model) -> Kept | None:
@@ -83,7 +94,7 @@ def kept_covariance(model: Model) -> Kept | None:
     count = len(spec.of)
     try:
         flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.root, validate=True)), dtype="<f4").astype(float)
-        return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm)
+        return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm, spec.helped)
     except (ValueError, zlib.error):
         return None
 

@@ -70,8 +70,24 @@ def record(
     entries = [_entry(before, step, ladder, head) for before, step in pairwise(ladder.steps)]
     written = write_model(ladder.model, [item["sha256"] for item in sources])
     last = ladder.steps[-1]
-    covariance = keep_covariance(last.fitted, 1e-3 * float(last.heldout_rms_um["total"]))
+    covariance = keep_covariance(last.fitted, 1e-3 * float(last.heldout_rms_um["total"]), helped(ladder))
     return replace(written, history=(*ladder.model.file.history, *entries), covariance=covariance)
+
+
+def helped(ladder: Ladder) -> bool | None:
+    """Whether a ladder that began at the drawing foretells hidden readings better than that, beyond chance.
+
+    Args:
+        ladder: the ladder.
+
+    Returns:
+        None where it began at a model that had effects already.
+    """
+    first, *steps = ladder.steps
+    if first.fitted.model.terms or not steps:
+        return None
+    falls = steps[-1].heldout_rms_um["total"] < first.heldout_rms_um["total"]
+    return falls and any(step.helped for step in steps)
 
 
 def _source(file: str | Path | Mapping[str, str]) -> dict[str, str]:
