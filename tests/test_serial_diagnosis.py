@@ -162,8 +162,10 @@ def test_effects_of_sliders_say_that_they_do_not_apply(name: str) -> None:
 
 
 def test_links_and_homing_are_refused_together() -> None:
-    with pytest.raises(ModelError, match="one thing"):
-        Model(arm("ur10")) + make_effect(library(), "dh-offsets") + make_effect(library(), "homing-offset")
+    names = ["dh-offsets", "homing-offset"]
+    for first, second in (names, names[::-1]):
+        with pytest.raises(ModelError, match="'homing-offset' and the dtheta of 'dh-offsets' are one thing"):
+            Model(arm("ur10")) + make_effect(library(), first) + make_effect(library(), second)
 
 
 def test_uneven_joints_are_found_harmonic_by_harmonic() -> None:

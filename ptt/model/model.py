@@ -208,7 +208,8 @@ def _check_fits(model: Model, effect: Effect) -> None:
         raise ModelError(f"effect '{effect.key}' is in the model already", fix="give the second one a [label]")
     other = rival(effect, model.keys)
     if other is not None:
-        raise ModelError(f"'{effect.name}' and the dtheta of '{other}' are one thing", fix="keep one of them")
+        turn, zero = sorted((effect.name, other))  # dh-offsets, homing-offset
+        raise ModelError(f"'{zero}' and the dtheta of '{turn}' are one thing", fix="keep one of them")
 
 
 def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
