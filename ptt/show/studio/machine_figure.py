@@ -90,18 +90,27 @@ def _scene(box: np.ndarray) -> Figure:
 def _labels(there: Lines, values: Sequence[Mapping[str, Any]]) -> list[Figure]:
     """Sizes in words beside the parts that have them, over everything else.
 
-    Labels of legs, which stand side by side, go above and below by turns from left to right; those of an arm, whose
-    joints may lie behind each other, to its sides by turns, the higher joint's higher.
+    Labels of legs, which stand side by side, go above and below by turns from left to right, those above whose parts
+    are seen higher; those of an arm, whose joints may lie behind each other, to its sides by turns, the higher joint's
+    higher.
     """
     parts = [(who, _few(said), place_of_part(there, who)) for who, said in by_part(values)]
     arm, labels = not len(there.rails), []
     parts.sort(key=lambda part: -float(part[2][2]) if arm else EYE["x"] * part[2][1] - EYE["y"] * part[2][0])
+    seen = [_height(place) for _, _, place in parts]
+    first_below = len(parts) > 1 and np.mean(seen[::2]) < np.mean(seen[1::2])
     for number, (who, said, place) in enumerate(parts):
         tall = LIFT + LINE * len(said)
         aside = (ASIDE, -ASIDE)[number % 2], tall * (number - 0.5 * (len(parts) - 1))
-        across, down = aside if arm else (0, LIFT if number % 2 else -LIFT)
+        across, down = aside if arm else (0, LIFT if (number + first_below) % 2 else -LIFT)
         labels.append(_label(place, [f"<b>{escape(who)}</b>", *map(escape, said)], across, down))
     return labels
+
+
+def _height(place: np.ndarray) -> float:
+    """How high a place is seen from the usual side, in any unit."""
+    x, y, z = EYE["x"], EYE["y"], EYE["z"]
+    return float((x * x + y * y) * place[2] - z * (x * place[0] + y * place[1]))
 
 
 def _few(said: Sequence[str]) -> list[str]:

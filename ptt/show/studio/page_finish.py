@@ -78,7 +78,7 @@ class FinishView:
     def _build_commands(self) -> None:
         with ui.element("div").classes("st-box"):
             ui.html("The same from the command line", sanitize=False, tag="h2").classes("st-head")
-            self.commands = ui.label().classes("st-mono").mark("commands")
+            self.commands = ui.label().classes("st-mono st-pre").props("tabindex=0").mark("commands")
 
     def _button(self, words: str, act: Callable[[], object]) -> ui.button:
         return ui.button(words, icon="download", on_click=act).props("no-caps outline")

@@ -51,7 +51,7 @@ class ResultView:
             self.title = (
                 ui.html("", sanitize=False, tag="h2").classes("st-title").mark("verdict").props("aria-live=polite")
             )
-            self.title.style("flex: 1 1 0; min-width: 0")
+            self.title.style("flex: 1 1 200px; min-width: 0")
             self.sure = ui.label().classes("st-chip").mark("sure")
         self.words = ui.label().mark("words")
         self.find = ui.button("Find what is missing", icon="search", on_click=self.studio.learn).props(

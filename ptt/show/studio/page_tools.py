@@ -100,7 +100,7 @@ def _build_dexterity(studio: Studio) -> None:
 
 
 def _build_history(studio: Studio) -> None:
-    body = ui.element("div").classes("st-grid w-full").props("tabindex=0")
+    body = ui.element("div").classes("st-grid st-whole w-full").props("tabindex=0")
     shown: list[object] = []
 
     def update() -> None:

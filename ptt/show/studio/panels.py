@@ -25,11 +25,11 @@ class Later:
     """What is still to be drawn: of the view that is seen at once, of the others when there is time."""
 
     def __init__(self, studio: "Studio") -> None:
-        """Begin with nothing; needs the page, whose clock it takes."""
+        """Begin with nothing."""
         self._studio = studio
         self._due: dict[Callable[[], None], str] = {}
         self._from = 0.0
-        self._clock = ui.timer(PAUSE, self._one, active=False)
+        self._clock: ui.timer | None = None
 
     def ask(self, view: str, draw: Callable[[], None]) -> None:
         """Draw now if the view is seen, else later; asked twice, it is drawn once.
@@ -42,6 +42,9 @@ class Later:
             draw()
             return
         self._due.setdefault(draw, view)
+        if self._clock is None:  # of the page, which lives longer than any part of it
+            with self._studio.client:
+                self._clock = ui.timer(PAUSE, self._one)
         self._clock.active = True
 
     def seen(self, view: str) -> None:
@@ -60,7 +63,8 @@ class Later:
 
     def _draw(self, draw: Callable[[], None]) -> None:
         del self._due[draw]
-        self._clock.active = bool(self._due)
+        if self._clock is not None:
+            self._clock.active = bool(self._due)
         draw()
 
 
