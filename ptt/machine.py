@@ -74,6 +74,18 @@ class TargetsSpec(Frozen):
         return self
 
 
+class MaskedSpec(Frozen):
+    """What a run says of effects that the model does not have; written and read by `ptt.fitting.masked`.
+
+    Attributes:
+        of: keys of the effects.
+        told: packed.
+    """
+
+    of: tuple[str, ...]
+    told: str
+
+
 class CovarianceSpec(Frozen):
     """What a fit left uncertain, parameters and tracker frame together; written and read by `ptt.fitting.kept`.
 
@@ -83,6 +95,7 @@ class CovarianceSpec(Frozen):
         values: digest of the parameter values that it belongs to.
         heldout_mm: error of rows that the fit had not seen.
         helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
+        masked: effects that the model does not have, and what its run says of them.
     """
 
     of: tuple[str, ...]
@@ -90,6 +103,7 @@ class CovarianceSpec(Frozen):
     values: str
     heldout_mm: float | None = None
     helped: bool | None = None
+    masked: MaskedSpec | None = None
 
 
 class ParameterEntry(Frozen):

@@ -157,6 +157,26 @@ def test_a_cure_gives_back_what_the_first_fit_had_taken_from_its_neighbour(tmp_p
     assert not now.theta.any()
 
 
+def test_what_the_first_run_had_hidden_in_another_effect_is_no_change_and_nothing_new(tmp_path: Path) -> None:
+    """A lead error in a small volume passes for misplaced towers; in a large one it shows, and nothing has happened."""
+    lead = {
+        "drive": {"backlash_mm": (0.0,) * 3, "scale_um_per_m": (300.0, -200.0, 0.0)},
+        "geometry": {"link_mm": (0.0,) * 3},
+    }
+    small, large = (25.0, 25.0, 15.0), (60.0, 60.0, 50.0)
+    first = solve(run_of(1, 40, room=small, **lead), ("tower-position",), tmp_path)
+    assert first.model.file.history[-1]["heldout_after_um"]["total"] < 1.3 * np.sqrt(3.0) * 1e3 * SIGMA
+    found = look(first, run_of(12, 70, room=large, **lead))
+    assert found.verdict == "same" and not found.changed
+    assert found.error_um["left"] < 1.2 * np.sqrt(3.0) * 1e3 * SIGMA < 0.6 * found.error_um["now"]
+    assert any("lead-scale is not in the model" in note for note in found.notes)
+    missed = {**lead, "drive": {**lead["drive"], "turn_um": (0.0, 0.0, 12.0)}}
+    model, _ = for_runs(first.model, again := run_of(12, 70, room=large, **missed))
+    weighed = weigh(look_back(model, again), again, library(), str)
+    assert {room.effect.key for room in weighed.then} == {"lead-scale"}
+    assert [key.partition("#")[0] for key in weighed.new] == ["once-per-rev"]
+
+
 def test_beyond_the_heights_of_the_first_run_a_curve_may_go_on_as_it_likes(tmp_path: Path) -> None:
     screw = {"backlash_mm": (0.0, 0.0, 0.0), "curve_parabola_um": (0.0, -25.0, 35.0),
              "curve_cubic_um": (15.0, 20.0, -25.0), "curve_span_mm": (180.0, 400.0)}  # fmt: skip

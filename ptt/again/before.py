@@ -1,10 +1,11 @@
 """What a solved model says of the machine as it was: values, what their run left uncertain, and when that was."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
 
+from ptt.again.then import Rooms, rooms_of
 from ptt.errors import ModelError
 from ptt.fitting.kept import kept_covariance
 from ptt.fitting.layout import Layout, lay_out
@@ -30,6 +31,7 @@ class Before:
         notes: what is not carried over, in words.
         blind: keys of effects that the run cannot judge.
         cured: keys of effects that are taken to be gone now, whatever they were.
+        rooms: effects that it does not have, and what its run says of them.
     """
 
     model: Model
@@ -41,6 +43,7 @@ class Before:
     notes: tuple[str, ...]
     blind: frozenset[str] = frozenset()
     cured: frozenset[str] = frozenset()
+    rooms: Rooms = field(default_factory=Rooms)
 
     @property
     def gone(self) -> np.ndarray:
@@ -107,7 +110,9 @@ def look_back(model: Model, problem: Problem) -> Before:
     notes += [f"{key} cannot be judged in this run: it was read at a stop, or at one speed" for key in blind]
     entries = read_entries(model.file)
     last = entries[-1] if entries else None
-    return Before(own, layout, values, root, last, _left(last), (*_not_carried(model), *notes), frozenset(blind))
+    said = (*_not_carried(model), *notes)
+    rooms = rooms_of(kept_covariance(model), layout.names[:width], problem.view)
+    return Before(own, layout, values, root, last, _left(last), said, frozenset(blind), rooms=rooms)
 
 
 def _is_blind(term: Term, problem: Problem) -> bool:

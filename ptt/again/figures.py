@@ -115,7 +115,8 @@ def errors_of(found: Weighed) -> dict[str, float]:
     doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)
     wander = 0.0 if state.memory.wander is None else state.memory.wander.share
     noise = (1e3 * found.noise.total) ** 2 * (1.0 + wander)
-    named = found.scorer.score([change.key for change in found.changed], state.memory)
+    keys = [*(change.key for change in found.changed), *(room.key for room in found.then)]
+    named = found.scorer.score(keys, state.memory)
     left = system.left(named.columns, named.posterior.values)
     every = np.ones(len(system.rows), dtype=bool)
     return {

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import torch
 
 from ptt.again.before import Before, look_back
 from ptt.again.beside import sure_beside
@@ -15,6 +16,7 @@ from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
 from ptt.again.news import News, look_for_news
 from ptt.again.result import Changed, Recheck, Verdict
 from ptt.again.supposed import model_at
+from ptt.again.then import THEN, Then
 from ptt.again.weigh import Weighed, moved_by, weigh
 from ptt.again.words import explain, say_change, say_whole
 from ptt.diagnosis.noise import noise_after
@@ -22,6 +24,7 @@ from ptt.diagnosis.steps import name_steps, ties
 from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
+from ptt.fitting.linear import usual_sizes
 from ptt.model.model import Model, Term
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -88,6 +91,7 @@ def recheck(
             *notes,
             *before.notes,
             *news.notes,
+            *_then(found),
             *_set_up(found),
             *context_notes(before, problem),
             *beyond_notes(before, problem),
@@ -101,7 +105,13 @@ def recheck(
 def _with_news(found: Weighed, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Model, News]:
     """The model with its values as the run has them, and what is new beside it."""
     now = model_at(found.before, _stands(found))
-    return now, look_for_news(found, now, problem, known, tell, seed)
+    whole = replace(now, terms=(*now.terms, *(_term_of(room, found, problem) for room in found.then)))
+    return now, look_for_news(found, whole, problem, known, tell, seed)
+
+
+def _term_of(room: Then, found: Weighed, problem: Problem) -> Term:
+    values = found.state.posterior.values[found.state.of(room.key)]
+    return Term(room.effect, torch.as_tensor(values * usual_sizes(room.effect, problem)))
 
 
 def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
@@ -154,7 +164,11 @@ def _alike(found: Weighed, change: Change) -> tuple[str, ...]:
     if change.effect.key in found.before.cured:
         return found.alike.get(change.effect.key, ())
     others = ties(found.scorer, found.state, change.key)
-    return tuple(name.removeprefix(PREFIX) for name in others if name != change.key)
+    return tuple(_plainly(name) for name in others if name != change.key)
+
+
+def _plainly(name: str) -> str:
+    return f"{name.removeprefix(THEN)}, then already" if name.startswith(THEN) else name.removeprefix(PREFIX)
 
 
 def _clear_then(found: Weighed, change: Change) -> tuple[str, ...]:
@@ -198,6 +212,15 @@ def is_repaired(value: Moved) -> bool:
 
 def _contexts(before: Before, problem: Problem) -> tuple[str, ...]:
     return (*context_notes(before, problem), *beyond_notes(before, problem))
+
+
+def _then(found: Weighed) -> tuple[str, ...]:
+    """Words for what the model's own run hid."""
+    return tuple(
+        f"{room.effect.key} is not in the model, whose run could hardly tell it from what is; with it, then as now, "
+        "both runs are told best: diagnose them together (ptt diagnose THEN.csv --also NOW.csv)"
+        for room in found.then
+    )
 
 
 def _set_up(found: Weighed) -> tuple[str, ...]:

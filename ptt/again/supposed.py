@@ -8,6 +8,7 @@ import numpy as np
 from ptt.again.before import Before
 from ptt.again.beyond import columns_beyond
 from ptt.again.changes import Change, atoms_of_changes
+from ptt.again.then import atoms_then
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.effects import Effect
 from ptt.fitting.linear import Shape, linear_columns
@@ -107,25 +108,30 @@ def suppose(
     assert linear.at is not None
     beyond = columns_beyond(before, linear.at, problem)[rows]
     doubt = np.concatenate([own @ before.loose, beyond], axis=2)
+    then = before.rooms.columns(linear.at, linear.columns[:, :, : before.width], before.gone)[rows]
     ways = ways_of(changes, before.width)
     first, more = system.columns.shape[2], ways.shape[1]
-    unsure, width = doubt.shape[2], doubt.shape[2] + more
+    unsure, width = doubt.shape[2], doubt.shape[2] + more + then.shape[2]
     atoms = {key: atom for key, atom in system.atoms.items() if atom.effect is None or atom.shape is not None}
     told, zero = _readings_of_zero(unsure)
+    past, said = before.rooms.readings()
     base = np.pad(system.base_columns, [(0, 0), (0, 0), (0, width)])
-    prior = np.pad(told, [(0, 0), (0, 0), (first, more)])
+    prior = np.pad(told, [(0, 0), (0, 0), (first, more + then.shape[2])])
+    prior = np.concatenate([prior, np.pad(past, [(0, 0), (0, 0), (first + unsure + more, 0)])])
     if len(linear.base_values):
         still = np.zeros((before.width, beyond.shape[2]))
-        base[:, :, first:] = linear.base_columns[:, :, : before.width] @ np.hstack([before.loose, still, ways])
+        base[:, :, first : first + unsure + more] = linear.base_columns[:, :, : before.width] @ np.hstack(
+            [before.loose, still, ways]
+        )
     supposed = replace(
         system,
         frame=np.concatenate([system.frame, np.arange(first, first + unsure)]).astype(int),
-        atoms=atoms | atoms_of_changes(changes, first + unsure),
-        columns=np.concatenate([system.columns, doubt, own @ ways], axis=2),
+        atoms=atoms | atoms_of_changes(changes, first + unsure) | atoms_then(before.rooms, first + unsure + more),
+        columns=np.concatenate([system.columns, doubt, own @ ways, then], axis=2),
         values=linear.residual[rows] + own @ at.moved,
-        scale=np.concatenate([system.scale, np.ones(unsure + more)]),
+        scale=np.concatenate([system.scale, np.ones(width)]),
         base_columns=np.concatenate([base, prior]),
-        base_values=np.concatenate([system.base_values, zero]),
+        base_values=np.concatenate([system.base_values, zero, said]),
         _sums={},
     )
     return supposed, own, beyond

@@ -8,6 +8,7 @@ import numpy as np
 from ptt.again.before import Before
 from ptt.again.changes import PREFIX, Change, changes_of
 from ptt.again.supposed import At, stand_at, suppose
+from ptt.again.then import THEN, Then
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.gross import gross_errors, places_of
@@ -71,14 +72,19 @@ class Weighed:
     def new(self) -> tuple[str, ...]:
         """Keys of effects and unknown physics of the machine that the model does not have."""
         atoms = self.system.atoms
-        rest = [key for key in self.state.keys if not key.startswith(PREFIX)]
+        rest = [key for key in self.state.keys if not key.startswith((PREFIX, THEN))]
         return tuple(key for key in rest if not _of_set_up(atoms[key].effect))
+
+    @property
+    def then(self) -> tuple[Then, ...]:
+        """Effects that the model's own run had as well, though the model does not have them."""
+        return tuple(room for room in self.before.rooms.each if room.key in self.state.keys)
 
     @property
     def set_up(self) -> tuple[str, ...]:
         """Names of what happened to the set-up during the run, which is no change of the machine."""
         atoms = self.system.atoms
-        mine = [key for key in self.state.keys if not key.startswith(PREFIX) and _of_set_up(atoms[key].effect)]
+        mine = [key for key in self.state.keys if not key.startswith((PREFIX, THEN)) and _of_set_up(atoms[key].effect)]
         return tuple(atoms[key].name for key in mine)
 
     @property
@@ -143,7 +149,7 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell, beside: 
         still = np.abs(there - at.moved).max(initial=0.0) < SETTLED and (gross == found.gross).all()
         if turn > 0 and still and _same_names(kept, state):
             break
-        new = [key for key in state.keys if not key.startswith(PREFIX)]
+        new = [key for key in state.keys if not key.startswith((PREFIX, THEN))]
         moments = best_moments(scorer, state, new, candidates)
         noise, moved = noise_again(problem, system, state) if beside is None else noise, there
         kept, memory = state.keys, state.memory
@@ -153,6 +159,9 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell, beside: 
 def moved_by(found: Weighed) -> np.ndarray:
     """How far the changes that are named move the values of the model, (w,) in usual sizes, from where they started."""
     moved = np.zeros(found.before.width)
+    for room in found.then:
+        moved -= room.absorbed @ found.state.posterior.values[found.state.of(room.key)]
+    moved[found.before.gone] = 0.0
     for change in [change for change in found.changed if change.key in found.state.keys]:
         moved[change.places] += change.ways @ found.state.posterior.values[found.state.of(change.key)]
     return moved

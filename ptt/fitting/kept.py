@@ -13,7 +13,7 @@ from ptt.effects.base import Effect
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.result import FitResult
-from ptt.machine import CovarianceSpec
+from ptt.machine import CovarianceSpec, MaskedSpec
 from ptt.model.chain import Shifts, linearise
 from ptt.model.model import Model, parameter_names, write_model
 from ptt.run.problem import apply_frames
@@ -29,12 +29,14 @@ class Kept:
         root: (u, r), in the parameters' own units.
         heldout: error of rows that the fit had not seen, root mean square in total, mm; None where not known.
         helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
+        masked: what its run says of effects that the model does not have (`ptt.fitting.masked`).
     """
 
     names: tuple[str, ...]
     root: np.ndarray
     heldout: float | None = None
     helped: bool | None = None
+    masked: MaskedSpec | None = None
 
     @property
     def promised(self) -> float | None:
@@ -94,7 +96,7 @@ def kept_covariance(model: Model) -> Kept | None:
     count = len(spec.of)
     try:
         flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.root, validate=True)), dtype="<f4").astype(float)
-        return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm, spec.helped)
+        return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm, spec.helped, spec.masked)
     except (ValueError, zlib.error):
         return None
 

@@ -71,6 +71,8 @@ def record(
     written = write_model(ladder.model, [item["sha256"] for item in sources])
     last = ladder.steps[-1]
     covariance = keep_covariance(last.fitted, 1e-3 * float(last.heldout_rms_um["total"]), helped(ladder))
+    if covariance is not None and ladder.masked is not None:
+        covariance = covariance.model_copy(update={"masked": ladder.masked.spec()})
     return replace(written, history=(*ladder.model.file.history, *entries), covariance=covariance)
 
 

@@ -11,6 +11,7 @@ from ptt.effects import Effect
 from ptt.errors import ModelError, PosesError
 from ptt.fitting.chunks import LONG
 from ptt.fitting.long import hidden_residual
+from ptt.fitting.masked import Masked, masked_effects
 from ptt.fitting.report import FitReport, report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, hold, residual_of, rms
@@ -71,6 +72,7 @@ class Ladder(Record):
         protocol: which rows were held out.
         notes: what was done besides, in words.
         ranges: column -> lowest and highest load, temperature and speed of the run.
+        masked: what the run says of effects that the model does not have.
     """
 
     keys: ClassVar[str] = (
@@ -84,6 +86,7 @@ class Ladder(Record):
     protocol: str
     notes: tuple[str, ...] = ()
     ranges: dict[str, list[float]] = field(default_factory=dict)
+    masked: Masked | None = None
 
     @property
     def model(self) -> Model:
@@ -221,7 +224,8 @@ def _measure(
     protocol = f"{len(hidden)} parts of whole blocks of travel hidden in turn, all repeats of a pose together"
     if any(value.measured == "searched" for value in report.values):
         protocol += "; moments, ranges and periods as all rows tell them"
-    return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem))
+    masked = masked_effects(steps[-1].fitted, problem)
+    return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem), masked)
 
 
 def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: Sequence[np.ndarray]) -> np.ndarray:

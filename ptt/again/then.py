@@ -1,0 +1,125 @@
+"""Effects that a model's own run may have had without showing them: told of both runs together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ptt.diagnosis.atoms import EFFECT_ODDS, LARGEST_EFFECT, Atom
+from ptt.effects import Effect, library
+from ptt.fitting.kept import Kept
+from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
+from ptt.fitting.linear import Place
+from ptt.fitting.masked import read_masked
+from ptt.run.view import View
+
+THEN = "then already: "
+
+
+@dataclass(frozen=True)
+class Then:
+    """An effect that a model does not have, as its run leaves room for it.
+
+    Attributes:
+        effect: the effect.
+        absorbed: (w, m) by how much the model's values would be less for each unit of it, in usual sizes.
+        seen: (p, m) its part of the root of what the run knows of all such effects.
+    """
+
+    effect: Effect
+    absorbed: np.ndarray
+    seen: np.ndarray
+
+    @property
+    def key(self) -> str:
+        """Of its atom."""
+        return f"{THEN}{self.effect.key}"
+
+
+@dataclass(frozen=True)
+class Rooms:
+    """All such effects.
+
+    Attributes:
+        each: the effects.
+        said: (p,) what the run said of them: sum of seen @ values, with unit errors.
+    """
+
+    each: tuple[Then, ...] = ()
+    said: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def width(self) -> int:
+        """Number of their values."""
+        return sum(room.seen.shape[1] for room in self.each)
+
+    def columns(self, at: Place, own: np.ndarray, gone: np.ndarray) -> np.ndarray:
+        """What each adds to the readings less what the model's values have of it already, (n, 3, p) whitened.
+
+        Args:
+            at: where columns come from.
+            own: (n, 3, w) columns of the model's values.
+            gone: (w,) bool, values that are zero now whatever they were.
+        """
+        parts = (at.columns(room.effect, {}) - own @ np.where(gone[:, None], 0.0, room.absorbed) for room in self.each)
+        return np.concatenate([np.zeros((*own.shape[:2], 0)), *parts], axis=2)
+
+    def readings(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the model's run said, as readings of unit error three to a row, (r, 3, p) and (r, 3)."""
+        count = -(-len(self.said) // 3)
+        columns, values = np.zeros((3 * count, self.width)), np.zeros(3 * count)
+        values[: len(self.said)] = self.said
+        if self.each:
+            columns[: len(self.said)] = np.concatenate([room.seen for room in self.each], axis=1)
+        return columns.reshape(count, 3, self.width), values.reshape(count, 3)
+
+
+def rooms_of(kept: Kept | None, names: Sequence[str], view: View) -> Rooms:
+    """What a model's file keeps of effects that the model does not have.
+
+    Args:
+        kept: of the file; None where it keeps nothing.
+        names: of the model's values, (w,).
+        view: of the new run.
+
+    Returns:
+        Those that the new run can judge as well.
+    """
+    own = [] if kept is None else [name for name in kept.names if name not in (*FRAME_NAMES, *MOUNT_NAMES)]
+    masked = None if kept is None or kept.masked is None else read_masked(kept.masked, len(own))
+    if masked is None:
+        return Rooms()
+    known, found, first = library(), list[Then](), 0
+    effects = [known[key]() for key in masked.keys if key in known]
+    sizes = [sum(parameter.size(view.joints) for parameter in effect.parameters) for effect in effects]
+    if len(effects) < len(masked.keys) or sum(sizes) != len(masked.said):  # of another program's library
+        return Rooms()
+    place = {name: number for number, name in enumerate(own)}
+    rows = np.array([place.get(name, -1) for name in names])
+    absorbed = np.where(rows[:, None] >= 0, masked.absorbed[rows], 0.0)
+    for effect, size in zip(effects, sizes, strict=True):
+        if not effect.needs(view):
+            found.append(Then(effect, absorbed[:, first : first + size], masked.seen[:, first : first + size]))
+        first += size
+    return Rooms(tuple(found), masked.said)
+
+
+def atoms_then(rooms: Rooms, first: int) -> dict[str, Atom]:
+    """These effects as hypotheses beside others, as likely as one that is new.
+
+    Args:
+        rooms: the effects.
+        first: place of the first column.
+
+    Returns:
+        The atoms by key.
+    """
+    odds, atoms = EFFECT_ODDS + float(np.log(max(len(library()), 1))), dict[str, Atom]()
+    for room in rooms.each:
+        width = room.seen.shape[1]
+        atoms[room.key] = Atom(
+            room.key, room.key, np.arange(first, first + width), np.zeros(width, dtype=int),
+            np.array([LARGEST_EFFECT]), odds, np.zeros(width, dtype=bool), effect=room.effect,
+        )  # fmt: skip
+        first += width
+    return atoms

@@ -1,0 +1,111 @@
+"""What a fit says of effects that its model does not have: how they would have hidden in the values that it has."""
+
+import base64
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.effects import Effect, library
+from ptt.fitting.evidence import inverse
+from ptt.fitting.linear import linear_columns
+from ptt.fitting.result import FitResult
+from ptt.machine import MaskedSpec
+from ptt.model.model import rival
+from ptt.run.problem import Problem
+
+FEW = 12  # values up to which an effect is kept: curves would outgrow the file
+LONG = 10_000  # rows
+LEAST = 0.03  # of the root: what a thousand usual sizes would hardly show says nothing
+
+
+@dataclass(frozen=True)
+class Masked:
+    """Effects that a model does not have, in usual sizes, one behind the other.
+
+    Attributes:
+        keys: of the effects.
+        absorbed: (w, p) by how much the model's values would be less for each unit of theirs.
+        seen: (p, p) root of what the run knows of them beside the model: seen.T @ seen is their information.
+        said: (p,) what the run said of them in terms of the root: seen @ values = said, with unit errors.
+    """
+
+    keys: tuple[str, ...]
+    absorbed: np.ndarray
+    seen: np.ndarray
+    said: np.ndarray
+
+    def spec(self) -> MaskedSpec:
+        """As a machine file keeps it."""
+        flat = np.concatenate([self.absorbed.ravel(), self.seen.ravel(), self.said])
+        return MaskedSpec(of=self.keys, told=base64.b64encode(zlib.compress(flat.astype("<f4").tobytes(), 9)).decode())
+
+
+def read_masked(spec: MaskedSpec, width: int) -> Masked | None:
+    """From a machine file.
+
+    Args:
+        spec: as kept.
+        width: number of the model's values, w.
+
+    Returns:
+        The effects; None where it cannot be read.
+    """
+    try:
+        flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.told, validate=True)), dtype="<f4").astype(float)
+        p = round((np.sqrt((width + 1.0) ** 2 + 4.0 * len(flat)) - width - 1.0) / 2.0)
+        absorbed, seen, said = np.split(flat, [width * p, width * p + p * p])
+        return Masked(spec.of, absorbed.reshape(width, p), seen.reshape(p, p), said)
+    except (ValueError, zlib.error):
+        return None
+
+
+def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
+    """What a run says of the effects of the library that a model does not have and the run could test.
+
+    Args:
+        fitted: the model's fit.
+        problem: its run.
+
+    Returns:
+        What is known of them; None of a long run, or where there is none.
+    """
+    candidates = [] if problem.table.rows > LONG or not len(fitted.unknowns) else _candidates(fitted, problem)
+    if not candidates:
+        return None
+    linear = linear_columns(fitted, problem.masked(fitted.outliers), candidates, fitted.noise)
+    gram, side, _, _ = linear.sums(np.zeros(problem.table.rows, dtype=int), 1).total
+    layout, own = fitted.layout, fitted.layout.owner >= 0
+    simple, more = np.arange(len(layout.scale)), np.concatenate([trial.columns for trial in linear.trials])
+    prior, wide = fitted.prior, _scatter(fitted)
+    solved = inverse(gram[np.ix_(simple, simple)] + np.diag(wide / np.maximum(prior.variance, fitted.sizes**2)))
+    left = side - gram[:, simple[own]] @ fitted.unknowns[own]
+    cross = gram[np.ix_(simple, more)]
+    absorbed = solved @ cross
+    size, ways = np.linalg.eigh((gram[np.ix_(more, more)] - cross.T @ absorbed) / wide)
+    root = np.sqrt(np.maximum(size, 0.0))
+    score = ways.T @ (left[more] - absorbed.T @ left[simple]) / wide
+    said = np.where(root > LEAST, score / np.maximum(root, LEAST), 0.0)
+    keys = tuple(trial.effect.key for trial in linear.trials)
+    return Masked(keys, absorbed[: int(own.sum())], root[:, None] * ways.T, said)
+
+
+def _scatter(fitted: FitResult) -> float:
+    """How much wider than stated the values of a fit scatter."""
+    wide = fitted.prior.crowding * max(1.0, fitted.chi2 / max(fitted.freedom, 1))
+    return float(wide)
+
+
+def _candidates(fitted: FitResult, problem: Problem) -> list[Effect]:
+    kind, joints, keys = problem.file.machine.kind, problem.view.joints, fitted.model.keys
+    found = []
+    for name, cls in library().items():
+        effect = cls()
+        size = sum(parameter.size(joints) for parameter in effect.parameters)
+        if kind not in cls.mechanisms or name in keys or cls.of_run or effect.stage == "metrology" or size > FEW:
+            continue
+        if any(parameter.role != "linear" for parameter in effect.parameters) or rival(effect, keys):
+            continue
+        if not effect.needs(problem.view):
+            found.append(effect)
+    return found
