@@ -345,7 +345,7 @@ def test_round_trip_is_lossless(
         measured=block(3, gaps),
         name=np.array(data.draw(st.lists(NAMES, min_size=n, max_size=n))),
         time_s=np.arange(n) + block(1)[0, 0] * 1e-300,
-        temp_c=block(1, gaps)[:, 0],
+        temp_c=block(1, st.one_of(st.just(np.nan), st.floats(-273.0, 1e6)))[:, 0],
         repeat=np.arange(n, dtype=float),
         joint_prefix="q" if joints == 6 else "b",
     )
@@ -369,3 +369,22 @@ def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
     table = read_table(path)
     assert table.rows == 1_000_000
     assert time.process_time() - start < 20.0
+
+
+def test_fahrenheit_is_turned_and_below_absolute_zero_is_no_temperature(tmp_path: Path) -> None:
+    rows = [f"{x},0,0,{x},0,0," for x in range(3)]
+    for title in ("temp_f", '"Temperature (°F)"'):
+        path = tmp_path / "f.csv"
+        path.write_text("\n".join([f"x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas,{title}", *(row + "68" for row in rows)]))
+        np.testing.assert_allclose(read_table(path).temp_c, 20.0)
+    for value, place in (("-999", "row 3, column temp_c: -999 is less than there can be"), ("-40", "")):
+        path = tmp_path / "c.csv"
+        cold = [rows[0] + "20", rows[1] + value, rows[2] + "20"]
+        path.write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas,temp_c", *cold]))
+        if place:
+            with pytest.raises(TableError, match=place):
+                read_table(path)
+        else:
+            assert read_table(path).temp_c[1] == -40.0
+    with pytest.raises(TableError, match="less than there can be"):
+        read_table(path, set_values={"temp_c": -300.0})

@@ -51,7 +51,7 @@ def _temperature(setup: Setup) -> Result | None:
     if low >= FAHRENHEIT[0] and high <= FAHRENHEIT[1]:
         cool, warm = (low - 32.0) / 1.8, (high - 32.0) / 1.8
         words = f"{span}: in Fahrenheit that is {cool:.1f} to {warm:.1f} deg C, as warm as a workshop"
-        fix = "turn the column into deg C: (value - 32) / 1.8"
+        fix = "rename the column temp_f"
         return said(setup, "temperature-unit", words, fix), shifted("temp_c", 1.0 / 1.8, -32.0 / 1.8)
     if high > HOTTEST or low < -HOTTEST:
         return said(setup, "temperature-unit", f"{span} deg C: no machine is that warm", "say its unit"), None

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import dimension_of, file_title, greatest, split_joint
+from ptt.run.readers.columns import dimension_of, file_title, greatest, least, split_joint
 from ptt.run.readers.export import Export
 
 SHOWN = 12  # titles that a message lists
@@ -102,6 +102,8 @@ def require_number(name: str, value: float) -> None:
         raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
     if abs(value) > greatest({**_CONTEXT, **SETTABLE}[name]):
         raise TableError(f"{name} = {value:g} is beyond any machine", where="--set", fix="correct it")
+    if value < (low := least({**_CONTEXT, **SETTABLE}[name])):
+        raise TableError(f"{name} = {value:g} is less than there can be ({low:g})", where="--set", fix="correct it")
 
 
 def _nan(n: int, width: int) -> np.ndarray:

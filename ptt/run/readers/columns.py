@@ -14,7 +14,7 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "angle": {"rad": (1.0, 0.0), "deg": (np.pi / 180.0, 0.0), "mrad": (1e-3, 0.0)},
     "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (3600.0, 0.0), "stamp": (1.0, 0.0)},
     "mass": {"kg": (1.0, 0.0), "g": (1e-3, 0.0)},
-    "temperature": {"c": (1.0, 0.0), "k": (1.0, -273.15)},
+    "temperature": {"c": (1.0, 0.0), "k": (1.0, -273.15), "f": (1.0 / 1.8, -32.0 / 1.8)},
     "speed": {"mm_s": (1.0, 0.0), "mm_min": (1.0 / 60.0, 0.0), "m_s": (1000.0, 0.0), "m_min": (1000.0 / 60.0, 0.0)},
     "number": {"": (1.0, 0.0)},
     "text": {"": (1.0, 0.0)},
@@ -31,6 +31,9 @@ GREATEST = {
     "number": 1e12,  # N, N m, counts
 }
 """Per dimension: what no machine and no mistake of units goes beyond, in the standard unit. Below, sums stay finite."""
+
+LEAST = {"temp": -273.15}
+"""Per quantity: what it cannot be less than; -999 is a mark of other programs. A tared load may be below zero."""
 
 UNSTATED_IS_ASKED = ("angle", "speed")
 """Dimensions whose unit must be written: rad and deg, mm/s and mm/min are equally common in the field."""
@@ -75,6 +78,11 @@ def standard_unit(quantity: str) -> str:
 def greatest(quantity: str) -> float:
     """Bound of a quantity, in its standard unit; infinity for a text."""
     return GREATEST.get(dimension_of(quantity), np.inf)
+
+
+def least(quantity: str) -> float:
+    """What a quantity cannot be less than, in its standard unit."""
+    return max(LEAST.get(quantity, -np.inf), -greatest(quantity))
 
 
 def file_title(quantity: str) -> str:

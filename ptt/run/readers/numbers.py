@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import greatest, standard_unit
+from ptt.run.readers.columns import greatest, least, standard_unit
 from ptt.run.readers.layout import Column
 from ptt.run.readers.text import POINT_NUMBER, RawText, cell_counts, split_line
 
@@ -121,6 +121,15 @@ def refuse_beyond(raw: RawText, column: Column, values: np.ndarray) -> None:
             f"{shown(value)} is beyond any machine (at most {most:g} {standard_unit(column.quantity)})",
             where=f"{raw.source} row {raw.line[row]}, column {shown(column.title)}",
             fix="correct it, or mark it with an empty cell",
+        )
+    below = np.flatnonzero(values < (low := least(column.quantity)))
+    if below.size:
+        row = int(below[0])
+        value = split_line(raw.body[row], raw.delimiter)[column.index]
+        raise TableError(
+            f"{shown(value)} is less than there can be ({low:g} {standard_unit(column.quantity)})",
+            where=f"{raw.source} row {raw.line[row]}, column {shown(column.title)}",
+            fix="mark it with an empty cell where it is not known",
         )
 
 

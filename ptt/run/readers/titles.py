@@ -28,6 +28,7 @@ _UNIT_WORDS = {
     "g": ("g", "克"),
     "c": ("c", "°c", "degc", "摄氏度", "celsius"),
     "k": ("k", "kelvin", "开"),
+    "f": ("f", "°f", "degf", "华氏度", "fahrenheit"),
     "mm_s": ("mm/s", "毫米/秒", "mm_s"),
     "mm_min": ("mm/min", "毫米/分", "毫米/分钟", "mm_min"),
     "m_s": ("m/s", "米/秒", "m_s"),
