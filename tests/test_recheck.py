@@ -185,6 +185,9 @@ def test_beyond_the_heights_of_the_first_run_a_curve_may_go_on_as_it_likes(tmp_p
     found = look(first, run_of(11, room=(60.0, 60.0, 50.0), drive=screw, geometry=links))
     assert found.verdict == "same" and not found.changed
     assert found.error_um["now"] > 1.5 * 1e3 * SIGMA * np.sqrt(3.0)  # and yet nothing has happened
+    assert (
+        max(abs(one.now - one.before) for one in found.parameters) < 0.2
+    )  # bends that no row tells stay where they were
     assert any("when the model was made" in note and "screw-error-map" in note for note in found.notes)
     turning = run_of(11, 60, room=(60.0, 60.0, 50.0), drive={**screw, "turn_um": (0.0, 0.0, 25.0)}, geometry=links)
     model, _ = for_runs(first.model, turning)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ptt.again.changes import Change
+from ptt.again.changes import CURVE, Change
 from ptt.again.weigh import Weighed
 from ptt.fitting.evidence import WIDE, inverse
 from ptt.fitting.solve import rms
@@ -48,7 +48,7 @@ class Moved(Record):
 
 
 def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
-    """How far some values have moved, all of them free together beside what has changed, no prior on any.
+    """How far some values have moved, all of them free together beside what has changed, no prior on any but on curves.
 
     Args:
         found: the best explanation.
@@ -63,9 +63,10 @@ def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
     rest = [state.of(key) for key in state.keys if key not in free]
     kept = np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)
     columns = np.concatenate([state.columns[kept], own]).astype(int)
-    others = [found.system.atoms[change.key].columns for change in found.changed]
-    loose = np.isin(columns, np.concatenate([own, *others]))
-    prior = np.where(loose, WIDE, np.concatenate([state.posterior.prior[kept], np.full(len(own), WIDE)]))
+    others = [found.columns_of(change) for change in found.changed if change.ways.shape[1] < CURVE]
+    loose = np.isin(columns, np.concatenate([np.zeros(0, dtype=int), *others]))
+    looked_at = np.concatenate([_prior_of(change, found) for change in changes])
+    prior = np.where(loose, WIDE, np.concatenate([state.posterior.prior[kept], looked_at]))
     sums = system.sums_of(columns, state.memory)
     covariance = inverse(sums.gram + np.diag(1.0 / prior))
     values, error = covariance @ sums.side, state.posterior.phi * covariance
@@ -82,6 +83,15 @@ def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
             Moved(change.effect.key, *row, float(then[i]), float(now[i]), float(std[i])) for i, row in enumerate(rows)
         ]
     return tuple(result)
+
+
+def _prior_of(change: Change, found: Weighed) -> np.ndarray:
+    """Prior variance of a change's columns: none but of a curve, whose bends few rows would send anywhere."""
+    width = change.ways.shape[1]
+    if width < CURVE:
+        return np.full(width, WIDE)
+    named = change.key in found.state.keys
+    return found.state.posterior.prior[found.state.of(change.key)] if named else np.ones(width)
 
 
 def every_value(found: Weighed) -> tuple[Moved, ...]:
