@@ -12,7 +12,7 @@ from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import steps
+from ptt.diagnosis import score, steps
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.memory import WHITE, Memory
@@ -80,6 +80,9 @@ class Scored:
         state = SimpleNamespace(keys=tuple(keys), memory=memory, total=total)
         self.scored[keys, memory] = state
         return state
+
+    def score(self, keys: Sequence[str], memory: Memory) -> SimpleNamespace:
+        return self.scored["".join(keys), memory]
 
 
 def test_of_sets_that_do_alike_the_one_with_the_fewest_parts_is_said():
@@ -246,3 +249,17 @@ def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():
     before, looked_at = state.total, scorer.looked_at
     again = improve(scorer, state)
     assert again.total >= before and scorer.looked_at <= looked_at + ROUNDS < SCREENS + 10 * ROUNDS
+
+
+def test_what_is_forgotten_of_sets_of_long_ago_is_worked_out_again(monkeypatch):
+    drawn = hide_faults(draw_rig("none", 41, MACHINE, "volume", rows=60), ["link-length", "backlash"], 41)
+    problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    kept = diagnose(Model(MACHINE), problem)
+    scored = list[tuple]()
+    work_out = score.Scorer._score
+    monkeypatch.setattr(score.Scorer, "_score", lambda self, *what: scored.append(what[:2]) or work_out(self, *what))
+    monkeypatch.setattr(score, "ROOM", 1)  # number: of one set alone the factor is kept
+    found = diagnose(Model(MACHINE), problem)
+    assert len(scored) > 1.2 * len(set(scored))
+    assert {name for (name,) in found.suggested} == {name for (name,) in kept.suggested} == {"link-length", "backlash"}
+    assert found.verdict_probability == pytest.approx(kept.verdict_probability, abs=0.01)

@@ -1,7 +1,8 @@
 """Score of a set of atoms: log evidence at the learned variances, and log prior odds."""
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -23,6 +24,7 @@ REPEATED = 30  # visits beyond the first from which errors of a pose can be told
 # A wrong unit of length stretches about where the tracker stands; in a trusted frame the readings shift with it.
 ONE_CAUSE = ("tracker-scale", "tracker-frame")
 UNSEEN = 0.02  # variance over noise of all that is left out where memories of the noise are compared
+ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
 
@@ -47,6 +49,15 @@ class State:
     columns: np.ndarray
     owner: np.ndarray
     scales: Mapping[str, np.ndarray]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether its factor is there, so that something can be set beside it."""
+        return len(self.posterior.cholesky) == len(self.columns)
+
+    def without_factor(self) -> "State":
+        """The same without the Cholesky factor of its posterior, nearly all of what it takes to keep."""
+        return replace(self, posterior=replace(self.posterior, cholesky=np.empty((0, 0))))
 
     def of(self, key: str) -> np.ndarray:
         """Places of an atom's columns among the posterior's."""
@@ -115,6 +126,7 @@ class Scorer:
         self.steps, self.barred = steps, barred
         self.screened: dict[tuple[tuple[str, ...], Memory], Screen] = {}
         self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
+        self.whole: deque[State] = deque()
         self.begun: dict[str, np.ndarray] = {}
         self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
         self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
@@ -122,8 +134,8 @@ class Scorer:
     def widened(self, system: System) -> "Scorer":
         """The same for a system with atoms beside those that it has: what was scored and screened stays known."""
         wider = Scorer(system, self.given, self.steps, self.barred)
-        wider.scored, wider.begun, wider.suiting = self.scored, self.begun, self.suiting
-        wider.known = {where: screen.gains for where, screen in self.screened.items()}
+        wider.scored, wider.whole, wider.begun, wider.suiting = self.scored, self.whole, self.begun, self.suiting
+        wider.known = self.known | {where: screen.gains for where, screen in self.screened.items()}
         return wider
 
     @property
@@ -134,9 +146,21 @@ class Scorer:
     def score(self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None) -> State:
         """The joint maximum over all variances of a set of atoms."""
         order = tuple(sorted({*keys, *self.given}))
-        if (order, memory) not in self.scored:
-            self.scored[order, memory] = self._score(order, memory, start or {})
-        return self.scored[order, memory]
+        seen = self.scored.get((order, memory))
+        if seen is None or not seen.is_whole:
+            seen = self._score(order, memory, (start or {}) if seen is None else seen.scales)
+            self._keep(seen)
+        return seen
+
+    def _keep(self, state: State) -> None:
+        """Keep a set, and of those of long ago only what they said, where their factors would fill gigabytes."""
+        self.scored[state.keys, state.memory] = state
+        self.whole.append(state)
+        while len(self.whole) > max(ROOM // max(state.posterior.cholesky.size, 1), 1):
+            where = self.whole[0].keys, self.whole[0].memory
+            self.scored[where] = self.whole.popleft().without_factor()
+            if where in self.screened:
+                self.known[where] = self.screened.pop(where).gains
 
     def _score(self, keys: tuple[str, ...], memory: Memory, start: Mapping[str, np.ndarray]) -> State:
         system, atoms = self.system, [self.system.atoms[key] for key in keys]

@@ -133,7 +133,8 @@ def plainest(scorer: Scorer, best: State) -> State:
         to anything says little; then the best.
     """
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
-    return min([best, *near], key=lambda state: (_parts(scorer, state), _bends(scorer, state), -state.total))
+    first = min([best, *near], key=lambda state: (_parts(scorer, state), _bends(scorer, state), -state.total))
+    return scorer.score(first.keys, first.memory)
 
 
 def _parts(scorer: Scorer, state: State) -> float:
