@@ -19,6 +19,7 @@ from ptt.show.studio.worker import serve
 
 POLL = 0.02  # s
 IDLE = 120.0  # s without work after which a process is given back
+SHORT = 2.0  # s that a job may take that nobody stops
 PATIENCE = 20.0  # s that what nobody waits for stands back
 FEWEST, MOST = 2, 4  # at once: a diagnosis beside a quick look; more than this and each of them gets slow
 KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
@@ -89,6 +90,7 @@ class Pool:
         self.idle, self.verb = idle, verb
         self._free: list[Hand] = []
         self._all: set[Hand] = set()
+        self._closed = False
         self._room = asyncio.Semaphore(self.most)
         atexit.register(self.close)
 
@@ -125,11 +127,15 @@ class Pool:
             tell("waiting until other sessions are served", 0, 0)
         async with self._room:
             hand = self._free.pop() if self._free else self._started()
+            reserve = asyncio.get_running_loop().call_later(SHORT, self._reserve)
             try:
                 kind, *content = await hand.answer(folder, job, arguments, tell)
             except BaseException:
                 self._end(hand)
+                self._ready()  # in its place
                 raise
+            finally:
+                reserve.cancel()
             if kind == "lost" or hand.large:
                 self._end(hand)
             else:
@@ -147,6 +153,7 @@ class Pool:
 
     def close(self) -> None:
         """End all processes."""
+        self._closed = True
         for hand in list(self._all):
             self._end(hand)
         self._free.clear()
@@ -155,6 +162,17 @@ class Pool:
         hand = Hand(self.verb)
         self._all.add(hand)
         return hand
+
+    def _reserve(self) -> None:
+        """Have a process free for what is asked for next."""
+        if not self._free:
+            self._ready()
+
+    def _ready(self) -> None:
+        """Start one more, where there may be one: it takes long to begin."""
+        if len(self._all) < self.most and not self._closed:
+            self._free.insert(0, self._started())  # those that have begun are taken first
+            self._trim_later()
 
     def _end(self, hand: Hand) -> None:
         self._all.discard(hand)
