@@ -135,6 +135,7 @@ def find(
             if needless:
                 barred, kept = barred | set(needless), tuple(key for key in kept or () if key not in needless)
                 current, memory = _without(fitted.model, needless), state.memory
+                system.forget()
                 continue
         if steady:
             break
@@ -144,6 +145,7 @@ def find(
         noise = noise_again(problem, system, state)
         current = moved(found, model, problem)
         kept, memory, held = (*current.keys, *blocks), state.memory, blocks
+        system.forget()
     scorer, state = jumps_instead(found.scorer, found.state)
     return replace(found, scorer=scorer, system=scorer.system, state=state)
 

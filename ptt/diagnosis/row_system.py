@@ -87,6 +87,12 @@ class RowSystem(System):
             self._sums[memory] = self._sums_of_all(memory)
         return self._sums[memory]
 
+    def forget(self) -> None:
+        """Let go of the sums of all columns, which fill gigabytes for thousands of readings of an arm."""
+        super().forget()
+        self._sums.clear()
+        self.__dict__.pop("_means", None)
+
     def _sums_of_all(self, memory: Memory) -> Sums:
         if memory.pose and memory.wander is None:
             values = self.poses.means(self.values.T).ravel()

@@ -98,6 +98,10 @@ class System(ABC):
 
         return sums
 
+    def forget(self) -> None:
+        """Let go of what can be worked out again: the next system takes as much memory as this one."""
+        self.__dict__.pop("families", None)
+
     def innovation(self, chosen: np.ndarray, values: np.ndarray, memory: Memory) -> np.ndarray:
         """What a solution leaves beyond what the wander foretells, (m, 3) in noise units."""
         return innovations(self.left(chosen, values), memory.wander, self.clock)[0]
