@@ -342,3 +342,10 @@ def test_dexterity_reads_both_families(tmp_path):
     arm = json.loads(invoke("dexterity", DATA / "machines" / "kuka_iiwa.toml", "--json").stdout)
     assert arm["kind"] == "serial" and arm["workspace"]["condition"]["least"] >= 1.0
     assert "inverse singularity" in invoke("dexterity", MACHINE).stdout
+
+
+def test_a_library_that_counts_its_objects_has_nothing_to_say_at_the_end(tmp_path):
+    """What is spared of the interpreter's end would be leaks to the store's library, which looks for them."""
+    words = [sys.executable, "-m", "ptt", "fleet", "init", "store"]
+    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -1,5 +1,6 @@
 """`ptt`: finds verbs by their files, and turns every error into one line and an exit code."""
 
+import atexit
 import difflib
 import gc
 import importlib
@@ -31,6 +32,7 @@ THREADS, ONE = "OMP_NUM_THREADS", "1"  # arrays are small: on shared cores threa
 SUMS = (
     "OPENBLAS_NUM_THREADS"  # threads of numpy's linear algebra share sums out otherwise: the last digits would change
 )
+COUNTED = {"_duckdb"}  # modules that complain of objects which nobody has collected when the process ends
 MESSAGE = 580  # characters of the one line that an error is
 HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
 
@@ -95,6 +97,7 @@ def _root(
 def main() -> None:
     """Entry point of `ptt`."""
     _set_threads()
+    atexit.register(_spare_the_end)
     app(prog_name=PROGRAM)
 
 
@@ -122,6 +125,7 @@ def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
         args: arguments; None for those of the command line.
     """
     _set_threads()
+    atexit.register(_spare_the_end)
     command = _build(verb)
     _end(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
 
@@ -220,6 +224,12 @@ def _quiet() -> Iterator[None]:
         yield
 
 
+def _spare_the_end() -> None:
+    """The interpreter's last collections would go through every object of torch and pandas for nothing."""
+    if not COUNTED & sys.modules.keys():
+        gc.freeze()
+
+
 def _end(code: int) -> NoReturn:
     """End the process with a code that the interpreter's own flushing of a closed output cannot change."""
     for stream in (sys.stdout, sys.stderr):
@@ -230,7 +240,6 @@ def _end(code: int) -> NoReturn:
             code = code or 1
             with suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    gc.freeze()  # the interpreter's last collections would go through every object of torch and pandas for nothing
     sys.exit(code)
 
 
