@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.again.before import Before, look_back
+from ptt.again.before import look_back
 from ptt.again.beside import sure_beside
 from ptt.again.beyond import beyond_notes
 from ptt.again.changes import PREFIX, Change
@@ -208,10 +208,6 @@ def is_repaired(value: Moved) -> bool:
     """
     was, now = abs(value.before), abs(value.now)
     return was > CLEAR * value.std and (now < GONE * was or (now < CLEAR * value.std and now < 0.5 * was))
-
-
-def _contexts(before: Before, problem: Problem) -> tuple[str, ...]:
-    return (*context_notes(before, problem), *beyond_notes(before, problem))
 
 
 def _then(found: Weighed) -> tuple[str, ...]:

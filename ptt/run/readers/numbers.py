@@ -112,31 +112,26 @@ def refuse_beyond(raw: RawText, column: Column, values: np.ndarray) -> None:
     Raises:
         TableError: one beyond the bound of its dimension, by row and column.
     """
-    most = greatest(column.quantity)
-    beyond = np.flatnonzero(np.abs(values) > most)
-    if beyond.size:
-        row = int(beyond[0])
-        value = split_line(raw.body[row], raw.delimiter)[column.index]
-        raise TableError(
-            f"{shown(value)} is beyond any machine (at most {most:g} {standard_unit(column.quantity)})",
-            where=f"{raw.source} row {raw.line[row]}, column {shown(column.title)}",
-            fix="correct it, or mark it with an empty cell",
-        )
-    below = np.flatnonzero(values < (low := least(column.quantity)))
-    if below.size:
-        row = int(below[0])
-        value = split_line(raw.body[row], raw.delimiter)[column.index]
-        raise TableError(
-            f"{shown(value)} is less than there can be ({low:g} {standard_unit(column.quantity)})",
-            where=f"{raw.source} row {raw.line[row]}, column {shown(column.title)}",
-            fix="mark it with an empty cell where it is not known",
-        )
+    most, low, unit = greatest(column.quantity), least(column.quantity), standard_unit(column.quantity)
+    empty = "mark it with an empty cell"
+    for wrong, why, fix in (
+        (np.abs(values) > most, f"is beyond any machine (at most {most:g} {unit})", f"correct it, or {empty}"),
+        (values < low, f"is less than there can be ({low:g} {unit})", f"{empty} where it is not known"),
+    ):
+        if wrong.any():
+            value, where = _cell(raw, column, int(wrong.argmax()))
+            raise TableError(f"{shown(value)} {why}", where=where, fix=fix)
+
+
+def _cell(raw: RawText, column: Column, row: int) -> tuple[str, str]:
+    """What a cell says, and where it is, in words."""
+    value = split_line(raw.body[row], raw.delimiter)[column.index]
+    return value, f"{raw.source} row {raw.line[row]}, column {shown(column.title)}"
 
 
 def _refuse(raw: RawText, column: Column, row: int) -> None:
-    value = split_line(raw.body[row], raw.delimiter)[column.index]
+    value, where = _cell(raw, column, row)
     fix = "remove the row or mark it with an empty cell"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
         fix = "write numbers with a decimal point"
-    where = f"{raw.source} row {raw.line[row]}, column {shown(column.title)}"
     raise TableError(f"not a number ('{shown(value)}')", where=where, fix=fix)
