@@ -31,10 +31,11 @@ class LazySums(Sums):
 
     def of(self, chosen: np.ndarray) -> Sums:
         """Normal sums of chosen columns; what these lack is worked out among them alone: most sets lead no further."""
-        gram, lack = self.gram[np.ix_(chosen, chosen)], ~self.there[chosen]
-        if lack.any():
-            gram[lack] = self.products(chosen[lack], chosen)
-            gram[:, lack] = gram[lack].T
+        gram, there = self.gram[np.ix_(chosen, chosen)], self.there[chosen]
+        if not there.all():
+            lack = np.flatnonzero(~there)
+            gram[np.ix_(lack, there)] = gram[np.ix_(there, lack)].T
+            gram[np.ix_(lack, lack)] = self.products(chosen[lack], chosen[lack])
         return Sums(gram, self.side[chosen], self.square, self.log_noise)
 
     def across(self, chosen: np.ndarray, others: np.ndarray) -> np.ndarray:
