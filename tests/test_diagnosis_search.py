@@ -14,6 +14,7 @@ from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import score, steps
 from ptt.diagnosis.candidates import first_of
+from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.screen import Gain
@@ -136,7 +137,7 @@ class Sums:
             atoms[key].effect = SimpleNamespace(parameters=(), name=key)
         self.system = SimpleNamespace(atoms=atoms, rows=range(50))
 
-    def score(self, keys, memory, scales=None):
+    def score(self, keys, memory, scales=None, least=None):
         named = tuple(sorted(keys))
         return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, scales={})
 
@@ -224,7 +225,7 @@ class Endless:
     def looked_at(self) -> int:
         return self.screens
 
-    def score(self, keys: Sequence[str], memory: Memory, scales: object = None) -> SimpleNamespace:
+    def score(self, keys: Sequence[str], memory: Memory, scales: object = None, least: float = 0.0) -> SimpleNamespace:
         self.scored += 1
         total = -100.0 * abs(len(keys) - 8) + 0.4 * self.scored
         return SimpleNamespace(keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, worth=lambda key: 99.0)
@@ -263,3 +264,18 @@ def test_what_is_forgotten_of_sets_of_long_ago_is_worked_out_again(monkeypatch):
     assert len(scored) > 1.2 * len(set(scored))
     assert {name for (name,) in found.suggested} == {name for (name,) in kept.suggested} == {"link-length", "backlash"}
     assert found.verdict_probability == pytest.approx(kept.verdict_probability, abs=0.01)
+
+
+def test_a_set_that_was_only_told_to_be_far_is_scored_when_it_is_asked_for():
+    drawn = hide_faults(draw_rig("none", 41, MACHINE, "volume", rows=60), ["link-length", "backlash"], 41)
+    problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    system, far = find(Model(MACHINE), problem, library(), lambda what: None).system, 0
+    for key in list(system.atoms)[:60]:
+        whole, hasty = score.Scorer(system), score.Scorer(system)
+        exact = whole.score([key], WHITE, {})
+        told = hasty.score([key], WHITE, {}, exact.total + 100.0)
+        far += told.posterior.ended
+        assert told.total <= exact.total + 0.1
+        assert hasty.score([key], WHITE).total == pytest.approx(exact.total, abs=0.1)
+        assert not hasty.score([key], WHITE).posterior.ended
+    assert far > 5

@@ -170,3 +170,27 @@ def test_stated_scatter_is_what_repeated_problems_scatter_by() -> None:
         pulls.append((found.values - truth) / np.sqrt(np.diag(found.covariance)))
     within = np.mean(np.abs(np.concatenate(pulls)) < 2.0)
     assert stats.binom.sf(150 * 14 * (1 - within), 150 * 14, 0.09) > 1e-4 and within > 0.92
+
+
+@pytest.mark.parametrize("done", [0.05, 1e-3])
+def test_no_more_is_still_to_be_had_than_was_asked_for(done: float) -> None:
+    random = np.random.default_rng(5)
+    for seed in range(40):
+        columns, values, owner = problem(seed, list(np.exp(random.normal(0.0, 2.5, 3))))
+        start = np.exp(random.normal(0.0, 1.0, 3))
+        exact, found = (solve(columns, values, owner, start=start, done=each) for each in (1e-9, done))
+        assert found.total > exact.total - 2.0 * done
+        assert found.steps <= exact.steps
+
+
+def test_what_ends_before_the_total_that_was_asked_for_would_not_have_reached_it() -> None:
+    random, ended, spared = np.random.default_rng(6), 0, 0
+    for seed in range(150):
+        columns, values, owner = problem(seed, list(np.exp(random.normal(0.0, 2.5, 3))))
+        start = np.exp(random.normal(0.0, 2.0, 3))
+        whole = solve(columns, values, owner, start=start)
+        least = whole.total + random.uniform(-3.0, 3.0)
+        found = solve(columns, values, owner, start=start, least=least)
+        ended, spared = ended + found.ended, spared + whole.steps - found.steps
+        assert whole.total < least if found.ended else found.total == whole.total
+    assert ended > 40 and spared > ended / 2

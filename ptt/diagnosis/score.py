@@ -143,12 +143,24 @@ class Scorer:
         """Number of sets that were screened."""
         return len(self.known.keys() | self.screened.keys())
 
-    def score(self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None) -> State:
-        """The joint maximum over all variances of a set of atoms."""
+    def score(
+        self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None, least: float = -np.inf
+    ) -> State:
+        """The joint maximum over all variances of a set of atoms.
+
+        Args:
+            keys: of the atoms.
+            memory: of the noise.
+            start: variances to start from, by key.
+            least: total below which nobody wants to know it: it may then be somewhere short of the maximum.
+
+        Returns:
+            The set.
+        """
         order = tuple(sorted({*keys, *self.given}))
         seen = self.scored.get((order, memory))
-        if seen is None or not seen.is_whole:
-            seen = self._score(order, memory, (start or {}) if seen is None else seen.scales)
+        if seen is None or not (seen.is_whole or seen.total < least) or (seen.posterior.ended and seen.total >= least):
+            seen = self._score(order, memory, (start or {}) if seen is None else seen.scales, least)
             self._keep(seen)
         return seen
 
@@ -158,11 +170,13 @@ class Scorer:
         self.whole.append(state)
         while len(self.whole) > max(ROOM // max(state.posterior.cholesky.size, 1), 1):
             where = self.whole[0].keys, self.whole[0].memory
-            self.scored[where] = self.whole.popleft().without_factor()
+            first = self.whole.popleft()
+            if self.scored[where] is first:
+                self.scored[where] = first.without_factor()
             if where in self.screened:
                 self.known[where] = self.screened.pop(where).gains
 
-    def _score(self, keys: tuple[str, ...], memory: Memory, start: Mapping[str, np.ndarray]) -> State:
+    def _score(self, keys: tuple[str, ...], memory: Memory, start: Mapping[str, np.ndarray], least: float) -> State:
         system, atoms = self.system, [self.system.atoms[key] for key in keys]
         columns = np.concatenate([system.frame, *(atom.columns for atom in atoms)]).astype(int)
         frame = np.full(len(system.frame), -1)
@@ -170,13 +184,10 @@ class Scorer:
         begin = np.concatenate([np.zeros(0), *(start.get(a.key, np.ones(a.groups)) for a in atoms)])
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         sums = system.sums_of(columns, memory)
-        posterior = self._learned(atoms, sums, system.spare, begin)
-        total = (
-            posterior.total
-            - sums.log_noise
-            - _odds_against([atom for atom in atoms if atom.key not in self.given])
-            + prior_of(memory)
-        )
+        odds = _odds_against([atom for atom in atoms if atom.key not in self.given])
+        beside = prior_of(memory) - odds - sums.log_noise
+        posterior = self._learned(atoms, sums, system.spare, begin, least - beside)
+        total = posterior.total + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
         return (
@@ -185,7 +196,9 @@ class Scorer:
             else state
         )
 
-    def _learned(self, atoms: Sequence[Atom], sums: Sums, count: float, begin: np.ndarray) -> Posterior:
+    def _learned(
+        self, atoms: Sequence[Atom], sums: Sums, count: float, begin: np.ndarray, least: float = -np.inf
+    ) -> Posterior:
         """Variances and values of the frame and some atoms, from sums of their columns."""
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         frame = np.full(len(self.system.frame), -1)
@@ -195,6 +208,7 @@ class Scorer:
         return learn(
             sums.gram, sums.side, sums.square, count, group.astype(int),
             freedom=self.system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
+            least=least,
         )  # fmt: skip
 
     def without_rows(self, state: State, hidden: Hidden) -> np.ndarray:

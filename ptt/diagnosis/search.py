@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, is_block, is_effect
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.probability import TEMPER
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.screen import Allowed, Gain
 
@@ -23,6 +24,7 @@ PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
 FREED = 10.0  # nats beyond its odds that an atom may bring by going: variances of others that it held up
+FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside it: its score need not be exact
 PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
 
 
@@ -167,9 +169,9 @@ def _wanders(atom: Atom) -> bool:
     return atom.block is not None and "time" in atom.block.on
 
 
-def added(scorer: Scorer, state: State, gain: Gain) -> State:
-    """A state with what the screen proposes, its variances learned on from there."""
-    return scorer.score((*state.keys, gain.key), state.memory, {**state.scales, gain.key: gain.scales})
+def added(scorer: Scorer, state: State, gain: Gain, least: float = -np.inf) -> State:
+    """A state with what the screen proposes, its variances learned on from there; `least` as in `Scorer.score`."""
+    return scorer.score((*state.keys, gain.key), state.memory, {**state.scales, gain.key: gain.scales}, least)
 
 
 def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
@@ -177,12 +179,21 @@ def _plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     found = [gain for gain in scorer.screen(state, allowed) if gain.nats > SEEN]
     lead = found[:TRIED]
     lead += [gain for gain in found if is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
-    moves = [added(scorer, state, gain) for gain in lead]
+    moves = list[State]()
+    for gain in lead:
+        moves.append(added(scorer, state, gain, _least(state, moves)))
     # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
     most = max((other.total for other in moves), default=-np.inf) - state.total - FREED
     may_go = [key for key in loose(scorer, state) if scorer.system.atoms[key].odds > most]
     weak = [key for key in may_go if state.worth(key) < SAFE]
-    return moves + [scorer.score(without(state, key), state.memory, state.scales) for key in weak]
+    for key in weak:
+        moves.append(scorer.score(without(state, key), state.memory, state.scales, _least(state, moves)))
+    return moves
+
+
+def _least(state: State, moves: Sequence[State]) -> float:
+    """Total from which one more move from a state is of any interest beside others."""
+    return max([state.total, *(other.total for other in moves)]) - FAR
 
 
 def _remembering(scorer: Scorer, state: State, key: str) -> State:
@@ -234,4 +245,4 @@ def _swapped(scorer: Scorer, state: State, fewer: State, allowed: Allowed) -> li
     # The screen holds the others' variances, so what it says of the one that went is what to compare with.
     usual = max((gain.nats for gain, name in found if name in gone), default=state.total - fewer.total)
     near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, SEEN)]
-    return [added(scorer, fewer, gain) for gain in near[:SWAPS]]
+    return [added(scorer, fewer, gain, state.total - FAR) for gain in near[:SWAPS]]

@@ -12,9 +12,11 @@ NARROWEST, WIDEST = 1e-6, 1e8  # variances a group may have: a thousandth to ten
 STEPS = 30
 DONE = 1e-3  # nats still to be had at which it ends
 SAME = 0.1  # share of these by which a step may differ from what the curvature foretold, and be the last
+MISSED = 9.0  # four times 9/4, for a step that is not of one variance alone
 LEAP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
 FURTHEST = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
 HALVINGS = 8
+HOPE = 4.0  # times the gain that slope and curvature foretell twice over: no more than that is still to be had
 ROUNDING = 1e-13  # share of the sum of squares that is rounding
 TINY = 1e-12  # nothing scatters by a millionth of its noise
 
@@ -36,6 +38,7 @@ class Posterior:
         left: Q = |y - X values|^2 + values^T diag(1 / prior) values.
         phi: white variance, (freedom + Q) / (freedom + count).
         steps: evaluations of the evidence.
+        ended: whether it ended because it would not reach the total that was asked for.
     """
 
     values: np.ndarray
@@ -49,6 +52,7 @@ class Posterior:
     left: float
     phi: float
     steps: int
+    ended: bool = False
 
     @property
     def total(self) -> float:
@@ -81,6 +85,7 @@ def learn(
     width: float | np.ndarray = WIDTH,
     wide: float = WIDE,
     done: float = DONE,
+    least: float = -np.inf,
 ) -> Posterior:
     """Find the prior variance of each group of unknowns, and the unknowns with it.
 
@@ -107,6 +112,7 @@ def learn(
             for no prior; one for all or (G,).
         wide: prior variance of unknowns of no group.
         done: nats still to be had at which it ends.
+        least: total that is asked for; where the way there is many times what is still to be had, it ends as well.
 
     Returns:
         The posterior.
@@ -117,22 +123,29 @@ def learn(
     at = np.log(np.clip(np.ones(groups) if start is None else start, low, high))
     here = problem.evaluate(at)
     bottom, top = np.log(low), np.log(high)
-    slope = problem.slope(here)
+    slope, ended = problem.slope(here), False
     for _ in range(STEPS):
         free = (bottom < top) & ~((at <= bottom) & (slope.first < 0)) & ~((at >= top) & (slope.first > 0))
         newton = _newton(slope, free)
-        if slope.first @ newton <= 2.0 * done:
+        hope = float(slope.first @ newton)
+        if hope <= 2.0 * done:
+            break
+        if here.value + HOPE * hope < least and max(np.abs(newton).max(), _longest(slope, free)) < LEAP:
+            ended = True
             break
         found = _climb(problem, here, at, _steps(slope, newton, free), bottom, top)
         if found is None:
             break
-        gained, at, here = found[1].value - here.value, *found
-        foretold = float(slope.first @ newton - 0.5 * newton @ slope.curvature @ newton)
-        # Where the evidence rises just as its curvature foretold, what is still to be had is of a higher order.
-        if abs(gained - foretold) < SAME * done:
+        is_newton, gained = bool((found[0] == at + newton).all()), found[1].value - here.value
+        at, here = found
+        foretold = float(hope - 0.5 * newton @ slope.curvature @ newton)
+        # Where the evidence rises just as its curvature foretold, what is still to be had is of a higher order: after a
+        # whole step of Newton's that missed by e, it is e^2 9/4 over what was foretold.
+        missed = abs(gained - foretold)
+        if missed < SAME * done or (is_newton and MISSED * missed**2 < done * foretold):
             break
         slope = problem.slope(here)
-    return problem.posterior(here, slope)
+    return problem.posterior(here, slope, ended)
 
 
 @dataclass(frozen=True)
@@ -223,12 +236,12 @@ class _Problem:
             np.maximum(np.log(np.maximum(energy, 1e-12) / decided), -FURTHEST),
         )
 
-    def posterior(self, point: _Point, slope: _Slope) -> Posterior:
+    def posterior(self, point: _Point, slope: _Slope, ended: bool) -> Posterior:
         """The result, unknowns in the order that they were given in."""
         place = np.argsort(self.order)
         return Posterior(
             point.values[place], point.factor, self.order, point.prior[place], point.scales, slope.curvature,
-            point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations,
+            point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations, ended,
         )  # fmt: skip
 
 
@@ -254,10 +267,19 @@ def _steps(slope: _Slope, newton: np.ndarray, free: np.ndarray) -> Iterator[np.n
 
     His rule knows no prior of the sizes: where that pulls the other way, it would press a group to its bound for good.
     """
-    uphill = free & (slope.mackay * slope.first > 0.0)
-    if np.abs(slope.mackay[uphill]).max(initial=0.0) > LEAP:
-        yield np.where(uphill, slope.mackay, newton)
+    if _longest(slope, free) > LEAP:
+        yield np.where(_uphill(slope, free), slope.mackay, newton)
     yield from (newton * 0.5**n for n in range(HALVINGS))
+
+
+def _uphill(slope: _Slope, free: np.ndarray) -> np.ndarray:
+    """Groups whose evidence rises the way that MacKay's rule goes."""
+    return np.asarray(free & (slope.mackay * slope.first > 0.0))
+
+
+def _longest(slope: _Slope, free: np.ndarray) -> float:
+    """The longest of MacKay's steps that go uphill."""
+    return float(np.abs(slope.mackay[_uphill(slope, free)]).max(initial=0.0))
 
 
 def _climb(
