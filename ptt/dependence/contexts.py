@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ptt.dependence.way import ways_of
 from ptt.run.mounts import mount_slopes
 from ptt.run.watched import watched_values
 
@@ -163,6 +164,27 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
     views["run"] = np.asarray(table.run, dtype=float)
     views |= watched_values(table)
     return {name: values for name, values in views.items() if _varies(name, values[used])}
+
+
+def path_views(problem: "Problem") -> dict[str, np.ndarray]:
+    """What an unknown may depend on: everything that a residual may, and the tool's way.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        As `context_views`, and 'way x'.., components of the tool's way of arrival, -1 to 1, and 'turn x'.., of its way
+        on less that; 'feed' mm/s.
+    """
+    came, turns = ways_of(problem.view.p.numpy(), problem.view.starts.numpy())
+    named = {
+        f"{what} {axis}": way[:, i]
+        for what, way in (("way", came[0]), ("turn", turns))
+        for i, axis in enumerate(COORDINATES)
+    }
+    if problem.table.feed_mm_s is not None:
+        named["feed"] = np.asarray(problem.table.feed_mm_s, dtype=float)
+    return context_views(problem) | {name: way for name, way in named.items() if _varies(name, way[problem.used])}
 
 
 def is_joint(name: str) -> bool:

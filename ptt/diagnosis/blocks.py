@@ -123,11 +123,14 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
         for context in span.contexts:
-            yield _named(place, (context.name, own), partial(product, _with_level(context), low))
+            if context.joints:
+                yield _named(place, (context.name, own), partial(product, _with_level(context), low))
         if span.two_sided[place.joint]:
             yield from _reversal(problem, place, own, low, span.contexts)
     for context in span.contexts:
-        if context.name != "time":
+        if not context.joints:
+            yield _named(tool, (context.name,), lambda context=context: context.shapes)  # type: ignore[misc]
+        elif context.name != "time":
             degree = FIELD_OF_CONTEXT if context.fields else 1
             yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
     if span.two_sided.any():
@@ -189,7 +192,7 @@ def _reversal(
     name = f"direction{place.joint + 1}"
     yield _named(place, (name, own), partial(np.multiply, side, low))
     for context in contexts:
-        if context.name not in ("memory of temperature", "velocity"):
+        if context.joints and context.name not in ("memory of temperature", "velocity"):
             yield _named(place, (name, context.name), partial(np.multiply, side, context.shapes[:, :COARSE]))
 
 

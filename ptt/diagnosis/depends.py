@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES, context_views, residual_views
+from ptt.dependence.contexts import COORDINATES, path_views, residual_views
 from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence, depends_on
 from ptt.diagnosis.atoms import is_block
@@ -105,7 +105,7 @@ def dependences(unknowns: tuple[Unknown, ...], rest: np.ndarray, problem: Proble
     Returns:
         At most five, those with the largest share first.
     """
-    contexts, found = context_views(problem), list[Dependence]()
+    contexts, found = path_views(problem), list[Dependence]()
     for item in unknowns:
         others = sum((other.part for other in unknowns if other is not item), np.zeros_like(rest))
         one = _dependence(item, rest - others, contexts, problem)
@@ -167,6 +167,8 @@ def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
             return tuple(f"speed{i}" for i in joints) if own is None else (f"speed{own + 1}",)
         case "memory of temperature":
             return ("temperature",)
+        case "way" | "turn" as name:
+            return tuple(f"{name} {axis}" for axis in COORDINATES)
         case "x":
             own = item.block.place.joint
             return COORDINATES if own is None else (*COORDINATES, _letter(problem, own))

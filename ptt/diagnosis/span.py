@@ -6,11 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import linalg
 
-from ptt.diagnosis.smooth import cosines, ends_of, scaled, unit
+from ptt.dependence.way import ways_of
+from ptt.diagnosis.smooth import cosines, ends_of, product, scaled, unit
 from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
 
 SLOW = 10  # cosines over the time of the run
+SAME_FEED = 0.05  # share of the largest that a feed has to vary by
 LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
 
 
@@ -22,11 +24,13 @@ class Context:
         name: 'payload', 'temperature', 'time', 'speed', or the title of a column that a person wants watched.
         shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
         fields: whether a field over the workspace may go with it beyond scale and turn.
+        joints: whether it may act on joints; what only the tool knows acts on the tool.
     """
 
     name: str
     shapes: np.ndarray
     fields: bool = True
+    joints: bool = True
 
 
 @dataclass(frozen=True)
@@ -93,9 +97,23 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         velocity = view.velocity.numpy()
         signed = np.column_stack([velocity, velocity * np.abs(velocity)])
         yield Context("velocity", signed / np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9), fields=False)
+    feed = problem.table.feed_mm_s
+    came, turns = ways_of(view.p.numpy(), view.starts.numpy())
+    yield Context("way", np.column_stack(list(came)), fields=False, joints=False)
+    if feed is None or np.ptp(feed := np.nan_to_num(feed)) <= SAME_FEED * feed.max():
+        yield Context("turn", turns, fields=False, joints=False)
+    else:  # how fast the machine came, also where it was read at a stop
+        yield Context("feed", _bowed(feed), fields=False)
+        swift = np.column_stack([np.ones(view.rows), unit(feed), unit(feed**2)])
+        yield Context("turn", product(turns, swift), fields=False, joints=False)
     for title, values in watched_values(problem.table).items():
-        apart = unit(np.nan_to_num(values - np.nanmean(values)))
-        yield Context(title, np.column_stack([apart, unit(apart**2 - np.mean(apart**2))]))
+        yield Context(title, _bowed(np.nan_to_num(values - np.nanmean(values))))
+
+
+def _bowed(values: np.ndarray) -> np.ndarray:
+    """What a column says in a straight line and in a bow, (n, 2)."""
+    apart = unit(values - values.mean())
+    return np.column_stack([apart, unit(apart**2 - np.mean(apart**2))])
 
 
 def _time(problem: Problem) -> np.ndarray:

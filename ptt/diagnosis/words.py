@@ -260,7 +260,14 @@ def depends(strongest: Strongest) -> str:
         )
     place = f" near {_near(strongest.place)}" if strongest.place else ""
     place = f", in a measure that varies with {strongest.with_}" if strongest.with_ else place
-    return f"What is left of {strongest.residual} follows {strongest.on}{period}{place} {share}."
+    return f"What is left of {strongest.residual} follows {_spoken(strongest.on)}{period}{place} {share}."
+
+
+def _spoken(on: str) -> str:
+    """A variable; the tool's way is no column of a table, so it is said what it is."""
+    word, _, axis = on.partition(" ")
+    spoken = {"way": f"the way along {axis} that the tool came", "turn": f"how the tool turns along {axis}"}
+    return f"{spoken[word]} ({on})" if axis in ("x", "y", "z") and word in spoken else on
 
 
 def _near(place: tuple[float, float]) -> str:

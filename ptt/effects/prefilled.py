@@ -58,9 +58,8 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         "with": not along or _is_variable(along),
     }
     if on and not proper["on"]:
-        what = (
-            f"no proper 'on': an effect cannot read '{shown(on)}'; what follows a column of your own is not corrected"
-        )
+        whose = "the tool's way" if on.startswith(("way ", "turn ")) else "a column of your own"
+        what = f"no proper 'on': an effect cannot read '{shown(on)}'; what follows {whose} is not corrected"
         raise InputError(what, fix="keep it steady, at the tracker and at work")
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)

@@ -130,14 +130,14 @@ def _unknown(found: "Diagnosis", given: "Model", problem: "Problem") -> Mapping[
     """The one curve that the unknown follows, with this run's readings about it."""
     import numpy as np
 
-    from ptt.dependence.contexts import context_views, residual_views
+    from ptt.dependence.contexts import path_views, residual_views
     from ptt.show.card.fits import rest_of
 
     if found.verdict != "unknown" or not found.depends_on:
         return None
     first = found.depends_on[0]
     views = residual_views(problem, rest_of(found, given, problem))
-    contexts = context_views(problem)
+    contexts = path_views(problem)
     place, value = contexts.get(first.with_ or first.on), views[first.residual] * 1e3
     own = first.to_dict()
     if place is None:

@@ -118,7 +118,7 @@ def look_at(
     Returns:
         The look.
     """
-    from ptt.dependence.contexts import context_views, residual_views
+    from ptt.dependence.contexts import path_views, residual_views
     from ptt.fitting.solve import residual_of
 
     if compared is None:
@@ -138,7 +138,7 @@ def look_at(
         residual=np.asarray(residual),
         kept=np.asarray(kept),
         views=residual_views(problem, residual),
-        contexts=context_views(problem),
+        contexts=path_views(problem),
         drawing=draw_machine(problem),
         serial=problem.file.machine.kind == "serial",
         effects=model.keys,

@@ -1,0 +1,44 @@
+"""The way of the tool: from where it came to each reading, and how it turns there to the next."""
+
+import numpy as np
+
+REACHES = (0.03, 0.2)  # of the run's extent: stretches over which a hose or a cable forgets the way it was dragged
+
+
+def ways_of(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From where the tool came and how it turns, as unit vectors and their difference.
+
+    Args:
+        p: tool positions in travel order, (n, 3) mm.
+        starts: (n,) bool, the first row of each run, which is taken to arrive as the second moves.
+
+    Returns:
+        The way of arrival, of the last move alone and remembered over stretches of the path, (1 + s, n, 3); and the
+        way on less the way of arrival, (n, 3), zero at the end of a run.
+    """
+    step = np.diff(p, axis=0, prepend=p[:1])
+    step[starts] = 0.0
+    far = np.linalg.norm(step, axis=1)
+    came = step / np.maximum(far, 1e-12)[:, None]
+    moved = far > 1e-9
+    first = np.flatnonzero(starts)
+    last = np.append(first[1:], len(p))
+    for begin, end in zip(first, last, strict=True):
+        rows = np.flatnonzero(moved[begin:end]) + begin
+        if len(rows):  # standstill keeps the way; what comes before the first move arrives as it goes
+            came[begin:end] = came[rows[np.maximum(np.searchsorted(rows, np.arange(begin, end), "right") - 1, 0)]]
+    on = np.append(came[1:], came[-1:], axis=0)
+    on[last - 1] = came[last - 1]
+    extent = float(np.linalg.norm(np.ptp(p, axis=0)))
+    reaches = [_remembered(came, far, starts, share * extent) for share in REACHES]
+    return np.stack([came, *reaches]), on - came
+
+
+def _remembered(came: np.ndarray, far: np.ndarray, starts: np.ndarray, reach: float) -> np.ndarray:
+    """The way forgotten exponentially over a stretch, (n, 3)."""
+    from scipy.linalg import solve_banded  # only a diagnosis needs it
+
+    keep = np.where(starts, 0.0, np.exp(-far / max(reach, 1e-9)))
+    bands = np.ones((2, len(came)))
+    bands[1, :-1] = -keep[1:]
+    return np.asarray(solve_banded((1, 0), bands, (1.0 - keep)[:, None] * came))
