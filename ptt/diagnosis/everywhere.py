@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.find import Found, moved, settled
+from ptt.diagnosis.found import Found, moved, settled
 from ptt.diagnosis.moments import find_moments, place_moments
 from ptt.diagnosis.noise import starting_noise
 from ptt.diagnosis.score import Scorer, State

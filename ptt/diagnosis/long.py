@@ -6,7 +6,8 @@ from functools import partial
 
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.everywhere import Task, find_everywhere
-from ptt.diagnosis.find import STEPS, Found, find, opening_rows
+from ptt.diagnosis.find import STEPS, find, opening_rows
+from ptt.diagnosis.found import Found
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.search import without
 from ptt.diagnosis.span import Span, span_of

@@ -1,0 +1,94 @@
+"""Exact: laws that bend are held against unknowns and other effects where they are fitted, not along a tangent."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.diagnosis.atoms import is_effect
+from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.found import Found, fit_less, is_better, moved
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.row_system import build_system
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.search import improve, loose, plainest, refilled
+from ptt.effects import Effect, Library
+from ptt.model.model import Model
+from ptt.run.problem import Problem
+
+HOPELESS = 1.5  # times the chi-squared that would do, above which a refit without an effect is not brought to its end
+
+
+def find_needless(found: Found, current: Model, problem: Problem) -> tuple[str, ...]:
+    """Effects that a model with a law that bends does as well without, once everything is refitted.
+
+    Play takes up its gap along the travel, which no tangent shows: a wind-up that took the place of the bend is still
+    needed where the system is linearised with it, but not in truth.
+
+    Args:
+        found: the best explanation.
+        current: the model that it was linearised at.
+        problem: the readings.
+
+    Returns:
+        Keys of the effects.
+    """
+    terms, scorer, state, atoms = current.terms, found.scorer, found.state, found.system.atoms
+    if not any(bends(term.effect) for term in terms):
+        return ()
+    whole = fit_less(current, problem, found.carried, found.gross, found.noise)
+    dropped: list[str] = []
+    lenders = {name for term in terms for parameter in term.effect.parameters for name in parameter.lent}
+    for key in sorted(loose(scorer, state), key=lambda key: state.worth(key) if key in current.keys else np.inf):
+        if atoms[key].effect is None or key not in current.keys or len(current.terms) == 1 or key in lenders:
+            continue  # nor is one that a curve beside it would take over
+        most = whole.chi2 + 2.0 * state.posterior.phi * atoms[key].odds
+        less = whole.model.without(key)
+        fewer = fit_less(less, problem, found.carried, found.gross, found.noise, HOPELESS * most)
+        if fewer.chi2 < most:
+            whole, current = fewer, current.without(key)
+            dropped.append(key)
+    return tuple(dropped)
+
+
+def by_names(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
+    """Linearise at what names alone explain, where one of them has a law that bends, and take that if it is better.
+
+    A block may do no more than what a tangent leaves of such a law: of play that is taken up over several rows.
+
+    Args:
+        found: the best explanation so far.
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        freedom: degrees of freedom behind the noise floor.
+        steps: how many effects may be added.
+
+    Returns:
+        The better explanation.
+    """
+    scorer, state, atoms = found.scorer, found.state, found.system.atoms
+    if state.memory.pose == 0.0 and all(atoms[key].effect is not None for key in state.keys):
+        return found
+    kept = [key for key in state.keys if atoms[key].effect is not None]
+    named = improve(scorer, scorer.score(kept, WHITE), is_effect)
+    if not any(key not in kept and bends(atoms[key].effect) for key in named.keys):
+        return found
+    current, nothing = moved(replace(found, state=named), model, problem), np.zeros_like(found.carried)
+    fitted = fit_less(current, problem, nothing, found.gross, found.noise)
+    candidates, untestable = present_candidates(fitted, problem, known)
+    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
+    system = build_system(
+        fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span
+    )  # fmt: skip
+    other = Scorer(system, model.keys, steps, scorer.barred)
+    best = improve(other, other.score([key for key in current.keys if key in system.atoms], WHITE))
+    best = plainest(other, refilled(other, best))
+    there = replace(
+        found, fitted=fitted, system=system, scorer=other, state=best, carried=nothing, untestable=untestable
+    )
+    return there if is_better(there, found) else found
+
+
+def bends(effect: Effect | None) -> bool:
+    """Whether an effect has a law that no tangent shows."""
+    return effect is not None and type(effect).shift is not Effect.shift

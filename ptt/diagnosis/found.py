@@ -1,0 +1,186 @@
+"""Found: an explanation of a run, and the model moved to what it says."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.candidates import first_of
+from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import LEAST, without
+from ptt.diagnosis.span import Span
+from ptt.diagnosis.system import System
+from ptt.diagnosis.turn import with_shapes
+from ptt.effects.base import flatten
+from ptt.fitting.moment import exchanged, place_own_moments
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
+from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best explanation of a run.
+
+    Attributes:
+        fitted: the model with the named effects, at which the system was linearised; residuals hold the blocks' share.
+        system: linearised there.
+        scorer: with all that was scored there.
+        state: the best set.
+        noise: the noise floor as it ended.
+        carried: what the blocks put into the readings, (n, 3) mm.
+        gross: rows left out as gross errors, (n,) bool.
+        untestable: effect -> what the data lack.
+        periods: joint and length of those that were seen in what was left.
+        span: of the run that the rows are a part of; None where they are all of it.
+        sample: stretches of the run that stand for it where a system keeps only sums.
+    """
+
+    fitted: FitResult
+    system: System
+    scorer: Scorer
+    state: State
+    noise: Noise
+    carried: np.ndarray
+    gross: np.ndarray
+    untestable: dict[str, str]
+    periods: Sequence[tuple[int, float]] = ()
+    span: Span | None = None
+    sample: Problem | None = None
+
+
+def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
+    """What the blocks of a state put into the readings, (n, 3) mm."""
+    total = np.zeros((problem.table.rows, 3))
+    for key in state.keys:
+        atom = system.atoms[key]
+        if atom.block is not None:
+            total += atom.block.features @ atom.amplitudes(state.posterior.values[state.of(key)], system.scale)
+    return total
+
+
+def fit_less(
+    model: Model, problem: Problem, carried: np.ndarray, gross: np.ndarray, noise: Noise, hopeless: float = np.inf
+) -> FitResult:
+    """Fit the model to what the blocks leave of the readings.
+
+    Args:
+        model: the model.
+        problem: n rows.
+        carried: what the blocks put into the readings, (n, 3) mm.
+        gross: rows to leave out, (n,) bool.
+        noise: the noise floor.
+        hopeless: chi-squared above which it is not brought to its end.
+
+    Returns:
+        The fit.
+    """
+    less = replace(problem, measured=problem.measured - carried).masked(gross)
+
+    def ended(other: Model) -> FitResult:
+        return fit(other, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+
+    fitted = ended(model)
+    dated = place_own_moments(fitted, less)
+    if dated is not fitted.model:
+        fitted = ended(dated)
+    return min([fitted, *map(ended, exchanged(fitted))], key=lambda each: each.chi2)
+
+
+def settled(state: State, system: System) -> bool:
+    """Whether the search named just what the system was linearised at.
+
+    Args:
+        state: the best set.
+        system: the linearised problem.
+
+    Returns:
+        Whether it did.
+    """
+    named = {key for key in state.keys if system.atoms[key].effect is not None}
+    return named == {key for key, atom in system.atoms.items() if atom.effect is not None and atom.shape is None}
+
+
+def is_better(one: Found, other: Found) -> bool:
+    """Whether one explanation of the same rows says clearly more than another.
+
+    Args:
+        one: an explanation.
+        other: another; a search on other rows or with another noise is not comparable.
+
+    Returns:
+        Whether the one does.
+    """
+    same = np.array_equal(one.gross, other.gross) and one.noise is other.noise
+    return same and one.state.total > other.state.total + LEAST
+
+
+def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) -> Model:
+    """The model as given with the named effects at the state's values.
+
+    Args:
+        found: the best explanation.
+        model: as given.
+        problem: the rows that it was found on.
+        refine: look for finer shapes of new effects.
+
+    Returns:
+        The model.
+    """
+    current = model
+    for key in found.state.keys:
+        atom = found.system.atoms[key]
+        if atom.effect is None or atom.name in current.keys:
+            continue
+        base = first_of(atom.name, {found.system.atoms[key].name for key in found.state.keys})
+        if base in current.keys:
+            continue
+        if atom.shape is None:
+            term = next(term for term in found.fitted.model.terms if term.effect.key == atom.name)
+        else:
+            shape = _finest(found, atom, problem) if refine else atom.shape
+            term = Term(atom.effect, _opened(found, atom, shape, problem))
+        if base != atom.name:
+            term = replace(term, effect=replace(term.effect, label=""))
+        current = current + term
+    return current
+
+
+def _opened(found: Found, atom: Atom, shape: Mapping[str, Tensor], problem: Problem) -> Tensor:
+    """Parameters of a new effect at the state's amplitudes and in a shape."""
+    assert atom.effect is not None
+    joints, kind = problem.view.joints, problem.file.machine.kind
+    theta = flatten(atom.effect, shape, joints)
+    amplitudes = atom.amplitudes(found.state.posterior.values[found.state.of(atom.key)], found.system.scale)
+    theta[: len(amplitudes)] = torch.as_tensor(amplitudes)
+    place = 0
+    for parameter in (declared.on(kind) for declared in atom.effect.parameters):
+        size = parameter.size(joints)
+        shut = parameter.lower == 0.0 and parameter.role == "linear"
+        theta[place : place + size] = theta[place : place + size].clamp(
+            OPENING * parameter.usual if shut else parameter.lower, parameter.upper
+        )
+        place += size
+    return theta
+
+
+def _finest(found: Found, atom: Atom, problem: Problem) -> Mapping[str, Tensor]:
+    """The shape near the chosen one that scores best in its place."""
+    assert atom.effect is not None and atom.shape is not None
+    finer = list(atom.effect.refine(problem.view, atom.shape))
+    if len(finer) < 2:
+        return atom.shape
+    assert isinstance(found.system, RowSystem)
+    state = found.state
+    scorer, near = with_shapes(Scorer(found.system.only(state.keys), found.scorer.given), {atom.name: finer})
+    rest = scorer.score(without(state, atom.key), state.memory, state.scales)
+    gains = scorer.screen(rest, lambda other: other.key not in state.keys)
+    return near.atoms[gains[0].key].shape or atom.shape if gains else atom.shape
