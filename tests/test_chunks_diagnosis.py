@@ -11,12 +11,12 @@ import pytest
 
 from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.long import STRETCH, diagnose_long
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.span import span_of
-from ptt.diagnosis.steps import held_out
 from ptt.diagnosis.summed import Ansatz, SummedSystem, open_run, sum_up
 from ptt.diagnosis.system import clock_of
 from ptt.diagnosis.verdict import diagnose

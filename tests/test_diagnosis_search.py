@@ -16,6 +16,7 @@ from ptt.diagnosis import score, steps
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
+from ptt.diagnosis.hidden import Trial
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.screen import Gain
 from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, improve, plainest
@@ -118,8 +119,7 @@ def test_what_does_not_foretell_hidden_readings_is_no_name(monkeypatch):
     _, problem = hidden("tower-position", 33, rows=100)
     named = diagnose(Model(MACHINE), problem)
     assert named.verdict == "missing" and named.suggested[0][0] == "tower-position"
-    real = steps.held_out
-    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 1.0 / real(scorer, keys))  # as if more were worse
+    monkeypatch.setattr(steps, "hide", lambda *_: gaining(-9.0))  # as if more were worse
     doubted = diagnose(Model(MACHINE), problem)
     assert doubted.verdict == "unknown" and not doubted.suggested
     assert doubted.depends_on  # what it follows is said all the same
@@ -146,25 +146,35 @@ class Sums:
         return [gain] if allowed(self.system.atoms["v"]) and "v" not in state.keys else []
 
 
+def gaining(more):
+    """A trial in which each of ten blocks is worse by so much without an atom."""
+    return Trial(np.full(10, 3.0), np.full(10, 3.0 + more), 10.0 * abs(more) + 20.0, 30)
+
+
 @pytest.mark.parametrize(
-    ("instead", "scatter", "sure"), [(97.0, 1.0, None), (80.0, 1.0, 0.853), (40.0, 1.0, 0.995), (40.0, 30.0, None)]
+    ("instead", "more", "sure"), [(97.0, 9.0, None), (80.0, 9.0, 0.853), (40.0, 9.0, 0.995), (40.0, 0.5, None)]
 )
-def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(monkeypatch, instead, scatter, sure):
+def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(monkeypatch, instead, more, sure):
     """And it foretells hidden readings by more than chance lets it do."""
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
-    monkeypatch.setattr(steps, "noise_left", lambda *_: SimpleNamespace(total=scatter))
+    monkeypatch.setattr(steps, "hide", lambda *_: gaining(more))
     for name, answer in (("share_of", 0.5), ("ties", ()), ("_in_order", ["e"] if sure else [])):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
-    named, unproven = steps.name_steps(scorer, scorer.score("eu", WHITE))
-    assert [step.key for step in named] == ([] if sure is None else ["e"]) and bool(unproven) is not bool(named)
-    assert sure is None or named[0].sure == pytest.approx(sure, abs=1e-3)
+    told = steps.name_steps(scorer, scorer.score("eu", WHITE))
+    assert [step.key for step in told.steps] == ([] if sure is None else ["e"])
+    assert bool(told.unproven) is not bool(told.steps)
+    assert sure is None or told.steps[0].sure == pytest.approx(sure, abs=1e-3)
 
 
 def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_well(monkeypatch):
     errors = {"": 61.0, "e": 62.0, "f": 20.0, "ef": 25.0}  # beside unknowns both may look needed
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
-    assert steps._delivered(Sums({}), ["e", "f"]) == ["f"]
+    without = {"ef": {"e": 20.0, "f": 62.0}, "f": {"f": 61.0}}
+    monkeypatch.setattr(
+        steps, "hide", lambda scorer, keys, key: gaining(without["".join(keys)][key] - errors["".join(keys)])
+    )
+    assert steps._delivered(Sums({}), ["e", "f"], 0.0) == ["f"]
 
 
 def test_a_wrong_unit_of_length_in_a_trusted_frame_is_the_tracker_s():

@@ -142,7 +142,7 @@ def _named(found: Weighed) -> tuple[Change, ...]:
     """
     if all(found.system.atoms[key].effect for key in found.state.keys):
         return found.changed
-    named = {step.key for step in name_steps(found.scorer, found.state)[0]}
+    named = {step.key for step in name_steps(found.scorer, found.state).steps}
     return tuple(c for c in found.changed if c.key in named or c.effect.key in found.before.cured)
 
 

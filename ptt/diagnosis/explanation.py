@@ -7,11 +7,12 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.atoms import Atom, is_effect
-from ptt.diagnosis.find import Found
+from ptt.diagnosis.found import Found
+from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.probability import Probability
 from ptt.diagnosis.score import State
-from ptt.diagnosis.steps import Step, held_out, share_of
+from ptt.diagnosis.steps import Step, share_of
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.linear import usual_sizes

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import linalg
 
 from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.run.noise import Noise
@@ -80,6 +81,25 @@ class Hidden(ABC):
     @abstractmethod
     def square(self, values: np.ndarray) -> float:
         """Sum of squares that a solution leaves in the block, mm^2."""
+
+    def left(self, values: np.ndarray) -> float:
+        """Sum of squares that a solution leaves in the block, in units of noise."""
+        return self.energy - float(values @ (2.0 * self.side - self.gram @ values))
+
+    def misfit(self, values: np.ndarray, known: np.ndarray) -> float:
+        """Sum of squares that a solution leaves in the block, each way counted as far as other rows can tell it.
+
+        The readings have the covariance I + X K^-1 X^T where K is what the other rows know of the columns: what hangs
+        on something that no other row shows, as the few rows of an approach do, says nothing of who foretells better.
+
+        Args:
+            values: (p,) the solution.
+            known: K, (p, p), in units of noise.
+        """
+        side = self.side - self.gram @ values
+        factor = linalg.cholesky(known + self.gram, lower=True, check_finite=False)
+        along = linalg.solve_triangular(factor, side, lower=True, check_finite=False)
+        return self.left(values) - float(along @ along)
 
 
 @dataclass(frozen=True)

@@ -211,20 +211,20 @@ class Scorer:
             least=least,
         )  # fmt: skip
 
-    def without_rows(self, state: State, hidden: Hidden) -> np.ndarray:
-        """What a state's columns would be had some rows never been read: how wide they are is learned anew as well.
+    def without_rows(self, state: State, hidden: Hidden) -> Posterior:
+        """What a state would be had some rows never been read: how wide its columns are is learned anew as well.
 
         Args:
             state: of white noise.
             hidden: the rows.
 
         Returns:
-            (p,) values.
+            The posterior of its columns.
         """
         sums = self.system.sums_of(state.columns, state.memory)
         less = Sums(sums.gram - hidden.gram, sums.side - hidden.side, sums.square - hidden.energy, 0.0)
         atoms, count = [self.system.atoms[key] for key in state.keys], self.system.spare - 3.0 * hidden.rows
-        return self._learned(atoms, less, max(count, 1.0), state.posterior.scales).values
+        return self._learned(atoms, less, max(count, 1.0), state.posterior.scales)
 
     def _absurd(self, state: State) -> bool:
         """Whether a value that physics does not let be negative is clearly so."""

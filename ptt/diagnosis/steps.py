@@ -6,14 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom, is_block
+from ptt.diagnosis.hidden import held_out, hide
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.noise import noise_left
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import PLAIN, added, loose, without
 from ptt.diagnosis.system import System
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
 ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
+HALF = 0.5  # of what hidden readings show that a name has to take where the whole set does not foretell them
 TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
 LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
 MOST_TIES, MOST_LOOKED_AT = 4, 6
@@ -43,7 +44,23 @@ class Step:
     sure: float = 1.0
 
 
-def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[str, ...]]:
+@dataclass(frozen=True)
+class Named:
+    """What a set of atoms names.
+
+    Attributes:
+        steps: the one that explains most first.
+        unproven: effects that the readings ask for clearly though hidden ones do not bear them out, so that they
+            cannot be what is there.
+        faithful: whether the whole set foretells hidden readings as well as it claims to.
+    """
+
+    steps: tuple[Step, ...]
+    unproven: tuple[str, ...]
+    faithful: bool
+
+
+def name_steps(scorer: Scorer, state: State) -> Named:
     """The effects that a state names beyond those given.
 
     Args:
@@ -51,8 +68,7 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
         state: the best set.
 
     Returns:
-        The steps, the one that explains most first; and the effects that the readings ask for clearly though they
-        do not foretell hidden ones, so that they cannot be what is there.
+        What it names; of a set that does not foretell what it claims to only what is most of the truth by itself.
     """
     atoms = scorer.system.atoms
     odd = any(is_block(atoms[key]) for key in state.keys)
@@ -60,8 +76,9 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
     likely = [key for key in clear if not odd or ahead[key] > TIE]
-    chance = 2.0 * PLAIN * (noise_left(scorer.system, state).total ** 2 / 3.0) / max(len(scorer.system.rows), 1)
-    named = _delivered(scorer, [key for key in likely if _foretells(scorer, loose(scorer, state), key, chance)])
+    trials = {key: hide(scorer, _beside(scorer, loose(scorer, state), key), key) for key in likely}
+    faithful = all(trial.faithful for trial in trials.values())
+    named = _delivered(scorer, [key for key in likely if trials[key].speaks(PLAIN)], 0.0 if faithful else HALF)
     order = _in_order(scorer, named)
     steps, before = [], held_out(scorer, ())
     for index, key in enumerate(order):
@@ -69,7 +86,8 @@ def name_steps(scorer: Scorer, state: State) -> tuple[tuple[Step, ...], tuple[st
         sure = float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE))) if odd else 1.0
         steps.append(Step(key, worth[key], ties(scorer, state, key), share_of(scorer, key), before, after, sure))
         before = after
-    return tuple(steps), tuple(key for key in clear if key not in named and worth[key] > BESIDE)
+    unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE)
+    return Named(tuple(steps), unproven, faithful)
 
 
 def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
@@ -82,28 +100,22 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
     return max((added(scorer, less, gain).total for gain in unknown), default=-np.inf)
 
 
-def _foretells(scorer: Scorer, keys: Sequence[str], key: str, chance: float = 0.0) -> bool:
-    """Whether atoms do better on hidden blocks of travel with one of them than without it, by more than chance, mm^2.
-
-    A curve whose straight part is the effect does its work as well, so it stands aside.
-    """
-    whole = tuple(other for other in keys if key == other or not _lends(scorer, other, key))
-    return (
-        held_out(scorer, whole) ** 2 + chance < held_out(scorer, tuple(other for other in whole if other != key)) ** 2
-    )
-
-
-def _delivered(scorer: Scorer, named: list[str]) -> list[str]:
+def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
     """Of effects that do well beside blocks those that do well without them, for only effects are sent to a machine.
 
     Blocks may be needed to make good for what an effect does that is not there.
     """
     while named:
-        vain = [key for key in named if not _foretells(scorer, named, key)]
+        vain = [key for key in named if not hide(scorer, _beside(scorer, named, key), key).speaks(share=share)]
         if not vain:
             break
         named = [key for key in named if key != max(vain, key=lambda key: held_out(scorer, (key,)))]
     return named
+
+
+def _beside(scorer: Scorer, keys: Sequence[str], key: str) -> list[str]:
+    """The atoms beside which an effect is judged: a curve whose straight part it is does its work, and stands aside."""
+    return [other for other in keys if key == other or not _lends(scorer, other, key)]
 
 
 def _lends(scorer: Scorer, curve: str, key: str) -> bool:
@@ -116,25 +128,6 @@ def share_of(scorer: Scorer, key: str) -> float:
     """Share of what the model as given leaves that one atom takes by itself."""
     nothing, alone = scorer.score((), WHITE), scorer.score((key,), WHITE)
     return float(max(0.0, 1.0 - _misfit(scorer.system, alone) / max(_misfit(scorer.system, nothing), 1e-300)))
-
-
-def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:
-    """Error on hidden blocks of travel when the given effects and some more are fitted to the others, mm in total.
-
-    Args:
-        scorer: of the system.
-        keys: of atoms.
-
-    Returns:
-        Root mean square of the error's length. Hidden rows tell nothing, not even how large a curve may be: one that
-        bends to a dent that few rows saw would foretell it where they are.
-    """
-    system, state = scorer.system, scorer.score(keys, WHITE)
-    squares, count = 0.0, 0
-    for hidden in system.hidden(state.columns):
-        squares += hidden.square(scorer.without_rows(state, hidden))
-        count += hidden.rows
-    return float(np.sqrt(squares / max(count, 1)))
 
 
 def _misfit(system: System, state: State) -> float:

@@ -9,7 +9,8 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, unknowns_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates
-from ptt.diagnosis.find import STEPS, Found, find, opening_rows
+from ptt.diagnosis.find import STEPS, find, opening_rows
+from ptt.diagnosis.found import Found
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, wanders_beyond
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
@@ -183,7 +184,8 @@ def conclude(
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
-    named, unproven = name_steps(scorer, state)
+    told = name_steps(scorer, state)
+    named = told.steps
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
@@ -192,13 +194,14 @@ def conclude(
     terms = fitted_terms(found, model, tuple(step.key for step in named))
     fitted_model = replace(model, terms=terms)
     rms_um = _errors(found, tuple(step.key for step in named), clean)
-    verdict: Verdict = "unknown" if unproven else _verdict(found, bool(named), rest, problem)
+    sound = told.faithful and not told.unproven
+    verdict: Verdict = _verdict(found, bool(named), rest, problem) if sound else "unknown"
     depends = dependences(unknowns, left, shown)
     if not depends and wanders_beyond(found.system, state):  # the memory has taken it: what it took tells what it is
         depends = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
     depends = depends or rest.depends_on
     if verdict == "unknown" and not depends:
-        suspect = with_suspect(scorer, scorer.score(without(state, *unproven), state.memory, state.scales))
+        suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
         left = rest_of(scorer, suspect, problem)[rows]
         depends = dependences(unknowns_of(scorer, suspect, left), left, shown)
     tell("measure next")

@@ -66,6 +66,12 @@ class Posterior:
         return _invert(self.cholesky)[np.ix_(place, place)]
 
     @property
+    def precision(self) -> np.ndarray:
+        """X^T X + diag(1 / prior), (P, P)."""
+        place = np.argsort(self.order)
+        return np.asarray((self.cholesky @ self.cholesky.T)[np.ix_(place, place)])
+
+    @property
     def covariance(self) -> np.ndarray:
         """Of the unknowns given the scales, (P, P)."""
         return self.phi * self.inverse

@@ -1,0 +1,100 @@
+"""Hidden: what an explanation says of blocks of travel that it was not shown."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.score import Scorer
+
+FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How atoms do on hidden blocks of travel with one of them and without it.
+
+    Each way that the readings may go is counted as far as the shown rows tell it.
+
+    Attributes:
+        with_it: sum of squares of each block, over the variance that the atoms claim, (k,).
+        without: of the same, the atom gone.
+        shown: what is left of all blocks without it less what is left with it, when nothing is hidden.
+        count: coordinates of all blocks.
+    """
+
+    with_it: np.ndarray
+    without: np.ndarray
+    shown: float
+    count: int
+
+    @property
+    def faithful(self) -> bool:
+        """Whether the atoms foretell hidden rows about as well as they claim to."""
+        return bool(self.with_it.sum() <= FAITHFUL * max(self.count, 1))
+
+    def speaks(self, nats: float = 0.0, share: float = 0.0) -> bool:
+        """Whether hidden rows speak for the atom, and go on to do so without the block that does most.
+
+        What only one part of the run bears out may be that part's own. Of what base reflectors show and no reading
+        along the travel asks for, these have nothing to say.
+
+        Args:
+            nats: that they have to gain.
+            share: of what they leave without it that has to go.
+        """
+        if self.shown < 2.0 * nats:
+            return True
+        gained = self.without - self.with_it
+        others = gained.sum() - gained.max(initial=0.0)
+        return bool(others > 0.0 and gained.sum() > max(2.0 * nats, share * self.without.sum()))
+
+
+def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
+    """Hide each block of travel in turn from atoms with and without one of them.
+
+    Args:
+        scorer: of the system.
+        keys: of the atoms.
+        key: the one that is tried.
+
+    Returns:
+        The trial.
+    """
+    whole = scorer.score(keys, WHITE)
+    fewer = scorer.score([other for other in whole.keys if other != key], WHITE)
+    place = {column: number for number, column in enumerate(whole.columns)}
+    among = [place[column] for column in fewer.columns]
+    plain = np.zeros(len(whole.columns))
+    plain[among] = fewer.posterior.values
+    pairs, shown, count = list[tuple[float, float]](), 0.0, 0
+    blocks = zip(scorer.system.hidden(whole.columns), scorer.system.hidden(fewer.columns), strict=True)
+    for hidden, same in blocks:
+        told, values = scorer.without_rows(whole, hidden), np.zeros(len(whole.columns))
+        values[among] = scorer.without_rows(fewer, same).values
+        known = told.precision
+        pairs.append((hidden.misfit(told.values, known), hidden.misfit(values, known)))
+        shown += hidden.left(plain) - hidden.left(whole.posterior.values)
+        count += 3 * hidden.rows
+    squares = np.array(pairs).reshape(-1, 2) / whole.posterior.phi
+    return Trial(squares[:, 0], squares[:, 1], shown / whole.posterior.phi, count)
+
+
+def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:
+    """Error on hidden blocks of travel when the given effects and some more are fitted to the others, mm in total.
+
+    Args:
+        scorer: of the system.
+        keys: of atoms.
+
+    Returns:
+        Root mean square of the error's length. Hidden rows tell nothing, not even how large a curve may be: one that
+        bends to a dent that few rows saw would foretell it where they are.
+    """
+    system, state = scorer.system, scorer.score(keys, WHITE)
+    squares, count = 0.0, 0
+    for hidden in system.hidden(state.columns):
+        squares += hidden.square(scorer.without_rows(state, hidden).values)
+        count += hidden.rows
+    return float(np.sqrt(squares / max(count, 1)))

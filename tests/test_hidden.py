@@ -1,0 +1,82 @@
+"""Hidden blocks of travel: what speaks for an effect, and how far a block counts that other rows say nothing of."""
+
+import numpy as np
+import pytest
+
+from ptt.challenge.cases import draw, plan
+from ptt.challenge.truth import table_of
+from ptt.diagnosis.hidden import FAITHFUL, Trial
+from ptt.diagnosis.row_sums import hide_rows
+from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.model.model import Model
+from ptt.rig import simulate
+from ptt.run.problem import build_problem
+
+
+def trial(*gained: float, shown: float = 100.0, left: float = 30.0) -> Trial:
+    """Blocks of ten rows that leave as much as they should, and more by some amounts without the atom."""
+    with_it = np.full(len(gained), left)
+    return Trial(with_it, with_it + np.array(gained), shown, 30 * len(gained))
+
+
+def test_a_block_counts_as_far_as_the_shown_rows_tell_it() -> None:
+    generator = np.random.default_rng(4)
+    shown, columns, readings = (generator.normal(size=shape) for shape in ((40, 5), (6, 5), 6))
+    values, known = generator.normal(size=5), shown.T @ shown
+    hidden = hide_rows(columns.T.reshape(5, 3, 2), readings.reshape(3, 2), np.eye(3))
+    left = readings - columns @ values
+    spread = np.eye(6) + columns @ np.linalg.solve(known, columns.T)
+    assert hidden.misfit(values, known) == pytest.approx(left @ np.linalg.solve(spread, left), rel=1e-9)
+    assert hidden.left(values) == pytest.approx(left @ left, rel=1e-9)
+
+
+def test_an_effect_speaks_where_more_than_one_block_says_so() -> None:
+    assert trial(8.0, 9.0, 7.0, 10.0).speaks(5.0)
+    assert not trial(1.0, 2.0, 0.5, 1.0).speaks(5.0)  # too little
+    assert not trial(900.0, -3.0, -2.0, -4.0).speaks(5.0)  # one part of the run alone
+    assert not trial(-8.0, -9.0, -7.0, -10.0).speaks()
+
+
+def test_what_no_reading_along_the_travel_asks_for_is_not_asked_of_it() -> None:
+    assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5).speaks(5.0)
+
+
+def test_a_share_is_asked_of_what_hidden_rows_show() -> None:
+    some = trial(20.0, 20.0, 20.0, left=100.0)
+    assert some.speaks(5.0)
+    assert not some.speaks(5.0, share=0.5)
+    assert trial(200.0, 200.0, 200.0, left=100.0).speaks(5.0, share=0.5)
+
+
+def test_a_set_is_faithful_that_foretells_about_what_it_claims() -> None:
+    assert trial(1.0, 1.0, left=0.9 * FAITHFUL * 30.0).faithful
+    assert not trial(1.0, 1.0, left=1.1 * FAITHFUL * 30.0).faithful
+
+
+def told(level: str, seed: int) -> Diagnosis:
+    """Of a machine, a path and a tracker drawn by the seed."""
+    drawn, _ = draw(plan(level, 1, seed, kinds="all")[0])
+    frame = simulate(drawn.rig, drawn.targets).frame
+    return diagnose(Model(drawn.rig.machine), build_problem(drawn.rig.machine, table_of(frame, drawn.absent)))
+
+
+def test_an_approach_that_no_other_row_is_like_does_not_hide_play() -> None:
+    found = told("multi", 990019)  # a wander; the first rows come from far away
+    assert found.verdict == "missing"
+    assert {group[0] for group in found.suggested} == {"following-error", "homing-offset", "once-per-rev", "backlash"}
+
+
+def test_play_beside_a_large_lag_is_no_unknown() -> None:
+    found = told("multi", 990014)
+    assert (found.verdict, {group[0] for group in found.suggested}) == ("missing", {"following-error", "backlash"})
+
+
+def test_a_curve_that_bends_further_does_not_make_a_twist_needless() -> None:
+    found = told("multi", 990028)
+    assert {group[0] for group in found.suggested} == {"platform-twist", "frame-growth", "guide-straightness"}
+
+
+def test_knocks_that_do_not_foretell_are_not_named_beside_a_lag() -> None:
+    found = told("unknown", 950021)  # what the line of sight does jumps with slider and feed
+    assert found.verdict == "unknown"
+    assert [group[0] for group in found.suggested] == ["following-error"]
