@@ -43,6 +43,8 @@ WATCH = """const watch = window.watch = {
     return watch.seen(e) && e.querySelectorAll('.points path, .bars path').length >= count; },
   picture: () => watch.text('.st-title') + JSON.stringify(document.querySelector('.st-machine').data
     .map(t => [t.uid, t.x.length, t.x[0], t.x.at?.(-1), t.intensity?.[0]])),
+  arrows: () => JSON.stringify(document.querySelector('.st-machine').data.filter(t => t.uid === 'errors')
+    .map(t => [t.x.length, t.x[0], t.intensity?.[0]])),
 };
 for (const kind of ['click', 'keydown'])
   addEventListener(kind, e => { if (!watch.began) watch.began = e.timeStamp; }, true);"""
@@ -173,11 +175,12 @@ def _tabs(times: Times) -> None:
 def _adds(times: Times, count: int) -> tuple[int, int, int]:
     """Add and undo by turns: how many adds came late, how many never, how many were done.
 
-    An undo is there once title, figures and the picture of the machine are those from before the add.
+    Every other undo follows its add at once, the others once the errors that the add leaves are drawn. An undo is
+    there once title, figures and the picture of the machine are those from before the add.
     """
     page = times.page
     add = page.get_by_role("button", name="add backlash", exact=True)
-    page.evaluate("watch.first = watch.picture(); null")
+    page.evaluate("watch.first = watch.picture(); watch.given = watch.arrows(); null")
     late = lost = 0
     for number in range(count):
         try:
@@ -186,8 +189,11 @@ def _adds(times: Times, count: int) -> tuple[int, int, int]:
             lost += 1
             continue
         late += number > 0 and times.took["add"][-1] > LATE
+        if drawn := bool(number % 2):
+            arrows = "watch.arrows() !== watch.given"
+            times.timed("add, diagnosed again", lambda: None, arrows, since="watch.began")
         back = "watch.text('.st-told').includes('no effects') && watch.picture() === watch.first"
-        times.timed("undo", lambda: page.keyboard.press("Control+z"), back)
+        times.timed("undo of what is drawn" if drawn else "undo", lambda: page.keyboard.press("Control+z"), back)
     return late, lost, count
 
 

@@ -98,6 +98,11 @@ class Server:
         listed = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
         return {int(pid) for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()}
 
+    def spent(self, workers: set[int]) -> float:
+        """Processor time of those of them that are there, s."""
+        stats = [Path(f"/proc/{pid}/stat") for pid in workers & self.workers()]
+        return sum(sum(map(int, stat.read_text().split()[13:15])) for stat in stats) / os.sysconf("SC_CLK_TCK")
+
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
@@ -377,7 +382,11 @@ def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: S
     before = server.workers()
     page.get_by_role("button", name="Cancel").click()
     expect(page.get_by_text("finding what is missing: stopped")).to_be_visible(timeout=WAIT)
-    assert before - server.workers()  # the process that calculated is gone
+    least, last = server.spent(before), -1.0
+    while (now := server.spent(before)) != last:  # the process that calculated is gone, or has left off
+        last = now
+        page.wait_for_timeout(1000)
+    assert now - least < 5.0  # of some twenty that it would have taken
     expect(page.get_by_text("Not looked yet")).to_be_visible()
     show(page, "Look")
     page.get_by_label("go to line").fill("40")

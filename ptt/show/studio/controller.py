@@ -68,7 +68,7 @@ class Studio:
         self.busy: Busy | None = None
         self.view = "Load"
         self._listeners: dict[str, list[Listener]] = {}
-        self._turn_of, self._one = asyncio.Lock(), asyncio.Lock()
+        self._turn_of, self._one, self._looking = asyncio.Lock(), asyncio.Lock(), asyncio.Lock()
         self._tasks: dict[asyncio.Task[Any], bool] = {}  # -> whether it gives way
         self._epoch = 0
         self._keeper = Keeper(place, self.fail)
@@ -278,7 +278,8 @@ class Studio:
             if changed is None:
                 return
             self.session = session.changed(verb, wanted, changed)
-            await self._look()
+            self.tell("session")
+        await self._look()
         await self.learn(unasked=True)
 
     def keep_training(self, session: Session, trained: Trained) -> None:
@@ -302,25 +303,27 @@ class Studio:
     async def resume(self) -> None:
         """Work out what a session that was taken up again lacks."""
         if self.session.ready:
+            self.tell("session")
             await self._look()
             await self.learn(unasked=True)
 
     async def _turn(self, change: Callable[[Session], Session]) -> None:
-        """Change the model at once, after whatever is changing it."""
+        """Change the model at once, after whatever is changing it; what it lacks then, nobody has to wait for."""
         async with self._turn_of:
             self.session = change(self.session)
-            await self._look()
+            self.tell("session")
+        await self._look()
 
     async def _look(self) -> None:
-        """Show a changed model; what is known of it already is not worked out again."""
-        session = self.session
-        self.tell("session")
-        if session.look is None and session.ready:
-            look: Look | None = await self.work("residual", "look", session.source, session.text, how="quiet")
-            if look is not None and self.session.source == session.source:
-                self.session = replace(self.session, looks={**self.session.looks, session.text: look})
-                self.tell("session")
-        await self.compare()
+        """Work out what is not known yet of the model that is shown."""
+        async with self._looking:
+            session = self.session
+            if session.look is None and session.ready:
+                look: Look | None = await self.work("residual", "look", session.source, session.text, how="quiet")
+                if look is not None and self.session.source == session.source:
+                    self.session = replace(self.session, looks={**self.session.looks, session.text: look})
+                    self.tell("session")
+            await self.compare()
 
     async def _do(self, words: str, job: str, arguments: Sequence[Any], how: str) -> Any:
         def tell(what: str, done: int, of: int) -> None:

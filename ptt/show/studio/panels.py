@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 BEHIND = ""  # the view of what nobody sees before it is asked for
 REST = 0.6  # s after a step in which nothing unseen is drawn: what a person does next comes first
-PAUSE = 0.2  # s between two things drawn unseen, so that what a person does comes first
+PAUSE = 0.2  # s between two things that a browser draws unseen, so that what a person does comes first
 # A hidden view keeps its place and size: what was drawn there is right when it is seen, and nothing is drawn anew.
 SWITCH = """document.querySelectorAll('.st-panel')
   .forEach(panel => panel.classList.toggle('st-here', panel.dataset.view === 'VIEW'))"""
@@ -57,15 +57,21 @@ class Later:
         self._from = time.monotonic() + REST
 
     def _one(self) -> None:
-        """Draw one thing of a view that is not seen, unless something goes on that a person asked for and may stop."""
-        if self._studio.idle and self._due and time.monotonic() > self._from:
+        """Draw of a view that is not seen until there is something for the browser to do, unless a person waits."""
+        sent = self._studio.client.outbox
+        while self._studio.idle and self._due and time.monotonic() > self._from:
             self._draw(next(iter(self._due)))
+            if sent.updates or sent.messages:
+                break
 
     def _draw(self, draw: Callable[[], None]) -> None:
+        """Draw; what that asks for in its turn comes next."""
         del self._due[draw]
+        others, self._due = self._due, {}
+        draw()
+        self._due |= others
         if self._clock is not None:
             self._clock.active = bool(self._due)
-        draw()
 
 
 class Panels:

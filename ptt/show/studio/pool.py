@@ -21,6 +21,7 @@ POLL = 0.02  # s
 IDLE = 120.0  # s without work after which a process is given back
 SHORT = 2.0  # s that a job may take that nobody stops
 PATIENCE = 20.0  # s that what nobody waits for stands back
+LEAVE = 0.5  # s that a job has to leave off by itself: to begin another process takes five times as long
 FEWEST, MOST = 2, 4  # at once: a diagnosis beside a quick look; more than this and each of them gets slow
 KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
 
@@ -45,16 +46,28 @@ class Hand:
         """What a job comes to: its kind and content."""
         try:
             self.connection.send((str(folder), job, arguments))
-            while True:
-                while not self.connection.poll():
-                    await asyncio.sleep(POLL)
-                kind, *content = self.connection.recv()
-                if kind != "progress":
-                    return kind, *content
-                if tell is not None:
-                    tell(*content)
+            return await self._heard(tell)
         except (EOFError, OSError):
             return ("lost",)
+
+    async def leaves(self) -> bool:
+        """Whether it leaves off what it is doing when it is asked to, and can be given another job."""
+        try:
+            self.connection.send(None)
+            await asyncio.wait_for(self._heard(None), LEAVE)
+        except (EOFError, OSError, TimeoutError, asyncio.CancelledError):
+            return False
+        return True
+
+    async def _heard(self, tell: Progress | None) -> tuple[Any, ...]:
+        while True:
+            while not self.connection.poll():
+                await asyncio.sleep(POLL)
+            kind, *content = self.connection.recv()
+            if kind != "progress":
+                return kind, *content
+            if tell is not None:
+                tell(*content)
 
     @property
     def large(self) -> bool:
@@ -103,7 +116,7 @@ class Pool:
     async def run(
         self, folder: Path, job: str, arguments: Sequence[Any], tell: Progress | None = None, patient: bool = False
     ) -> Any:
-        """Do a job; a task that is cancelled ends the process that does it.
+        """Do a job; where the task is cancelled the job leaves off, or else the process that does it is ended.
 
         Args:
             folder: to work in.
@@ -131,17 +144,18 @@ class Pool:
             try:
                 kind, *content = await hand.answer(folder, job, arguments, tell)
             except BaseException:
-                self._end(hand)
-                self._ready()  # in its place
+                if await hand.leaves():
+                    self._take_back(hand)
+                else:
+                    self._end(hand)
+                    self._ready()  # in its place
                 raise
             finally:
                 reserve.cancel()
-            if kind == "lost" or hand.large:
+            if kind == "lost":
                 self._end(hand)
             else:
-                hand.since = time.monotonic()
-                self._free.append(hand)
-                self._trim_later()
+                self._take_back(hand)
         if kind == "done":
             return content[0]
         if kind == "question":
@@ -162,6 +176,14 @@ class Pool:
         hand = Hand(self.verb)
         self._all.add(hand)
         return hand
+
+    def _take_back(self, hand: Hand) -> None:
+        if hand.large:
+            self._end(hand)
+            return
+        hand.since = time.monotonic()
+        self._free.append(hand)
+        self._trim_later()
 
     def _reserve(self) -> None:
         """Have a process free for what is asked for next."""

@@ -1,5 +1,6 @@
 """The server: bound to 127.0.0.1, a session for each address, uploads of limited size, nobody else let in."""
 
+import gc
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -68,6 +69,7 @@ def serve(
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
     port = _free_port(port)
     tell(f"http://{HOST}:{port}")
+    gc.freeze()  # what is loaded by now stays: looked through for garbage it holds up every page, 0.5 s each time
     ui.run(
         host=HOST, port=port, title="ptt studio", show=show, reload=False, reconnect_timeout=STAY, language="en-US",
         show_welcome_message=False, favicon="\N{STRAIGHT RULER}", tailwind=False, dark=None,

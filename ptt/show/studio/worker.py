@@ -14,6 +14,10 @@ from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.verbs import Run, use
 
 
+class LeaveOffError(BaseException):
+    """The page wants no answer any more; no handler of errors on the way is meant."""
+
+
 def serve(connection: Connection, verb: Run | None = None) -> None:
     """Do jobs until the page goes away.
 
@@ -32,7 +36,10 @@ def serve(connection: Connection, verb: Run | None = None) -> None:
     jobs.prepare()
     while True:
         try:
-            folder, job, arguments = connection.recv()
+            asked = connection.recv()
+            if asked is None:  # to leave off what was done by then
+                continue
+            folder, job, arguments = asked
             os.chdir(folder)  # messages then name files as a person in that folder would
             connection.send(_answer(connection, getattr(jobs, job), arguments))
             os.chdir(os.sep)
@@ -42,11 +49,16 @@ def serve(connection: Connection, verb: Run | None = None) -> None:
 
 def _answer(connection: Connection, job: Callable[..., Any], arguments: Sequence[Any]) -> tuple[Any, ...]:
     def tell(what: str, done: int = 0, of: int = 0) -> None:
+        if connection.poll():  # while a job goes on nothing comes but the wish that it leaves off
+            connection.recv()
+            raise LeaveOffError
         connection.send(("progress", what, done, of))
 
     try:
         with redirect_stderr(io.StringIO()):
             return "done", job(*arguments, tell=tell)
+    except LeaveOffError:
+        return ("left",)
     except QuestionError as question:
         return "question", question.question, question.choices
     except SetupError as error:
