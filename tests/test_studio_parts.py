@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import shutil
 import time
 from dataclasses import replace
@@ -13,6 +14,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 import pytest
+from nicegui import Client
 
 from ptt.challenge.challenge import open_challenge
 from ptt.commands.main import run
@@ -24,7 +26,7 @@ from ptt.show.card.bar import bar_html, parts_of_bar
 from ptt.show.card.ghost import ghosts_of
 from ptt.show.card.scene import Lines, legs_at_fault, moved, parts_of, usual_times
 from ptt.show.card.solids import arrows
-from ptt.show.card.words import how_sure, length, parameter_in_words, prefixed, pretty
+from ptt.show.card.words import how_sure, length, parameter_in_words, prefixed, pretty, spoken
 from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
 from ptt.show.studio.card_figures import ruler_words
@@ -51,6 +53,7 @@ DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
 RUN = Source("run.csv")
 OWNER = "a" * 43
+KEPT = "\N{NO-BREAK SPACE}"
 
 
 def silent(what: str, done: int = 0, of: int = 0) -> None:
@@ -242,7 +245,7 @@ def test_a_browser_without_a_cookie_gets_one_of_its_own():
     assert cookie.startswith(first[b"cookie"].decode())
 
 
-def test_a_pool_shares_few_processes_gives_them_back_and_is_stopped(folder: Path):
+def test_a_pool_shares_few_processes_gives_them_back_and_is_stopped(folder: Path, monkeypatch: pytest.MonkeyPatch):
     async def course() -> None:
         pool = Pool(most=1, idle=0.2)
         try:
@@ -260,17 +263,57 @@ def test_a_pool_shares_few_processes_gives_them_back_and_is_stopped(folder: Path
                 await pool.run(folder, "look", (Source("left.csv"), MACHINE))
             assert found.value.findings[0]["rms_um"]["after"] < found.value.findings[0]["rms_um"]["before"] / 100.0
             (hand,) = pool._all
-            task = asyncio.create_task(pool.run(folder, "learn", (RUN, MACHINE)))
-            await asyncio.sleep(0.3)
-            task.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await task
+            monkeypatch.setattr("ptt.show.studio.pool.LEAVE", 60.0)
+            for _ in range(2):  # what is stopped leaves off by itself, and its process takes the next job
+                told = await _stopped(pool, folder)
+                assert pool._all == {hand} and "drawing it" not in told
+                assert "backlash" in await pool.run(folder, "names", ("three-ptt", ()))
+            monkeypatch.setattr("ptt.show.studio.pool.LEAVE", 0.0)  # what does not leave off is ended
+            await _stopped(pool, folder)
             assert hand not in pool._all and not hand.process.is_alive()
-            await pool.run(folder, "names", ("serial", ()))
+            assert "dh-offsets" in await pool.run(folder, "names", ("serial", ()))
             await asyncio.sleep(1.6)
             assert not pool._all  # without work for longer than it may be
         finally:
             pool.close()
+
+    asyncio.run(course())
+
+
+async def _stopped(pool: Pool, folder: Path) -> list[str]:
+    """Stop a diagnosis in its middle: the stages that it came to."""
+    told: list[str] = []
+    begun = asyncio.Event()
+
+    def tell(what: str, done: int, of: int) -> None:
+        told.append(what)
+        begun.set() if what.startswith("which effects") else None
+
+    task = asyncio.create_task(pool.run(folder, "learn", (RUN, MACHINE), tell))
+    await begun.wait()
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    return told
+
+
+def test_an_undo_waits_for_nothing_that_is_worked_out(here: Path, tmp_path: Path):
+    async def course() -> None:
+        async def slow(folder: Path, job: str, arguments: tuple, *given: object, **how: object) -> object:
+            return jobs.change(*arguments, silent) if job == "change" else await asyncio.Event().wait()
+
+        studio = Studio(Store(tmp_path).fresh(OWNER), cast(Pool, SimpleNamespace(run=slow)))
+        studio.client = cast(Client, SimpleNamespace(is_deleted=True))
+        studio.session = Session().opened(RUN, MACHINE).remembering(compared=jobs.compare(RUN, MACHINE, silent))
+        adding = asyncio.create_task(studio.change("add", "backlash"))  # of what it leaves no picture comes
+        while not studio.session.past:
+            await asyncio.sleep(0.01)
+        assert studio.session.look is None
+        back = asyncio.create_task(studio.undo())
+        await asyncio.sleep(0.05)
+        assert studio.session.text == MACHINE and studio.session.look is not None
+        adding.cancel()
+        await back
 
     asyncio.run(course())
 
@@ -326,6 +369,24 @@ def test_the_card_says_side_size_cure_and_how_sure(learned: Learned):
     assert "backlash" in bar_html(card)
     unknown = parts_of_bar({"error_um": 50.0, "left_um": 20.0, "noise_um": 4.0, "findings": card["findings"]})
     assert [part[:2] for part in unknown[:2]] == [("noise", 4.0), ("without a name", 16.0)]
+
+
+def test_a_report_from_the_page_diagnoses_nothing_anew(
+    here: Path, learned: Learned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    session = Session().opened(RUN, MACHINE).remembering(learned=learned)
+    assert session.lesson_of_drawing is learned
+    added = session.changed("add", ("backlash",), jobs.change(RUN, MACHINE, "add", ("backlash",), silent))
+    assert added.lesson is None and added.lesson_of_drawing is learned
+    anew = jobs.report(RUN, MACHINE, None, b"", b"", silent).decode()
+    monkeypatch.setattr("ptt.show.report.contents.choose_diagnosis", lambda rows: pytest.fail)
+    handed = jobs.report(RUN, MACHINE, None, learned.whole, b"", silent).decode()
+    clock = re.compile(r"\d\d:\d\d:\d\d")
+    assert clock.sub("", handed) == clock.sub("", anew)
+    place = Store(tmp_path).fresh(OWNER)  # what is on a disk could run where it is unpacked: none of it gets there
+    place.save(session)
+    kept = place.load().lesson
+    assert kept is not None and kept.whole == b"" and kept.data == learned.data
 
 
 def test_one_thing_has_one_number_on_the_page(here: Path, learned: Learned):
@@ -424,7 +485,7 @@ def test_an_opened_seal_is_said_in_units_with_prefixes():
         "named": [{"effect": "windup", "is": "wrong", "parameters": []}],
         "tool_error_um": {"before": {"x": 1.0, "y": 1.0, "z": 1.0, "total": 1.7}, "after": None},
     }  # fmt: skip
-    page = seal_html(opened)
+    page = seal_html(opened).replace(KEPT, " ")
     for words in ("1.23 mm", f"\N{MINUS SIGN}40 {micro}", "nothing of the kind", "cannot be followed", "Not right"):
         assert words in page
 
@@ -434,14 +495,15 @@ def test_dexterity_of_both_kinds_of_machine_is_a_table(tmp_path: Path, monkeypat
     home = {"q": [0.1], "condition": 21.5}
     space = {"poses": 9, "condition": {"least": 2.7, "median": 14.0, "largest": 868_894.3}}
     arm = space | {"most_isotropic_q": [-1.0, 0.5], "singular": [{"joints": [2, 3], "share": 0.22, "q": [0.0, 1.0]}]}
-    page = dexterity_html({"home": home, "workspace": arm})
+    page = dexterity_html({"home": home, "workspace": arm}).replace(KEPT, " ")
     assert "869,000" in page and "singular by joints 2 and 3: 22 % of walks" in page and "57 deg" in page
     page = dexterity_html({"home": home | {"edge_mm": 200.0}, "workspace": space | {"near_singular_share": 0.1}})
+    page = page.replace(KEPT, " ")
     assert "200 mm" in page and "10.0 %" in page
 
 
 def test_a_run_that_got_worse_has_a_change_above_zero():
-    assert (change(90.0), change(-60.2)) == ("\N{MINUS SIGN}90.0 %", "+60.2 %")
+    assert (change(90.0), change(-60.2)) == (f"\N{MINUS SIGN}90.0{KEPT}%", f"+60.2{KEPT}%")
 
 
 def test_near_arrows_keep_apart_and_lone_ones_are_as_thick_as_they_are_long():
@@ -531,25 +593,34 @@ def test_solids_of_a_machine_are_closed_and_where_the_lines_are(here: Path):
 
 def test_words_have_prefixes_that_a_person_uses():
     assert [length(value) for value in (0.0, 5.6, 70.94, 1186.0, 2.5e6)] == [
-        "0 \N{MICRO SIGN}m",
-        "5.60 \N{MICRO SIGN}m",
-        "70.9 \N{MICRO SIGN}m",
-        "1.19 mm",
-        "2.5 m",
+        f"0{KEPT}\N{MICRO SIGN}m",
+        f"5.60{KEPT}\N{MICRO SIGN}m",
+        f"70.9{KEPT}\N{MICRO SIGN}m",
+        f"1.19{KEPT}mm",
+        f"2.5{KEPT}m",
     ]
     assert prefixed([12_000.0, -3.0], "urad") == (1e-3, "mrad") and prefixed([900.0], "um") == (1.0, "\N{MICRO SIGN}m")
     assert prefixed([5e-4], "um")[1] == "nm" and prefixed([0.0, 8e6], "s")[1] == "days"
     assert pretty("falls from 7 to 3 um, 2 urad/N m; a sum of um/m/K -> x") == (
-        "falls from 7 to 3 \N{MICRO SIGN}m, 2 \N{MICRO SIGN}rad/N m; a sum of \N{MICRO SIGN}m/m/K "
+        f"falls from 7 to 3{KEPT}\N{MICRO SIGN}m, 2{KEPT}\N{MICRO SIGN}rad/N{KEPT}m; a sum of \N{MICRO SIGN}m/m/K "
         "\N{RIGHTWARDS ARROW} x"
     )
     assert how_sure(0.999).endswith("(> 99 %)") and how_sure(0.5) == "about even (50 %)"
     micro, off = "\N{MICRO SIGN}", "\N{PLUS-MINUS SIGN}"
-    assert parameter_in_words("gap_mm 1", 0.040223, 8.1e-5) == ("gap 1", f"40.22 {micro}m", f"{off} 0.08")
-    assert parameter_in_words("link_per_k", 1.1e-5, 2e-7) == ("link", f"11.00 {micro}m/m/K", f"{off} 0.20")
-    assert parameter_in_words("period_mm", 5.02, None) == ("period", "5.02 mm", "")
-    assert parameter_in_words("scale 2", 6.2e-5, 1e-6)[1] == f"62.0 {micro}m/m"
+    assert parameter_in_words("gap_mm 1", 0.040223, 8.1e-5) == ("gap 1", f"40.22{KEPT}{micro}m", f"{off}{KEPT}0.08")
+    assert parameter_in_words("link_per_k", 1.1e-5, 2e-7) == ("link", f"11.00{KEPT}{micro}m/m/K", f"{off}{KEPT}0.20")
+    assert parameter_in_words("period_mm", 5.02, None) == ("period", f"5.02{KEPT}mm", "")
+    assert parameter_in_words("scale 2", 6.2e-5, 1e-6)[1] == f"62.0{KEPT}{micro}m/m"
     assert doing("x", 3, 12, 6.0) == "x: 3 of 12, 2 s each, 18 s left" and doing("x", 0, 0, 0.5) == "x"
+
+
+def test_a_figure_stays_on_one_line_with_its_unit():
+    for text in ("5.26 um", "201 +- 4 um", "12 %", "1.6 um/m/K", "0.03 um/N", "21.4 \N{DEGREE SIGN}C", "90 s"):
+        assert " " not in pretty(text)
+    for text in ("3 causes found", "2 sliders", "5 more", "1 is", "read 300 rows and 4 months", "10 kinds"):
+        assert pretty(text) == text
+    assert spoken("b3", serial=False) == "height of slider 3" and spoken("q2", serial=True) == "angle of joint 2"
+    assert spoken("direction1", serial=False) == "direction of slider 1" and spoken("time", serial=True) == "time"
 
 
 def test_the_machine_form_writes_files_that_are_read(tmp_path: Path):

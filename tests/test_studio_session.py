@@ -171,6 +171,7 @@ def in_tab(session: Session, folder: Path | None = None) -> Studio:
     """A tab without a browser and without a process that calculates."""
     studio = object.__new__(Studio)
     studio.session, studio.busy, studio.trouble, studio._epoch = session, None, "", 0
+    studio._looking = asyncio.Lock()
     studio.folder = folder or Path()
     studio.tell = lambda topic: None  # type: ignore[method-assign]
     return studio
@@ -187,7 +188,9 @@ def test_a_switched_off_effect_leaves_no_held_out_figure(here: Path, added: Chan
 
     with_it = start.changed("add", ("backlash",), added)
     rungs, noise = ladder_of(in_tab(with_it))
-    assert re.match(r"Now [\d.]+ .* held out; noise [\d.]+ .m$", words_of(with_it, rungs[-1], noise, "total"))
+    assert re.match(
+        r"Now [\d.]+\s.* held out; noise [\d.]+\N{NO-BREAK SPACE}.m$", words_of(with_it, rungs[-1], noise, "total")
+    )
 
     off = with_it.switched("backlash", False)
     waiting = words_of(off, ladder_of(in_tab(off))[0][-1], noise, "total")
@@ -302,7 +305,7 @@ def test_the_report_is_that_of_the_verb(here: Path, added: Changed, monkeypatch:
 
     as_written = create_autospec(report_run, side_effect=write)  # a changed signature fails here
     monkeypatch.setattr("ptt.show.report.of_run.report_run", as_written)
-    assert jobs.report(replace(RUN, set_=("payload_kg=2",)), added.model, None, silent) == b"<!doctype html>"
+    assert jobs.report(replace(RUN, set_=("payload_kg=2",)), added.model, None, b"", b"", silent) == b"<!doctype html>"
     assert list(as_written.call_args.kwargs["reading"].set_) == ["payload_kg=2"]
 
 

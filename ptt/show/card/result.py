@@ -14,7 +14,7 @@ from ptt.effects.phrases import Said, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
 from ptt.record import Record
 from ptt.run.problem import Problem
-from ptt.show.card.words import length, percent, pretty
+from ptt.show.card.words import length, percent, pretty, spoken
 
 VALUES = 6  # of one finding
 OFF_SCALE = 10.0  # usual sizes from which a value is worth a second look: the drawing or a unit may be wrong
@@ -120,7 +120,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
         verdict=found.verdict,
         probability=float(found.verdict_probability.get(found.verdict, 0.0)),
         title=_title(found, findings),
-        words=pretty(_words(found)),
+        words=pretty(_words(found, problem)),
         error_um=float(found.rms_um["before"]["total"]),
         left_um=float(found.rms_um["after"]["total"]),
         noise_um=float(noise["total"]),
@@ -142,7 +142,7 @@ def _title(found: Diagnosis, findings: Sequence[Cause]) -> str:
     return f"{count} found" + (f"; {'one' if ties == 1 else ties} cannot be told from another" if ties else "")
 
 
-def _words(found: Diagnosis) -> str:
+def _words(found: Diagnosis, problem: Problem) -> str:
     before, after = (float(found.rms_um[when]["total"]) for when in ("before", "after"))
     noise = found.noise.total * 1e3
     if found.verdict == "nothing-missing":
@@ -153,9 +153,10 @@ def _words(found: Diagnosis) -> str:
         return f"With {them} {fall}; readings scatter by {length(noise)}."
     if found.depends_on:
         first = found.depends_on[0]
-        with_ = f", in a measure that varies with {first.with_}" if first.with_ else ""
+        serial = family(problem.view) == "serial"
+        with_ = f", in a measure that varies with {spoken(first.with_, serial)}" if first.with_ else ""
         own = first.on == f"direction{first.residual.split()[-1]}"
-        on = "the way from which it comes" if own else first.on
+        on = "the way from which it comes" if own else spoken(first.on, serial)
         return f"What is left of {first.residual} follows {on}{with_}: {percent(first.share)} of its variance."
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""

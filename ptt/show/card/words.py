@@ -9,14 +9,37 @@ from ptt.effects.phrases import scaled
 
 MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
-UNITS = re.compile(r"(?<=\d )u(m|rad)\b|\bu(m|rad)(?=[/)\]]|\b)")
+UNIT = rf"(?:[n{MICRO}umk]?(?:m|rad|g|s|N)|K|h|min|days|deg|%|\N{{DEGREE SIGN}}C|\N{{PLUS-MINUS SIGN}}|MB)"
+APART = re.compile(rf"(?<=\d) (?={UNIT}(?![A-Za-z]))|(?<=\N{{PLUS-MINUS SIGN}}) (?=\d)|(?<=/N) (?=m\b)")
 CHANCES = ((0.99, "almost certain"), (0.9, "very likely"), (0.7, "likely"), (0.4, "about even"), (0.0, "unlikely"))
+
+
+def together(text: str) -> str:
+    """A text whose figures stay on one line with their units and errors."""
+    return APART.sub("\N{NO-BREAK SPACE}", text)
 
 
 def pretty(text: str) -> str:
     """A text of the library as a page has it: um as a unit becomes the real sign, arrows become arrows."""
     text = re.sub(r"(?<![A-Za-z])u(m|rad)(?![A-Za-z])", rf"{MICRO}\1", text)
-    return text.replace(" -> ", " \N{RIGHTWARDS ARROW} ").replace("+-", "\N{PLUS-MINUS SIGN}")
+    return together(text.replace(" -> ", " \N{RIGHTWARDS ARROW} ").replace("+-", "\N{PLUS-MINUS SIGN}"))
+
+
+def spoken(on: str, serial: bool) -> str:
+    """What an error depends on, by the one name that all pages have for it.
+
+    Args:
+        on: 'b3', 'direction2', 'payload', ...
+        serial: whether the machine is an arm.
+
+    Returns:
+        For example 'height of slider 3'.
+    """
+    found = re.fullmatch(r"(b|q|direction|speed|travel|load)(\d+)", on)
+    if found is None:
+        return on
+    what = {"b": "height", "q": "angle"}.get(found[1], found[1])
+    return f"{what} of {'joint' if serial else 'slider'} {found[2]}"
 
 
 def length(um: float, digits: int = 3) -> str:
@@ -32,10 +55,10 @@ def length(um: float, digits: int = 3) -> str:
     if not math.isfinite(um):
         return "\N{EN DASH}"
     if abs(um) >= 999.5 * 1e3:
-        return f"{um / 1e6:.{digits}g} m"
+        return together(f"{um / 1e6:.{digits}g} m")
     if abs(um) >= 999.5:
-        return f"{um / 1e3:.{digits}g} mm"
-    return f"{_short(um, digits)} {MICRO}m"
+        return together(f"{um / 1e3:.{digits}g} mm")
+    return together(f"{_short(um, digits)} {MICRO}m")
 
 
 def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
@@ -86,7 +109,7 @@ def _short(value: float, digits: int) -> str:
 
 def percent(share: float) -> str:
     """A share in words of a page, for example '12 %'."""
-    return f"{100.0 * share:.0f} %"
+    return together(f"{100.0 * share:.0f} %")
 
 
 def how_sure(probability: float) -> str:
@@ -134,8 +157,8 @@ def parameter_in_words(name: str, value: float, error: float | None) -> tuple[st
         text, said = f"{times * value:.{digits}f}", f"{error:.{digits}f}"
     return (
         told,
-        f"{text} {shown}".strip().replace("-", "\N{MINUS SIGN}"),
-        f"\N{PLUS-MINUS SIGN} {said}" if error else "",
+        together(f"{text} {shown}".strip().replace("-", "\N{MINUS SIGN}")),
+        together(f"\N{PLUS-MINUS SIGN} {said}") if error else "",
     )
 
 
@@ -144,9 +167,9 @@ def value_in_words(value: Mapping[str, Any]) -> str:
     factor, unit = scaled([value["size"]], value["unit"])
     size, error = factor * value["size"], value["error"]
     if error is None or not error > 0.0:
-        return f"{_short(size, 2)} {unit}"
+        return together(f"{_short(size, 2)} {unit}")
     digits = _digits(factor * error)
-    return f"{size:.{digits}f} \N{PLUS-MINUS SIGN} {factor * error:.{digits}f} {unit}"
+    return together(f"{size:.{digits}f} \N{PLUS-MINUS SIGN} {factor * error:.{digits}f} {unit}")
 
 
 def by_part(values: Iterable[Mapping[str, Any]]) -> list[tuple[str, list[str]]]:

@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from ptt.files import write_text
 from ptt.fleet.overview import Overview, Standing
+from ptt.show.card.words import together
 from ptt.show.fleet.pictures import draw_fleet, draw_machine
 from ptt.show.report.pictures import data_uri
 
@@ -32,7 +33,7 @@ def render(overview: Overview) -> str:
     """The page as HTML; names and words are anybody's text, so all of it is escaped."""
     environment = Environment(
         loader=PackageLoader("ptt.show.fleet"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, finalize=lambda said: together(said) if type(said) is str else said,
     )  # fmt: skip
     machines = sorted(overview.machines, key=_urgency)
     verdicts = [machine.verdict for machine in machines]

@@ -4,6 +4,7 @@ import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, TypeVar
 
@@ -143,6 +144,8 @@ def gather(
     known: Library | None = None,
     problem: Problem | None = None,
     after: Table | None = None,
+    found_drawing: Diagnosis | None = None,
+    found_given: Diagnosis | None = None,
     progress: Progress | None = None,
 ) -> Contents:
     """Work out everything that a report says.
@@ -154,6 +157,8 @@ def gather(
         known: effects by name; None for the library.
         problem: the same table seen through the machine; None builds it.
         after: a later run of the same machine, to be held beside this one.
+        found_drawing: what is missing from the drawing, where that is known; None works it out.
+        found_given: the same of the model.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -167,11 +172,12 @@ def gather(
     model, shown = compensator.model, shown_table(table, source)
     problem = replace(problem or build_problem(model.file, table), table=shown)
     why: dict[str, str] = {}
-    drawing = _look(Model(model.file), problem, known, source, lambda what: tell(f"the drawing: {what}", 0, STAGES))
+    say = partial(_say, tell, "the drawing", 0)
+    drawing = _look(Model(model.file), problem, known, source, found_drawing, say)
     if not model.terms:
         given = drawing
     else:
-        given = _look(model, problem, known, source, lambda what: tell(f"the model: {what}", 1, STAGES))
+        given = _look(model, problem, known, source, found_given, partial(_say, tell, "the model", 1))
     tell("fit", 2, STAGES)
     noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
     refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=tell), source)
@@ -230,11 +236,18 @@ def with_network(model: Compensator, trained: Compensator, where: str) -> Compen
     return replace(model, network=trained.network, notes=trained.notes)
 
 
-def _look(model: Model, problem: Problem, known: Library, source: MadeOf, tell: Tell) -> ModelLook:
+def _say(tell: Progress, of: str, stage: int, what: str) -> None:
+    tell(f"{of}: {what}", stage, STAGES)
+
+
+def _look(
+    model: Model, problem: Problem, known: Library, source: MadeOf, found: Diagnosis | None, tell: Tell
+) -> ModelLook:
     why: dict[str, str] = {}
     noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
     diagnose = choose_diagnosis(problem.table.rows)
-    found = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
+    if found is None:
+        found = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
     tell("compare")
     return ModelLook(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
 

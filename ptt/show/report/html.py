@@ -7,13 +7,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ptt.correct.training.compensator import Compensator
+from ptt.diagnosis.verdict import Diagnosis
 from ptt.effects.registry import Library
 from ptt.files import write_text
 from ptt.machine import MachineFile
 from ptt.progress import Progress
 from ptt.run.problem import Problem
 from ptt.run.table import Table
-from ptt.show.card.words import length, value_in_words
+from ptt.show.card.words import length, together, value_in_words
 from ptt.show.report.card import top_card
 from ptt.show.report.contents import Contents, gather
 from ptt.show.report.interactive import interactive_parts
@@ -34,6 +35,8 @@ def write_report(
     known: Library | None = None,
     problem: Problem | None = None,
     after: Table | None = None,
+    drawing: Diagnosis | None = None,
+    given: Diagnosis | None = None,
     interactive: bool = False,
     language: str = "en",
     progress: Progress | None = None,
@@ -48,6 +51,8 @@ def write_report(
         known: effects by name; None for the library.
         problem: the same table seen through the machine; None builds it.
         after: a later run of the same machine, to be held beside this one.
+        drawing: what is missing from the drawing, where that is known; None works it out.
+        given: the same of the model.
         interactive: embed plotly and two pictures to turn and point at.
         language: 'en', or one that has a file of words.
         progress: told what is done, how much of how much.
@@ -59,7 +64,17 @@ def write_report(
         InputError: run and machine cannot be brought together, plotly is missing, or the file cannot be written.
     """
     say = words_of(language)  # a language that is not there is said before anything is worked out
-    contents = gather(table, machine, source, known=known, problem=problem, after=after, progress=progress)
+    contents = gather(
+        table,
+        machine,
+        source,
+        known=known,
+        problem=problem,
+        after=after,
+        found_drawing=drawing,
+        found_given=given,
+        progress=progress,
+    )
     write_text(out, render(contents, interactive=interactive, language=language, say=say))
     return contents
 
@@ -85,7 +100,7 @@ def render(contents: Contents, *, interactive: bool = False, language: str = "en
     top = top_card(contents, say)
     environment = Environment(
         loader=PackageLoader("ptt.show.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, finalize=lambda said: together(said) if type(said) is str else said,
     )  # fmt: skip
     return environment.get_template("report.html").render(
         contents=contents,

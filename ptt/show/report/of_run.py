@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ptt.correct.training.compensator import Compensator, load_compensator
+from ptt.diagnosis.verdict import Diagnosis
 from ptt.door.opened import Opened
 from ptt.door.options import Reading
 from ptt.door.result import unwatched
@@ -22,6 +23,8 @@ def report_run(
     compensator: Path | None = None,
     after: tuple[Path, Table] | None = None,
     reading: Reading,
+    drawing: Diagnosis | None = None,
+    given: Diagnosis | None = None,
     interactive: bool = False,
     language: str = "en",
     progress: Progress = unwatched,
@@ -36,6 +39,8 @@ def report_run(
         compensator: folder of a network that was trained for this model.
         after: a later run of the same machine, to be held beside this one: its file, and its rows.
         reading: how the run was read.
+        drawing: what is missing from the drawing, where that is known; None works it out.
+        given: the same of the model.
         interactive: whether pictures can be turned and pointed at.
         language: 'en', or one that has a file of words.
         progress: told what is done, how much of how much.
@@ -54,6 +59,8 @@ def report_run(
         known=opened.library,
         problem=opened.problem,
         after=None if after is None else after[1],
+        drawing=drawing,
+        given=given,
         interactive=interactive,
         language=language,
         progress=progress,

@@ -10,7 +10,7 @@ from ptt.errors import InputError
 
 Say = Callable[[str], str]
 ROOM = files("ptt.show.report").joinpath("languages")
-NUMBERS = re.compile(r"[\d.]+(, [\d.]+)* and [\d.]+( \S+)?")  # '1, 2 and 3', '55, 16 and 43 um'
+NUMBERS = re.compile(r"[\d.]+(, [\d.]+)* and [\d.]+(\s\S+)?")  # '1, 2 and 3', '55, 16 and 43 um'
 GAP = re.compile(r"\\{(\d*)\\}")  # as re.escape writes a gap
 
 

@@ -1,14 +1,14 @@
 """Pictures of findings as plotly dictionaries: this run's data with the fit through it, a ruler, an unknown's curve."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ptt.effects.phrases import scaled
-from ptt.show.card.words import prefixed, pretty
-from ptt.show.studio.figures import BLUE, ORANGE, PALE, Figure, axis_of, whole_figure, whole_layout
+from ptt.show.card.words import prefixed, pretty, spoken
+from ptt.show.studio.figures import BLUE, ORANGE, PALE, UNITS, Figure, axis_of, whole_figure, whole_layout
 
 BINS = 24
 RULER = (-2.0, 2.0)  # powers of ten about the usual size
@@ -96,11 +96,12 @@ def ruler_words(value: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(words)
 
 
-def unknown_figure(unknown: Mapping[str, Any]) -> Figure:
+def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
     """The one curve that an unknown follows, large, with this run's readings about it.
 
     Args:
         unknown: the leading dependence with its points.
+        serial: whether the machine is an arm.
 
     Returns:
         The figure.
@@ -114,9 +115,8 @@ def unknown_figure(unknown: Mapping[str, Any]) -> Figure:
     order = np.argsort(at)
     at, mean, half = scale * at[order], mean[order], half[order]
     on = unknown["with"] or unknown["on"]
-    across = f"{_spoken(on)}{f' [{time}]' if time else ''}" + (
-        " within one period [mm]" if unknown["period_mm"] else ""
-    )
+    of = time or UNITS.get(on.rstrip("0123456789"), "")
+    across = spoken(on, serial) + (" within one period" if unknown["period_mm"] else "") + (f" [{of}]" if of else "")
     up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
     data = [_points(scale * np.asarray(points["at"]), factor * np.asarray(points["um"]), PALE, "readings", 5)]
     if str(unknown["on"]).startswith("direction") and not unknown["with"]:
@@ -188,15 +188,3 @@ def _points(x: np.ndarray, y: np.ndarray, colour: str, name: str, size: int) -> 
         "marker": {"color": colour, "size": size},
         "showlegend": bool(name),
     }
-
-
-def _spoken(on: Sequence[str] | str) -> str:
-    text = str(on)
-    if text[:1] in "bq" and text[1:].isdigit():
-        return f"height of slider {text[1:]} [mm]" if text[0] == "b" else f"angle of joint {text[1:]} [rad]"
-    for stem in ("direction", "speed", "travel", "load"):
-        if text.startswith(stem) and text[len(stem) :].isdigit():
-            return f"{stem} of joint {text[len(stem) :]}"
-    return {"payload": "payload [kg]", "temperature": "temperature", "x": "x [mm]", "y": "y [mm]", "z": "z [mm]"}.get(
-        text, text
-    )

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.show.card.words import prefixed
+from ptt.show.card.words import prefixed, spoken
 from ptt.show.studio.looks import Look
 
 Figure = dict[str, Any]
@@ -27,24 +27,14 @@ def empty_figure() -> Figure:
 
 
 def label_of(context: str, look: Look) -> str:
-    """Name of a context with its unit, as an axis has it."""
-    rate = "rad/s" if look.serial else "mm/s"
-    if context.startswith("direction"):
-        return f"direction of {'joint' if look.serial else 'slider'} {context[9:]}"
-    if context.startswith("speed"):
-        return f"speed of {'joint' if look.serial else 'slider'} {context[5:]} [{rate}]"
+    """Name of a context with its unit, as menus and axes have it."""
     if context == "time":
         return "time [s]" if "time [s]" in look.covariates else "reading number"
     if context == "run":
         return "run number"
-    if context[:1] in "bq" and context[1:].isdigit():
-        return f"{'joint angle' if look.serial else 'slider height'} {context} [{UNITS[context[0]]}]"
-    return f"{context} [{UNITS.get(context, '')}]" if context in UNITS else context
-
-
-def short_label(context: str, look: Look) -> str:
-    """Name of a context with its unit, as a menu has it."""
-    return label_of(context, look).replace("slider height", "height").replace("joint angle", "angle")
+    units = UNITS | {"speed": "rad/s" if look.serial else "mm/s"}
+    unit = units.get(context.rstrip("0123456789"), "")
+    return f"{spoken(context, look.serial)} [{unit}]" if unit else spoken(context, look.serial)
 
 
 def unit_of(view: str, values: np.ndarray) -> tuple[str, float]:

@@ -1,5 +1,6 @@
 """What the page asks of the library: each job opens its files as the command line does and returns plain results."""
 
+import pickle
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -107,7 +108,16 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
         ghosts=ghosts_of(result.model, problem, steps),
         unknown=_unknown(result, opened.model, problem),
         cards=plain({key: words_of_effect(known, key, family) for key in steps}),
+        whole=_packed(result),
     )
+
+
+def _packed(found: "Diagnosis") -> bytes:
+    """A diagnosis for another process of the same page; nothing where an effect of one's own stands in the way."""
+    try:
+        return pickle.dumps(found)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return b""
 
 
 STAGES = {
@@ -205,8 +215,20 @@ def predict(source: Source, model: str | bytes, targets: str, tell: Progress) ->
     return Predicted(result.to_dict(), tuple(f"warning: {line}" for line in result.warnings), out.read_bytes())
 
 
-def report(source: Source, model: str, archive: bytes | None, tell: Progress) -> bytes:
-    """As `ptt report`, with the compensator where one is trained."""
+def report(source: Source, model: str, archive: bytes | None, drawing: bytes, given: bytes, tell: Progress) -> bytes:
+    """As `ptt report`, with the compensator where one is trained; what was diagnosed already is not diagnosed again.
+
+    Args:
+        source: the files.
+        model: text of the active model.
+        archive: the compensator's folder as a zip; None without one.
+        drawing: `Learned.whole` of the machine without effects; b'' where it is not known.
+        given: the same of the active model.
+        tell: told what is done.
+
+    Returns:
+        The page.
+    """
     from ptt.show.report.of_run import report_run
 
     tell("", 0, 0)
@@ -219,9 +241,16 @@ def report(source: Source, model: str, archive: bytes | None, tell: Progress) ->
         model=Path(MODEL),
         compensator=trained,
         reading=source.reading(),
+        drawing=_unpacked(drawing),
+        given=_unpacked(given),
         progress=tell,
     )
     return out.read_bytes()
+
+
+def _unpacked(whole: bytes) -> "Diagnosis | None":
+    """Of what `_packed` made: it came from a process of this page and through no file."""
+    return pickle.loads(whole) if whole else None
 
 
 def challenge(level: str, seed: int | None, machine: str | None, tell: Progress) -> tuple[str, str]:

@@ -13,7 +13,7 @@ from nicegui import events, ui
 
 from ptt.errors import PttError
 from ptt.files import write_text
-from ptt.show.card.words import length, parameter_in_words, percent, pretty
+from ptt.show.card.words import length, parameter_in_words, percent, pretty, together
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import WHEN, error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import LIMIT
@@ -190,7 +190,7 @@ def date_in(name: str) -> str:
 
 def change(fall: float) -> str:
     """A fall in percent as a change, for example '-90.0 %' with the real sign."""
-    return f"{-fall:+.1f} %".replace("-", "\N{MINUS SIGN}")
+    return together(f"{-fall:+.1f} %".replace("-", "\N{MINUS SIGN}"))
 
 
 def _show_pair(pair: Mapping[str, Any]) -> None:

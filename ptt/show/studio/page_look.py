@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from nicegui import events, ui
 
-from ptt.show.card.words import length
+from ptt.show.card.words import length, together
 from ptt.show.studio.arrow_figure import SHOWN as ARROWS
 from ptt.show.studio.arrow_figure import mean_arrows, usual_scale
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, short_label, unit_of
+from ptt.show.studio.figures import against_figure, label_of, unit_of
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.picture import Picture
@@ -101,7 +101,7 @@ class LookView:
         if fresh:
             view, context = first_of(self.studio.session, look)
             self.view.set_options(list(look.views), value=view)
-            self.context.set_options({name: short_label(name, look) for name in look.contexts}, value=context)
+            self.context.set_options({name: label_of(name, look) for name in look.contexts}, value=context)
             self.scale.set_value(usual_scale(look))
             self.led = ""
         self._lead()
@@ -151,7 +151,7 @@ class LookView:
         )
         self.field_note.set_text(
             f"{int(look.kept.sum())} readings; each arrow is the mean error {share} after frame alignment, "
-            f"{scale:,.0f} times enlarged: 10 mm long is {length(1e4 / scale)}"
+            + together(f"{scale:,.0f} times enlarged: 10 mm long is {length(1e4 / scale)}")
         )
 
     def _draw_against(self) -> None:

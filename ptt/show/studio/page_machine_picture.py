@@ -6,7 +6,7 @@ import numpy as np
 from nicegui import ui
 
 from ptt.show.card.scene import Lines, usual_times
-from ptt.show.card.words import length
+from ptt.show.card.words import length, together
 from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
@@ -125,7 +125,7 @@ class MachinePicture:
                 if moves
                 else f"{self.key} moves no part of the machine"
             )
-        self.note.set_text("; ".join(told) or "as drawn, nothing enlarged")
+        self.note.set_text(together("; ".join(told)) or "as drawn, nothing enlarged")
         self.plot.show(
             machine_figure(
                 look, int(rows[at]), scale=shown, ghost=ghost, near=bool(self.near.value), picked=self.studio.picked

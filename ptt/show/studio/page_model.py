@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from nicegui import ui
 
 from ptt.machine import EffectEntry
-from ptt.show.card.words import parameter_in_words, pretty
+from ptt.show.card.words import parameter_in_words, pretty, together
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, empty_figure, short_label
+from ptt.show.studio.figures import against_figure, empty_figure, label_of
 from ptt.show.studio.ladder_figures import ladder_figure
 from ptt.show.studio.page_look import first_of
 from ptt.show.studio.picture import Picture
@@ -144,7 +144,7 @@ class ModelView:
         if self.view.options != list(look.views) or chosen == self.led:
             self.led = view, context = first_of(self.studio.session, look)
             self.view.set_options(list(look.views), value=view)
-            self.context.set_options({name: short_label(name, look) for name in look.contexts}, value=context)
+            self.context.set_options({name: label_of(name, look) for name in look.contexts}, value=context)
         others = list(self.studio.session.others())
         self.beside.set_options(["nothing", *others], value=others[-1] if others else "nothing")
 
@@ -203,11 +203,11 @@ def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: 
             "no held-out figure, because nothing was fitted" if not now.rungs else "nothing was refitted or held out"
         )
         noise = f"noise {noise_um[axis]:.2f} {micro}"
-        return f"Now {last.rms_um[axis]:.2f} {micro} over all rows (plain RMS; {after}); {noise}{left}"
+        return together(f"Now {last.rms_um[axis]:.2f} {micro} over all rows (plain RMS; {after}); {noise}{left}")
     if now.fitted != now.active:
         return f"{_switched(now)}: the figures of that are being worked out"
     helped = "" if last.helped else " (this step did not help beyond chance)"
-    return (
+    return together(
         f"Now {last.rms_um[axis]:.2f} {micro} on training rows, {last.heldout_rms_um[axis]:.2f} {micro} held out; "
         f"noise {noise_um[axis]:.2f} {micro}{helped}{left}"
     )

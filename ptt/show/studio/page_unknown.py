@@ -42,7 +42,7 @@ class UnknownView:
         if lesson is None or lesson.unknown is None or lesson is self.shown:
             return
         self.shown = lesson
-        self.plot.show(unknown_figure(lesson.unknown))
+        self.plot.show(unknown_figure(lesson.unknown, self.studio.session.kind == "serial"))
         unknown = lesson.unknown
         rivals = f"; {', '.join(unknown['rivals'])} would tell it about as well" if unknown["rivals"] else ""
         follows = f"{percent(unknown['share'])} of what is left of {unknown['residual']} follows it"

@@ -103,6 +103,7 @@ class Learned:
         ghosts: effect -> how far the parts of the machine are off, at each pose of the picture.
         unknown: the one curve that the unknown follows; None where there is none.
         cards: effect -> what its card says, of each that is suggested.
+        whole: the diagnosis itself, as the process that made it packed it; for a report of this sitting, never on disk.
     """
 
     data: Mapping[str, Any]
@@ -113,6 +114,7 @@ class Learned:
     ghosts: Mapping[str, Any] = field(default_factory=dict)
     unknown: Mapping[str, Any] | None = None
     cards: Mapping[str, Any] = field(default_factory=dict)
+    whole: bytes = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True)

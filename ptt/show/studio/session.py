@@ -13,6 +13,7 @@ from ptt.show.studio.steps import START, step_command, switch_commands
 
 Value = TypeVar("Value")
 Figures = Mapping[str, float]
+_WAY: Mapping[str, Any] = {"history": (), "covariance": None}  # how a model came to be says nothing of the machine
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,13 @@ class Session:
     def lesson(self) -> Learned | None:
         """Its diagnosis."""
         return self.lessons.get(self.text)
+
+    @property
+    def lesson_of_drawing(self) -> Learned | None:
+        """The diagnosis of the machine without any effect, where the session has been there."""
+        bare = None if self.now is None else replace(self.now.file, effect=(), **_WAY)
+        files = ((_parsed(text), found) for text, found in self.lessons.items())
+        return next((found for file, found in files if replace(file, **_WAY) == bare), None)
 
     @property
     def error_um(self) -> Figures | None:

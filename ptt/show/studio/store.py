@@ -91,7 +91,7 @@ class Place:
             said = {"data": compared.data, "text": compared.text}
             self._once(session.source, text, "compared.json", partial(_json, said))
         for text, learned in session.lessons.items():
-            self._once(session.source, text, "learned.json", partial(_json, asdict(learned)))
+            self._once(session.source, text, "learned.json", partial(_json, _told(learned)))
         for text, trained in session.trainings.items():
             self._once(session.source, text, "trained.json", partial(_json, trained.data))
             self._once(session.source, text, "trained.zip", partial(bytes, trained.archive))
@@ -200,6 +200,11 @@ def _hashed(owner: str) -> str:
 
 def _json(value: Any) -> bytes:
     return json.dumps(value).encode()
+
+
+def _told(learned: Learned) -> dict[str, Any]:
+    """What is kept of a diagnosis: plain values, nothing that could run when it is read."""
+    return {name: value for name, value in asdict(learned).items() if name != "whole"}
 
 
 def _plain(snapshot: Snapshot) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from ptt.show.card.words import together
+
 
 def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1, caption: str = "") -> str:
     """A table.
@@ -21,9 +23,9 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], words: int = 
     body = "".join(
         "<tr>"
         + "".join(
-            f'<th scope="row" class="w">{escape(str(cell))}</th>'
+            f'<th scope="row" class="w">{escape(together(str(cell)))}</th>'
             if not head and i == 0
-            else f"<td{wordy[i]}>{escape(str(cell))}</td>"
+            else f"<td{wordy[i]}>{escape(together(str(cell)))}</td>"
             for i, cell in enumerate(row)
         )
         + "</tr>"
