@@ -162,7 +162,7 @@ def page(context: BrowserContext, server: Server) -> Page:
 def load_sample(page: Page) -> None:
     page.get_by_role("button", name="Load sample").click()
     expect(page.get_by_role("tab", name="Result")).to_have_attribute("aria-selected", "true", timeout=WAIT)
-    expect(page.get_by_text(re.compile("error 70.[5-9] .m rms"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"error 70.[5-9]\s.m rms"))).to_be_visible(timeout=WAIT)
 
 
 def open_files(page: Page, run: Path, machine: Path) -> None:
@@ -240,18 +240,18 @@ def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_pa
     page.get_by_role("button", name="close").click()
     page.get_by_role("button", name="add backlash", exact=True).click()
 
-    expect(page.get_by_text(re.compile("error 5.36 .m rms"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"error 5.36\s.m rms"))).to_be_visible(timeout=WAIT)
     again = page.locator(".st-title", has_text="Nothing is missing")
     expect(again).to_be_visible(timeout=WAIT)  # diagnosed anew without being asked
     show(page, "Model")
-    ladder = page.get_by_text(re.compile(r"^Now [\d.]+ .* held out"))
+    ladder = page.get_by_text(re.compile(r"^Now [\d.]+\s.* held out"))
     expect(ladder).to_be_visible(timeout=WAIT)
     theirs = verb("add", DATA / "run.csv", "backlash", "--model", DATA / "machine.toml", "--out", tmp_path / "m.toml")
     last, noise = theirs["steps"][-1], theirs["noise_um"]["total"]
-    micro = "\N{MICRO SIGN}m"
+    micro = "\N{NO-BREAK SPACE}\N{MICRO SIGN}m"
     assert ladder.inner_text() == (
-        f"Now {last['rms_um']['total']:.2f} {micro} on training rows, {last['heldout_rms_um']['total']:.2f} {micro} "
-        f"held out; noise {noise:.2f} {micro}"
+        f"Now {last['rms_um']['total']:.2f}{micro} on training rows, {last['heldout_rms_um']['total']:.2f}{micro} "
+        f"held out; noise {noise:.2f}{micro}"
     )
     drawn = page.evaluate("document.querySelector('.st-ladder').data.map(trace => trace.y)")
     assert drawn[1] == pytest.approx([step["heldout_rms_um"]["total"] for step in theirs["steps"]], rel=1e-9)
@@ -331,9 +331,9 @@ def _pick_a_box(page: Page) -> None:
 def _switch_and_undo(page: Page) -> None:
     """The switch leaves the effect aside, undo brings it back, undo again takes the step away, redo repeats it."""
     page.get_by_role("switch", name="backlash").click()
-    expect(page.get_by_text(re.compile("error 70.[5-9] .m rms"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"error 70.[5-9]\s.m rms"))).to_be_visible(timeout=WAIT)
     page.get_by_role("button", name="undo").click()
-    expect(page.get_by_text(re.compile("error 5.36 .m rms"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"error 5.36\s.m rms"))).to_be_visible(timeout=WAIT)
     page.get_by_role("button", name="undo").click()
     expect(page.get_by_text("The model has no effects yet")).to_be_visible(timeout=WAIT)
     page.get_by_role("button", name="redo").click()
@@ -366,7 +366,7 @@ def test_two_tabs_are_two_sessions_and_a_reload_keeps_place_and_steps(
     expect(page).to_have_url(re.compile(r"/s/[a-z0-9]{12}/look$"))
     page.reload()
     expect(page.get_by_role("tab", name="Look")).to_have_attribute("aria-selected", "true", timeout=WAIT)
-    expect(page.get_by_text(re.compile("error 70.[5-9] .m rms"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"error 70.[5-9]\s.m rms"))).to_be_visible(timeout=WAIT)
     show(page, "Model")
     page.go_back()
     expect(page.get_by_role("tab", name="Look")).to_have_attribute("aria-selected", "true", timeout=WAIT)
@@ -423,7 +423,7 @@ def test_a_mistaken_set_up_is_shown_and_put_right(page: Page, tmp_path: Path):
     expect(page.get_by_role("button", name="Go on anyway")).to_be_visible()
     check_layout(page, "set-up")
     page.get_by_role("button", name="Put it right and open").click()
-    expect(page.get_by_text(re.compile("mended.csv .* error 70.[5-9] .m rms"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"mended.csv .* error 70.[5-9]\s.m rms"))).to_be_visible(timeout=WAIT)
 
 
 def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):

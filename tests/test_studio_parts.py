@@ -39,6 +39,7 @@ from ptt.show.studio.opening import open_both
 from ptt.show.studio.outcomes import JobFailedError, SetupFoundError
 from ptt.show.studio.page import doing, told_of
 from ptt.show.studio.page_again import change, date_in
+from ptt.show.studio.page_columns import unit_in_words
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
 from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.pool import Pool
@@ -352,6 +353,15 @@ def test_columns_are_said_in_a_grid_and_kept(here: Path):
     )
 
 
+def test_a_unit_has_one_name_in_questions_and_chips():
+    assert [unit_in_words(each) for each in ("mm_min", "um", "c", "row order")] == [
+        "mm/min",
+        "\N{MICRO SIGN}m",
+        "\N{DEGREE SIGN}C",
+        "row order",
+    ]
+
+
 def test_the_card_says_side_size_cure_and_how_sure(learned: Learned):
     card = learned.card
     assert (card["verdict"], len(card["findings"])) == ("missing", 1)
@@ -360,7 +370,7 @@ def test_the_card_says_side_size_cure_and_how_sure(learned: Learned):
     for joint, truth in enumerate(sealed_gaps_um(), 1):
         value = values[joint]
         assert value["unit"] == "\N{MICRO SIGN}m" and abs(value["size"] - truth) < 5.0 * value["error"] + 0.5
-        assert "loses" in value["text"] and value["who"] == f"slider {joint}"
+        assert "loses" in value["text"] and value["who"] == f"slider {joint}" and value["side"] == "on reversal"
     assert "raise the reversal compensation of slider" in finding["cure"] and finding["tie"] == ""
     assert finding["probability"] > 0.9 and " um" not in json.dumps(card)
     parts = parts_of_bar(card)

@@ -32,6 +32,7 @@ class CauseValue:
         error: standard error; None where unknown.
         unit: as said.
         worth: size in usual sizes.
+        side: which way, the words after the size, as in 'too long'.
     """
 
     who: str
@@ -41,6 +42,7 @@ class CauseValue:
     error: float | None
     unit: str
     worth: float
+    side: str = ""
 
 
 @dataclass(frozen=True)
@@ -200,4 +202,7 @@ def _value(part: Said, noun: str) -> CauseValue:
     error = None if part.error != part.error else float(part.error)
     verb = {"s": "s", "es": "es", "is_": "is", "has": "has"}
     text = part.text.format(what=sizes_in_words([part]), **verb)
-    return CauseValue(who, part.joint, pretty(text), float(part.size), error, pretty(part.unit), float(part.worth))
+    side = part.text.partition("{what}")[2].format(**verb).strip()
+    return CauseValue(
+        who, part.joint, pretty(text), float(part.size), error, pretty(part.unit), float(part.worth), pretty(side)
+    )

@@ -11,6 +11,7 @@ MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
 UNIT = rf"(?:[n{MICRO}umk]?(?:m|rad|g|s|N)|K|h|min|days|deg|%|\N{{DEGREE SIGN}}C|\N{{PLUS-MINUS SIGN}}|MB)"
 APART = re.compile(rf"(?<=\d) (?={UNIT}(?![A-Za-z]))|(?<=\N{{PLUS-MINUS SIGN}}) (?=\d)|(?<=/N) (?=m\b)")
+WAYS = {"way": "the way along {} that the tool came", "turn": "how the tool turns along {}"}
 CHANCES = ((0.99, "almost certain"), (0.9, "very likely"), (0.7, "likely"), (0.4, "about even"), (0.0, "unlikely"))
 
 
@@ -35,6 +36,9 @@ def spoken(on: str, serial: bool) -> str:
     Returns:
         For example 'height of slider 3'.
     """
+    word, _, axis = on.partition(" ")
+    if word in WAYS and axis in ("x", "y", "z"):
+        return WAYS[word].format(axis)
     found = re.fullmatch(r"(b|q|direction|speed|travel|load)(\d+)", on)
     if found is None:
         return on
@@ -179,11 +183,11 @@ def by_part(values: Iterable[Mapping[str, Any]]) -> list[tuple[str, list[str]]]:
         values: of the finding.
 
     Returns:
-        Each part once, as 'tower 3', with its values in words.
+        Each part once, as 'tower 3', with its values in words, which way on a line of its own.
     """
     parts: dict[str, list[str]] = {}
     for value in values:
-        parts.setdefault(value["who"], []).append(value_in_words(value))
+        parts.setdefault(value["who"], []).append(f"{value_in_words(value)}\n{value.get('side', '')}".strip())
     return list(parts.items())
 
 

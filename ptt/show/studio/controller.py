@@ -328,7 +328,9 @@ class Studio:
     async def _do(self, words: str, job: str, arguments: Sequence[Any], how: str) -> Any:
         def tell(what: str, done: int, of: int) -> None:
             if how in ("asked", "unasked") and self.busy is not None:
-                self._is_busy(replace(self.busy, words=f"{words}: {what}" if what else words, done=done, of=of))
+                self._is_busy(
+                    replace(self.busy, words=f"{words}: {what}" if what not in ("", words) else words, done=done, of=of)
+                )
 
         task = asyncio.create_task(self.pool.run(self.folder, job, arguments, tell, patient=how == "spare"))
         if how != "spare":  # nobody means it who stops what goes on

@@ -13,9 +13,10 @@ from ptt.show.studio.figures import MIDDLE, MOST, ORANGE, Figure, shown_rows, wh
 from ptt.show.studio.looks import Look
 
 COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
+GRID = "#a9b1b7"  # seen on white and on dark; what is transparent there comes out white
 GHOST, LETTERS = "#e69f00", "#8a3500"
 LIFT, LINE, ASIDE = 38, 15, 64  # px that a label stands off its part, that a line of it takes, and beside an arm
-SAID = 2  # sizes of one part that a label has
+SAID = 2  # values of one part that a label has
 RIM = 0.04  # of what is drawn, that is left around it
 ROOM = 1.85  # diagonal of what is drawn as the camera sees it: a cube of unit sides, which fills the picture
 EYE = {"x": 1.27, "y": 1.18, "z": 0.62}
@@ -100,10 +101,13 @@ def _labels(there: Lines, values: Sequence[Mapping[str, Any]]) -> list[Figure]:
     seen = [_height(place) for _, _, place in parts]
     first_below = len(parts) > 1 and np.mean(seen[::2]) < np.mean(seen[1::2])
     for number, (who, said, place) in enumerate(parts):
-        tall = LIFT + LINE * len(said)
+        tall = LIFT + LINE * len("\n".join(said).splitlines())
         aside = (ASIDE, -ASIDE)[number % 2], tall * (number - 0.5 * (len(parts) - 1))
         across, down = aside if arm else (0, LIFT if (number + first_below) % 2 else -LIFT)
-        labels.append(_label(place, [f"<b>{escape(who)}</b>", *map(escape, said)], across, down))
+        label = _label(place, [f"<b>{escape(who)}</b>", *map(escape, said)], across, down)
+        if len(parts) > 1 and not arm and number in (0, len(parts) - 1):  # those at the rims grow inwards
+            label |= {"xanchor": "right" if number else "left", "ax": 24 if number else -24}
+        labels.append(label)
     return labels
 
 
@@ -119,7 +123,7 @@ def _few(said: Sequence[str]) -> list[str]:
 
 def _label(place: np.ndarray, said: Sequence[str], across: float, down: float) -> Figure:
     return {
-        **dict(zip("xyz", place.tolist(), strict=True)), "text": "<br>".join(said),
+        **dict(zip("xyz", place.tolist(), strict=True)), "text": "<br>".join(said).replace("\n", "<br>"),
         "font": {"size": 12, "color": LETTERS}, "bgcolor": "rgba(255,255,255,0.88)", "bordercolor": GHOST,
         "borderpad": 3, "arrowcolor": GHOST, "arrowhead": 0, "ax": across, "ay": down,
     }  # fmt: skip
@@ -174,14 +178,15 @@ def _around(points: np.ndarray, rim: float) -> np.ndarray:
 
 def _axis(name: str, ends: np.ndarray) -> Figure:
     return {
-        "title": {"text": f"{name} [mm]", "font": {"size": 12}},
+        "title": {"text": ""},  # it would lie beyond the picture, which the machine fills
+        "tickprefix": f"{name} ",
         "backgroundcolor": "rgba(0,0,0,0)",
-        "gridcolor": "rgba(128,136,144,0.25)",
+        "gridcolor": GRID,
         "color": MIDDLE,
-        "tickfont": {"size": 10},
+        "tickfont": {"size": 12},
         "nticks": 5,
         "showspikes": False,
-        "zerolinecolor": "rgba(128,136,144,0.4)",
+        "zerolinecolor": GRID,
         "range": ends.tolist(),
     }
 

@@ -28,6 +28,13 @@ WORDS = {
 }
 
 
+def unit_in_words(choice: str) -> str:
+    """A unit as a chip has it; what is no unit stays as it is."""
+    if not any(choice in units for units in UNITS.values()):
+        return choice
+    return CHIPS.get(choice, choice.replace("um", "\N{MICRO SIGN}m").replace("_", "/"))
+
+
 def choices_of(joints: int, prefix: str) -> dict[str, str]:
     """What a column may hold on a machine, by the name that a file for --map has for it."""
     who = "joint" if prefix == "q" else "slider"
@@ -93,7 +100,9 @@ class ColumnsView:
             ui.label(question.question).classes("st-head")
             with ui.element("div").classes("st-tools"):
                 for choice in question.choices:
-                    pick = ui.button(choice, on_click=lambda _, c=choice: self.studio.answer(question.question, c))
+                    pick = ui.button(
+                        unit_in_words(choice), on_click=lambda _, c=choice: self.studio.answer(question.question, c)
+                    )
                     pick.props("no-caps dense outline").props["aria-label"] = f"answer {choice}"
 
     async def _fill(self) -> None:
@@ -140,9 +149,7 @@ class ColumnsView:
     def _units(self, title: str, known: str | None) -> None:
         """Unit chips that suit what a column holds."""
         units = {
-            unit: CHIPS.get(unit, unit.replace("um", "\N{MICRO SIGN}m").replace("_", "/"))
-            for unit in UNITS.get(dimension_of(str(self.quantity[title].value)), {})
-            if unit
+            unit: unit_in_words(unit) for unit in UNITS.get(dimension_of(str(self.quantity[title].value)), {}) if unit
         }
         self.unit[title].set_options(units, value=known if known in units else next(iter(units), None))
         self.unit[title].set_visibility(bool(units))

@@ -71,6 +71,7 @@ class LookView:
             self.beside = ui.select([NONE], value=NONE, label="beside it", on_change=self.redraw_against)
             for select in (self.view, self.context, self.beside):
                 select.props("dense outlined options-dense")
+            self.context.classes("st-longer")
         self.against = Picture().classes("st-plot")
         self.against.props('role=img aria-label="residual against a variable"')
         self.time = Picture().classes("st-plot")
@@ -261,4 +262,4 @@ def _table(look: Look, rows: Sequence[int]) -> str:
 
 
 def _number(value: float, decimals: int) -> str:
-    return f"{value:.{decimals}f}" if math.isfinite(value) else "\N{EN DASH}"
+    return f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}") if math.isfinite(value) else "\N{EN DASH}"

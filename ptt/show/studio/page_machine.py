@@ -130,7 +130,9 @@ class MachineForm:
                 self._build_numbers()
             with ui.element("div").classes("st-box"):
                 self.said = ui.label().classes("st-note").style("white-space: pre-wrap").mark("machine-said")
-                self.drawn = ui.html("", sanitize=False).classes("st-svg w-full").mark("machine-drawing")
+                self.drawn = (
+                    ui.html("", sanitize=False).classes("st-svg w-full").props("tabindex=0").mark("machine-drawing")
+                )
                 self.arm = Picture().classes("w-full").style("height: 60vh")
                 self.arm.props('role=img aria-label="the arm with all joints at zero"')
         ui.timer(0.01, self._kind, once=True)

@@ -56,6 +56,7 @@ class ModelView:
             self.beside = ui.select(["nothing"], value="nothing", label="beside it", on_change=self.redraw)
             for select in (self.view, self.context, self.beside):
                 select.props("dense outlined options-dense")
+            self.context.classes("st-longer")
         self.against = Picture().classes("st-plot")
         self.against.props('role=img aria-label="residual with and without"')
 

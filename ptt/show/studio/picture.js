@@ -19,7 +19,7 @@ export default {
   async mounted() {
     this.plotly = (await import("nicegui-plotly")).Plotly;
     this.update();
-    this.observer = new ResizeObserver(() => this.drawn && this.plotly.Plots.resize(this.$el));
+    this.observer = new ResizeObserver(() => this.drawn && this.$el.offsetWidth && this.plotly.Plots.resize(this.$el));
     this.observer.observe(this.$el);
   },
   unmounted() {
