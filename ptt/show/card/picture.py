@@ -43,7 +43,7 @@ def draw_scene(lines: Lines, shift: Mapping[str, Any] | None, values: list[Mappi
     middle = float(_seen(lines.chains.reshape(-1, 3))[0][:, 0].mean())
     for who, said in by_part(values if shift is not None else ()):
         place, _ = _seen(place_of_part(there, who)[None])
-        words = f"{who}: " + "\n".join(said)
+        words = f"{who}: " + "\n".join(size.partition("\n")[0] for size in said)  # which way is said beside the picture
         box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GHOST, "alpha": 0.9}
         right = place[0, 0] > middle
         axes.annotate(
