@@ -13,7 +13,7 @@ from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.long import STRETCH, diagnose_long
-from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.memory import WHITE, Memory, block_sums
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.span import span_of
@@ -96,8 +96,24 @@ def _both(problem: Problem, size: int, memory: Memory) -> tuple[RowSystem, Summe
     return whole, summed, np.concatenate([np.arange(linear), *(atom.columns for atom in blocks)])
 
 
-@pytest.mark.parametrize("size", [ROWS, 700])
-def test_sums_over_chunks_are_those_of_the_whole(problem: Problem, size: int) -> None:
+def test_sums_of_a_stretch_are_those_of_its_rows_in_noise_and_in_mm() -> None:
+    random = np.random.default_rng(3)
+    spread = random.normal(size=(3, 3))
+    noise = Noise(1e-5 * (spread @ spread.T + np.eye(3)), "repeats", 30.0)  # nothing alike along any axis
+    joined = random.normal(size=(50, 3, 7))
+    white, in_mm, rows = block_sums(joined, noise)
+    unit = np.linalg.inv(noise.whitener)
+    readings = np.einsum("ab,mbp->map", unit, joined).reshape(-1, 7)
+    np.testing.assert_allclose(white, joined.reshape(-1, 7).T @ joined.reshape(-1, 7), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(in_mm, readings.T @ readings, rtol=1e-12, atol=1e-15)
+    assert rows == 50
+
+
+@pytest.mark.parametrize(("size", "slab"), [(ROWS, ROWS), (700, ROWS), (ROWS, 450)])
+def test_sums_over_chunks_are_those_of_the_whole(
+    problem: Problem, size: int, slab: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ptt.diagnosis.summed.SLAB", slab)
     whole, summed, places = _both(problem, size, WHITE)
     mine, theirs = summed.sums(WHITE), whole.sums_of(places, WHITE)
     scale = np.sqrt(np.diag(theirs.gram))
@@ -116,12 +132,13 @@ def test_sums_over_chunks_are_those_of_the_whole(problem: Problem, size: int) ->
     np.testing.assert_allclose(*left, atol=1e-4)
 
 
-def test_a_wander_costs_next_to_nothing_at_the_seams(problem: Problem) -> None:
+def test_a_wander_costs_next_to_nothing_at_the_seams(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, summed, places = _both(problem, 700, WANDERING)
     mine, theirs, white = summed.sums(WANDERING), whole.sums_of(places, WANDERING), whole.sums_of(places, WHITE)
     assert mine.log_noise == pytest.approx(theirs.log_noise, rel=0.01) and theirs.log_noise > 100.0
     assert mine.square == pytest.approx(theirs.square, rel=0.02)
     assert theirs.square < 0.9 * white.square
+    monkeypatch.setattr("ptt.diagnosis.summed.SLAB", 900)  # the rows of one chunk have no seams
     one = _both(problem, ROWS, WANDERING)[1].sums(WANDERING)
     assert one.square == pytest.approx(theirs.square, rel=1e-9) and one.log_noise == pytest.approx(theirs.log_noise)
 

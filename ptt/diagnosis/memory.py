@@ -146,12 +146,14 @@ def block_sums(joined: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray
         joined: columns, and the readings as the last, (m, 3, P + 1) whitened.
         noise: that whitened them.
     """
-    flat = joined.reshape(-1, joined.shape[2])
-    in_mm = np.zeros((joined.shape[2],) * 2)
-    for way in np.linalg.inv(noise.whitener):
-        axis = sum(weight * joined[:, other] for other, weight in enumerate(way) if weight)
-        in_mm += axis.T @ axis
-    return flat.T @ flat, in_mm, len(joined)
+    unit = np.linalg.inv(noise.whitener)
+    squares, ways = np.linalg.eigh(unit.T @ unit)  # turned that way, each axis has one figure for a unit in mm
+    white, in_mm = np.zeros((2, joined.shape[2], joined.shape[2]))
+    for axis, square in zip(np.moveaxis(ways.T @ joined, 1, 0), squares, strict=True):
+        gram = axis.T @ axis
+        white += gram
+        in_mm += square * gram
+    return white, in_mm, len(joined)
 
 
 def hide(white: np.ndarray, in_mm: np.ndarray, rows: int) -> Hidden:

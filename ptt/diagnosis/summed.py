@@ -13,7 +13,7 @@ from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, clock_of, straightened, whitened
 from ptt.effects import Effect
-from ptt.fitting.chunks import map_chunks, numbers
+from ptt.fitting.chunks import cut, map_chunks, numbers
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fitting.outliers import inside
 from ptt.fitting.result import FitResult
@@ -26,6 +26,7 @@ Chunks = Sequence[Callable[[], Problem]]
 Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise units and in mm, and its rows
 Trials = Mapping[str, tuple[Effect, Sequence[Shape]]]  # candidates by key, each in the shapes that are summed
 
+SLAB = 4_000  # rows of a chunk whose columns of all candidates are there at once: more of them leave the cache
 MOST_STRETCHES = 50  # of a chunk, up to which sums over each are cheap
 
 
@@ -192,22 +193,27 @@ def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.nda
     Returns:
         The chunk's part.
     """
-    number = numbers(chunk)
-    linear, columns = columns_of(chunk, run, at, {} if sift else trials)
-    rows = linear.rows & kept[number]
-    gross = np.zeros_like(rows)
-    if sift:
-        gross = _gross(chunk, run, at, trials, linear, columns, rows)
-        rows = rows & ~gross
-    joined = np.concatenate([columns, linear.values[:, :, None]], axis=2)
-    joined = joined if rows.all() else joined[rows]
     hidden: dict[int, Held] = {}
-    for index, stretch in _stretches(run.block[number[rows]]):
-        _add(hidden, index, block_sums(joined[stretch], at.noise))
-    other = None
+    rows, gross, joined = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+    for part in [chunk] if sift else (make() for make in cut(chunk, SLAB)):
+        number = numbers(part)
+        linear, columns = columns_of(part, run, at, {} if sift else trials)
+        there = linear.rows & kept[number]
+        far = _gross(part, run, at, trials, linear, columns, there) if sift else np.zeros_like(there)
+        there = there & ~far
+        both = np.concatenate([columns, linear.values[:, :, None]], axis=2)
+        both = both if there.all() else both[there]
+        for index, stretch in _stretches(run.block[number[there]]):
+            _add(hidden, index, block_sums(both[stretch], at.noise))
+        rows.append(there)
+        gross.append(far)
+        if at.memory != WHITE:  # which goes on from one slab into the next
+            joined.append(both)
+    other, counted = None, np.concatenate(rows)
     if at.memory != WHITE:
-        other = sum_rows(joined, at.memory, clock_of(chunk, rows), run.pose[number[rows]])
-    return Contribution(hidden, other, rows, gross, linear.without_rows())
+        clock = clock_of(chunk, counted)
+        other = sum_rows(np.concatenate(joined), at.memory, clock, run.pose[numbers(chunk)[counted]])
+    return Contribution(hidden, other, counted, np.concatenate(gross), linear.without_rows())
 
 
 def columns_of(

@@ -56,7 +56,13 @@ def _read_part(raw: RawText, columns: list[Column]) -> dict[int, np.ndarray]:
     }
     frame = cast(pd.DataFrame, pd.read_csv(io.StringIO("\n".join(raw.body) + "\n"), **options, **_EXACT))
     numbers = {index: _to_float(frame[index], raw, columns[index]) for index in numeric}
-    return numbers | {index: frame[index].astype(str).str.strip().to_numpy(dtype=str) for index in texts}
+    return numbers | {index: _stripped(frame[index]) for index in texts}
+
+
+def _stripped(cells: pd.Series) -> np.ndarray:
+    """Texts without blanks about them; most columns of texts say the same few again and again."""
+    codes, known = pd.factorize(cells, use_na_sentinel=False)
+    return np.array([str(text).strip() for text in known], dtype=str)[codes]
 
 
 def _is_numeric(column: Column) -> bool:
