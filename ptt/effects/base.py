@@ -279,7 +279,8 @@ def per_joint(*columns: Tensor) -> Tensor:
     blocks = []
     for column in columns:
         values = column.unsqueeze(-1) if column.dim() == 2 else column  # shape: (n, k, c)
-        k, c = values.shape[1:]
-        eye = torch.eye(k, dtype=values.dtype)
-        blocks.append(torch.einsum("nkc,kj->nkjc", values, eye).reshape(-1, k, k * c))
+        n, k, c = values.shape
+        own = values.new_zeros(n, k, k, c)
+        own.diagonal(dim1=1, dim2=2).copy_(values.transpose(1, 2))
+        blocks.append(own.reshape(n, k, k * c))
     return torch.cat(blocks, dim=-1)

@@ -122,18 +122,9 @@ def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) ->
     Returns:
         (n, 3, sum P).
     """
-    result = np.empty((len(blocks[0]), 3, len(scale)))
-    place = 0
-    for block in blocks:
-        width = block.shape[-1]
-        own = scale[place : place + width]
-        for axis in range(3):  # a batched product of 3 x 3 matrices is several times slower
-            part = result[:, axis, place : place + width]
-            np.multiply(block[:, axis], whitener[axis, axis] * own, out=part)
-            for other in range(axis + 1, 3):
-                if whitener[axis, other]:
-                    part += block[:, other] * (whitener[axis, other] * own)
-        place += width
+    turned = [whitener @ block for block in blocks]
+    result = turned[0] if len(turned) == 1 else np.concatenate(turned, axis=-1)
+    result *= scale
     return result
 
 
@@ -159,7 +150,7 @@ def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
         return machine
     turns = rotation(motion[:, 3:])[0]
     if len(turns) == 1:
-        return torch.einsum("ij,njp->nip", turns[0], machine)
+        return torch.from_numpy(turns[0].numpy() @ machine.numpy())  # several times faster than torch's own
     return turns[torch.as_tensor(frame)] @ machine
 
 
