@@ -36,12 +36,15 @@ class Narrowed:
         """Old columns (.., P) as the new ones."""
         if not self.turned:
             return columns
-        parts = [columns[..., self.place >= 0]]
+        behind = columns.transpose()  # as they lie in memory, one behind the other
+        parts = [behind[self.place >= 0]]
         for key in self.turned:
             turn = self.atoms[key].turn
             assert turn is not None
-            parts.append(columns[..., self.old[key]] @ turn.ways)
-        return np.concatenate(parts, axis=-1)
+            own = behind[self.old[key]]
+            width = own[0].size
+            parts.append((turn.ways.T @ own.reshape(len(own), width)).reshape(turn.ways.shape[1], *own.shape[1:]))
+        return np.concatenate(parts).transpose()
 
     def scale(self, scale: np.ndarray) -> np.ndarray:
         """Sizes of the units of the new columns, (P,); those of turned ones are in their turn."""
@@ -72,7 +75,8 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
     first = int(stays.sum())
     for key in wide:
         atom = atoms[key]
-        ways, group = _seen(columns[:, :, atom.columns].reshape(-1, len(atom.columns)), atom.group, atom.most)
+        behind = columns.transpose()[atom.columns]
+        ways, group = _seen(behind.reshape(len(behind), behind[0].size), atom.group, atom.most)
         own = np.arange(first, first + len(group))
         turn = Turn(ways, atom.group, scale[atom.columns])
         found[key] = replace(atom, columns=own, group=group, bounded=np.zeros(len(own), dtype=bool), turn=turn)
@@ -86,14 +90,14 @@ def _pays(atom: Atom, coordinates: int) -> bool:
 
 
 def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions of unknowns that rows (m, w) show, one group at a time, (w, r), and the group of each."""
+    """Directions of unknowns whose columns rows (w, m) show, one group at a time, (w, r), and the group of each."""
     ways, owner = [], []
     for index, largest in enumerate(most):
         own = np.flatnonzero(group == index)
-        strength, turned = np.linalg.eigh(flat[:, own].T @ flat[:, own])
+        strength, turned = np.linalg.eigh(flat[own] @ flat[own].T)
         kept = np.flatnonzero(strength > max(UNSEEN * strength[-1], LEAST / largest))
         kept = kept if len(kept) else np.array([len(own) - 1])
-        part = np.zeros((flat.shape[1], len(kept)))
+        part = np.zeros((len(flat), len(kept)))
         part[own] = turned[:, kept]
         ways.append(part)
         owner.append(np.full(len(kept), index))
