@@ -1,4 +1,7 @@
-"""The moment of what happens at once: every row is tried, the same effect all along taken off."""
+"""The moment of what happens at once: every row is tried, frames and the same effect all along taken off."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -8,13 +11,32 @@ from ptt.fitting.linear import Place, Shape
 from ptt.fitting.moment import EDGE
 
 SEGMENTS = 40  # what a jump does to the readings changes little within one
+UNSEEN = 1e-12  # share of the largest singular value below which frames and effect do not tell each other apart
 
 
-def best_moment(at: Place, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Shape:
+@dataclass(frozen=True)
+class Along:
+    """What each row says for an effect, and what segments of rows see of it and of the frames.
+
+    Attributes:
+        side: products of the rows' columns with what is left, the frames' first, (m, f + p).
+        lengths: rows of each segment.
+        gram: of the columns with the effect's own, (segments, f + p, p).
+        whole: of all columns, (f + p, f + p).
+    """
+
+    side: np.ndarray
+    lengths: np.ndarray
+    gram: np.ndarray
+    whole: np.ndarray
+
+
+def best_moment(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Shape:
     """Where a sudden effect would take most of what is left.
 
     Args:
         at: where the problem was linearised.
+        frame: columns of the tracker's frames, (n, 3, f) whitened.
         left: (n, 3) whitened.
         used: rows that count, (n,) bool.
         effect: the effect.
@@ -24,33 +46,49 @@ def best_moment(at: Place, left: np.ndarray, used: np.ndarray, effect: Sudden) -
     """
     clock = effect.clock(at.problem.view).numpy()
     order = np.argsort(clock, kind="stable")
-    side, lengths, gram = along(at, left, used, effect)
+    seen = along(at, frame, left, used, effect)
     if (np.diff(clock) < 0.0).any():
         return {"after": torch.tensor([np.median(clock)], dtype=torch.float64)}
-    return {"after": torch.tensor([clock[order][best_row(side, lengths, gram)]], dtype=torch.float64)}
+    return {"after": torch.tensor([clock[order][best_row(seen)]], dtype=torch.float64)}
 
 
-def along(at: Place, left: np.ndarray, used: np.ndarray, effect: Sudden) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What each row of a chunk says for an effect, (m, p); of segments of rows their number and columns' gram."""
-    columns = at.columns(effect, ALWAYS)
-    columns = np.where(used[:, None, None], columns, 0.0)
-    segments = np.array_split(columns, min(SEGMENTS, len(columns)))
+def along(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Along:
+    """What the rows of a chunk say for an effect that acts all along."""
+    own = at.columns(effect, ALWAYS)
+    both = np.where(used[:, None, None], np.concatenate([frame, own], axis=2), 0.0)
+    segments = np.array_split(both, min(SEGMENTS, len(both)))
     gram = np.array([np.tensordot(segment, segment, axes=((0, 1), (0, 1))) for segment in segments])
-    return np.einsum("ncp,nc->np", columns, left), np.array([len(segment) for segment in segments]), gram
+    lengths = np.array([len(segment) for segment in segments])
+    return Along(np.einsum("ncp,nc->np", both, left), lengths, gram[:, :, frame.shape[2] :], gram.sum(axis=0))
 
 
-def best_row(along: np.ndarray, lengths: np.ndarray, gram: np.ndarray) -> int:
-    """The last row before the moment from which on an effect takes most, the same effect all along taken off."""
-    whole, whole_side = gram.sum(axis=0), along.sum(axis=0)
-    spread = np.linalg.pinv(whole, hermitian=True)
-    after_side = whole_side - np.cumsum(along, axis=0)
-    before = np.cumsum(gram, axis=0) - 0.5 * gram  # at the middle of each segment
-    taken, first = np.zeros(len(along)), 0
-    for length, passed in zip(lengths, before, strict=True):
+def joined(parts: Sequence[Along]) -> Along:
+    """The same of several chunks, one after the other."""
+    return Along(
+        np.concatenate([part.side for part in parts]),
+        np.concatenate([part.lengths for part in parts]),
+        np.concatenate([part.gram for part in parts]),
+        np.sum([part.whole for part in parts], axis=0),
+    )
+
+
+def best_row(seen: Along) -> int:
+    """The last row before the moment from which on an effect takes most beside the frames and itself all along.
+
+    A run with frames of its own hides what came before it: with their shares left in, a moment in another run would
+    seem to take as much.
+    """
+    own = seen.gram.shape[2]
+    spread = np.linalg.pinv(seen.whole, rcond=UNSEEN, hermitian=True)
+    total, whole = seen.side.sum(axis=0), seen.whole[:, -own:]
+    after_side = (total - np.cumsum(seen.side, axis=0))[:, -own:]
+    before = np.cumsum(seen.gram, axis=0) - 0.5 * seen.gram  # at the middle of each segment
+    taken, first = np.zeros(len(seen.side)), 0
+    for length, passed in zip(seen.lengths, before, strict=True):
         after = whole - passed
-        rows = slice(first, first + length)
-        side = after_side[rows] - after @ spread @ whole_side
-        taken[rows] = np.einsum("np,pq,nq->n", side, _inverse(after - after @ spread @ after), side)
+        rows, known = slice(first, first + length), after.T @ spread
+        side = after_side[rows] - known @ total
+        taken[rows] = np.einsum("np,pq,nq->n", side, _inverse(after[-own:] - known @ after), side)
         first += length
     return EDGE + int(np.argmax(taken[EDGE : len(taken) - EDGE]))
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.blocks import unknown_blocks
-from ptt.diagnosis.moment import along, best_row
+from ptt.diagnosis.moment import Along, along, best_row, joined
 from ptt.diagnosis.summed import Ansatz, Run, columns_of
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
@@ -53,16 +53,17 @@ def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carri
     if not sudden or any((np.diff(clock) < 0.0).any() for clock in clocks):
         return {}
 
-    def work(chunk: Problem) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    def work(chunk: Problem) -> list[Along]:
         linear, _ = columns_of(chunk, run, at, {}, ())
         left = linear.residual - _of_blocks(chunk, linear, run, at, carried) @ at.noise.whitener.T
         rows = linear.rows & run.problem.used[numbers(chunk)]
-        return [along(_place(linear), left, rows, effect) for effect in sudden]
+        frame = linear.columns[:, :, linear.frame]
+        return [along(_place(linear), frame, left, rows, effect) for effect in sudden]
 
     parts = list(zip(*map_chunks(work, run.chunks), strict=True))
     found: dict[str, Shape] = {}
     for effect, clock, own in zip(sudden, clocks, parts, strict=True):
-        row = best_row(*(np.concatenate(some) for some in zip(*own, strict=True)))
+        row = best_row(joined(own))
         found[effect.key] = {"after": torch.tensor([clock[row]], dtype=torch.float64)}
     return found
 

@@ -102,7 +102,9 @@ def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Su
     still = scorer.score(without(state, *gone), WHITE, state.scales)
     left = np.zeros((system.at.problem.table.rows, 3))
     left[system.rows] = system.left(still.columns, still.posterior.values)
-    return best_moment(system.at, left, np.isin(np.arange(len(left)), system.rows), effect)
+    frame = np.zeros((*left.shape, len(system.frame)))
+    frame[system.rows] = system.columns[:, :, system.frame]
+    return best_moment(system.at, frame, left, np.isin(np.arange(len(left)), system.rows), effect)
 
 
 def _is_timely(atom: Atom) -> bool:
