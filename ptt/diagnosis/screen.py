@@ -10,6 +10,7 @@ for a determinant of blocks is |A| |S|, S the Schur complement of A, and the qua
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -147,10 +148,16 @@ class Screen:
     def _learned(self, atom: Atom, gram: np.ndarray, side: np.ndarray) -> Gain:
         """The same where an atom has several variances."""
         left, freedom = self.basis.posterior.left, self.system.freedom
-        own = learn(
-            gram, side, left, self.system.spare, atom.group, freedom=freedom, start=self.begun.get(atom.name),
-            width=WIDTH if atom.effect else np.inf, done=ROUGH, ceiling=atom.most,
+        work_out = partial(
+            learn, square=left, count=self.system.spare, owner=atom.group, freedom=freedom, done=ROUGH,
+            start=self.begun.get(atom.name), width=WIDTH if atom.effect else np.inf, ceiling=atom.most,
         )  # fmt: skip
+        try:
+            own = work_out(gram, side)
+        except np.linalg.LinAlgError:  # rounding left more than that below zero
+            strength, ways = np.linalg.eigh(gram)
+            seen = ways[:, strength > np.abs(strength[0])]
+            own = work_out(seen @ (seen.T @ gram @ seen) @ seen.T, seen @ (seen.T @ side))
         self.begun[atom.name] = own.scales
         before = -0.5 * self.known * float(np.log((freedom + left) / self.known))
         return Gain(own.total - before - atom.odds, atom.key, own.scales)
