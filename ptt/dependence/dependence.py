@@ -31,7 +31,8 @@ class Dependence(Record):
 
     Attributes:
         residual: 'x', 'y', 'z', 'slider 2' or 'joint 2'.
-        on: 'b2', 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'x', 'y', 'z', 'run'.
+        on: 'b2', 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'x', 'y', 'z', 'run';
+            of an unknown also 'way x', 'turn x', 'feed'.
         share: 0 to 1, of the residual's variance that a free function of this variable alone explains, less what
             chance would.
         p_value: permutation test, after multiplicity over all residuals, variables and shapes.

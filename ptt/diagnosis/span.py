@@ -21,7 +21,8 @@ class Context:
     """Something beside the pose that varies.
 
     Attributes:
-        name: 'payload', 'temperature', 'time', 'speed', or the title of a column that a person wants watched.
+        name: 'payload', 'temperature', 'time', 'speed', 'feed', 'way', 'turn', or the title of a column that a person
+            wants watched.
         shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
         fields: whether a field over the workspace may go with it beyond scale and turn.
         joints: whether it may act on joints; what only the tool knows acts on the tool.
