@@ -15,6 +15,7 @@ from ptt.effects import Effect, Library
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 
+HOPEFUL = 40.0  # nats that names alone may lie behind names and unknowns before anything else is put beside them
 HOPELESS = 1.5  # times the chi-squared that would do, above which a refit without an effect is not brought to its end
 
 
@@ -81,8 +82,10 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
         fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span
     )  # fmt: skip
     other = Scorer(system, model.keys, steps, scorer.barred)
-    best = improve(other, other.score([key for key in current.keys if key in system.atoms], WHITE))
-    best = plainest(other, refilled(other, best))
+    first = other.score([key for key in current.keys if key in system.atoms], WHITE)
+    if first.total < state.total - HOPEFUL:
+        return found
+    best = plainest(other, refilled(other, improve(other, first)))
     there = replace(
         found, fitted=fitted, system=system, scorer=other, state=best, carried=nothing, untestable=untestable
     )

@@ -72,7 +72,7 @@ def find(
             dated = _dated(found, candidates)
             if dated:
                 scorer, system = with_shapes(scorer, dated)
-                state = search(scorer)
+                state = max(state, search(scorer), key=lambda each: each.total)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at

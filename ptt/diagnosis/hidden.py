@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.score import Scorer, State
 
 FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
 
@@ -21,12 +21,14 @@ class Trial:
         with_it: sum of squares of each block, over the variance that the atoms claim, (k,).
         without: of the same, the atom gone.
         shown: what is left of all blocks without it less what is left with it, when nothing is hidden.
+        elsewhere: the same of base reflectors.
         count: coordinates of all blocks.
     """
 
     with_it: np.ndarray
     without: np.ndarray
     shown: float
+    elsewhere: float
     count: int
 
     @property
@@ -44,7 +46,7 @@ class Trial:
             nats: that they have to gain.
             share: of what they leave without it that has to go.
         """
-        if self.shown < 2.0 * nats:
+        if self.shown < 2.0 * nats < self.elsewhere:
             return True
         gained = self.without - self.with_it
         others = gained.sum() - gained.max(initial=0.0)
@@ -78,7 +80,15 @@ def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
         shown += hidden.left(plain) - hidden.left(whole.posterior.values)
         count += 3 * hidden.rows
     squares = np.array(pairs).reshape(-1, 2) / whole.posterior.phi
-    return Trial(squares[:, 0], squares[:, 1], shown / whole.posterior.phi, count)
+    everywhere = left_of(scorer, fewer) - left_of(scorer, whole)
+    phi = whole.posterior.phi
+    return Trial(squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count)
+
+
+def left_of(scorer: Scorer, state: State) -> float:
+    """Sum of squares that a state leaves, base reflectors included, in units of noise."""
+    sums, values = scorer.system.sums_of(state.columns, WHITE), state.posterior.values
+    return sums.square - float(values @ (2.0 * sums.side - sums.gram @ values))
 
 
 def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:

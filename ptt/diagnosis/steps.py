@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom, is_block
-from ptt.diagnosis.hidden import held_out, hide
+from ptt.diagnosis.hidden import held_out, hide, left_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import PLAIN, added, loose, without
-from ptt.diagnosis.system import System
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
 ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
@@ -127,12 +126,7 @@ def _lends(scorer: Scorer, curve: str, key: str) -> bool:
 def share_of(scorer: Scorer, key: str) -> float:
     """Share of what the model as given leaves that one atom takes by itself."""
     nothing, alone = scorer.score((), WHITE), scorer.score((key,), WHITE)
-    return float(max(0.0, 1.0 - _misfit(scorer.system, alone) / max(_misfit(scorer.system, nothing), 1e-300)))
-
-
-def _misfit(system: System, state: State) -> float:
-    sums, values = system.sums_of(state.columns, WHITE), state.posterior.values
-    return sums.square - float(values @ (2.0 * sums.side - sums.gram @ values))
+    return float(max(0.0, 1.0 - left_of(scorer, alone) / max(left_of(scorer, nothing), 1e-300)))
 
 
 def _less(scorer: Scorer, state: State, key: str) -> State:
