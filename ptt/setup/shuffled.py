@@ -16,6 +16,7 @@ LEAVES = 2.0  # mm: twice the largest ordinary fault
 FALL, STEEP = 5.0, 20.0
 APART = 5.0  # times what is left that poses have to lie apart for a match to mean anything
 MOVED = 0.2  # of the rows that belong elsewhere: a few are gross errors, or a reading that was missed
+FAR = 2.0  # times the median distance beyond which a reading is not paired yet
 SAME = 1e-3  # mm: matches that differ by less are equally good
 UPRIGHT = 0.2  # rad: trackers stand upright, so a match that turns z over is taken only where no other fits
 
@@ -47,6 +48,8 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     moved = np.linalg.norm(a[order] - place[read], axis=1) > APART * max(after, 1e-6)
     if moved.mean() < MOVED:
         return [], setup
+    if setup.free:  # a lattice of poses has no principal axes, and lies on itself after quarter turns
+        matches += [_settle(a, b, turn @ quarter, True) for quarter in _lays(1.0)]
     alone = not any(other[0] < 2.0 * after + SAME and _apart(other[2], turn) for other in matches)
     finding = _tell(setup, before, after, int(moved.sum()), len(read), alone)
     return [finding], _sorted(setup, read, poses[order]) if alone else setup
@@ -79,13 +82,14 @@ def _starts(a: np.ndarray, b: np.ndarray, free: bool) -> list[np.ndarray]:
     if not free:
         return [np.eye(3)]
     own, other = (np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2] for points in (a, b))
-    turns = [np.eye(3)]
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            turn = other.T @ (np.diag(signs)[:, order] @ own)
-            if np.linalg.det(turn) > 0.0:
-                turns.append(turn)
-    return turns
+    handed = float(np.linalg.det(other.T @ own))
+    return [np.eye(3), *(other.T @ lay @ own for lay in _lays(handed))]
+
+
+def _lays(handed: float) -> list[np.ndarray]:
+    """The 24 ways to lay axes on axes of the same handedness, or of the other, (3, 3) each."""
+    lays = [np.diag(signs)[:, order] for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)]
+    return [lay for lay in lays if np.linalg.det(lay) * handed > 0.0]
 
 
 def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple[float, np.ndarray, np.ndarray]:
@@ -98,10 +102,11 @@ def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple
     shift, tree = b.mean(axis=0) - turn @ a.mean(axis=0) if free else np.zeros(3), cKDTree(a)
     nearest = np.zeros(len(b), dtype=int)
     for _ in range(ROUNDS):
-        last, (_, nearest) = nearest, tree.query((b - shift) @ turn)
+        last, (apart, nearest) = nearest, tree.query((b - shift) @ turn)
         if (last == nearest).all():
             break
-        found, at, _ = align_many(a[nearest][None], b[None], free)
+        near = apart <= FAR * np.median(apart) + SAME  # a reading whose pose was missed has none near it
+        found, at, _ = align_many(a[nearest[near]][None], b[near][None], free)
         turn, shift = found[0], at[0]
     left = np.linalg.norm((b - shift) @ turn - a[nearest], axis=1)
     if np.median(left) > LEAVES:
