@@ -1,5 +1,7 @@
 """Hidden blocks of travel: what speaks for an effect, and how far a block counts that other rows say nothing of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ from ptt.run.problem import build_problem
 def trial(*gained: float, shown: float = 100.0, base: float = 0.0, left: float = 30.0) -> Trial:
     """Blocks of ten rows that leave as much as they should, and more by some amounts without the atom."""
     with_it = np.full(len(gained), left)
-    return Trial(with_it, with_it + np.array(gained), shown, base, 30 * len(gained))
+    return Trial(with_it, with_it + np.array(gained), shown, base, 30 * len(gained), np.array(gained))
 
 
 def test_a_block_counts_as_far_as_the_shown_rows_tell_it() -> None:
@@ -41,6 +43,12 @@ def test_what_no_reading_along_the_travel_asks_for_is_not_asked_of_it() -> None:
     assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=40.0).speaks(5.0)
     assert not trial(0.1, -0.1, 0.0, -0.2, shown=0.5).speaks(5.0)
     assert not trial(-8.0, -9.0, -7.0, -10.0, shown=50.0, base=40.0).speaks(5.0)
+
+
+def test_plain_squares_may_speak_where_the_shown_rows_tell_little_of_what_is_hidden() -> None:
+    warming = replace(trial(0.1, 0.1, 0.1), plainly=np.array([30.0, 20.0, 1.0]))
+    assert warming.speaks(5.0)
+    assert not warming.speaks(5.0, share=0.5)  # not for a set that does not foretell what it claims to
 
 
 def test_a_share_is_asked_of_what_hidden_rows_show() -> None:

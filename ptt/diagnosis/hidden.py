@@ -23,6 +23,7 @@ class Trial:
         shown: what is left of all blocks without it less what is left with it, when nothing is hidden.
         elsewhere: the same of base reflectors.
         count: coordinates of all blocks.
+        plainly: what the atom takes off each block where every way counts alike, (k,).
     """
 
     with_it: np.ndarray
@@ -30,6 +31,7 @@ class Trial:
     shown: float
     elsewhere: float
     count: int
+    plainly: np.ndarray
 
     @property
     def faithful(self) -> bool:
@@ -43,14 +45,20 @@ class Trial:
         along the travel asks for, these have nothing to say.
 
         Args:
-            nats: that they have to gain.
+            nats: that they have to gain; plain squares may tell as well, where no share is asked for.
             share: of what they leave without it that has to go.
         """
         if self.shown < 2.0 * nats < self.elsewhere:
             return True
-        gained = self.without - self.with_it
-        others = gained.sum() - gained.max(initial=0.0)
-        return bool(others > 0.0 and gained.sum() > max(2.0 * nats, share * self.without.sum()))
+        as_known = self.without - self.with_it
+        if share:
+            return _gains(as_known, max(2.0 * nats, share * float(self.without.sum())))
+        return _gains(as_known, 2.0 * nats) or _gains(self.plainly, 2.0 * nats)
+
+
+def _gains(gained: np.ndarray, least: float) -> bool:
+    others = gained.sum() - gained.max(initial=0.0)
+    return bool(others > 0.0 and gained.sum() > least)
 
 
 def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
@@ -70,19 +78,20 @@ def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
     among = [place[column] for column in fewer.columns]
     plain = np.zeros(len(whole.columns))
     plain[among] = fewer.posterior.values
-    pairs, shown, count = list[tuple[float, float]](), 0.0, 0
+    pairs, plainly, shown, count = list[tuple[float, float]](), list[float](), 0.0, 0
     blocks = zip(scorer.system.hidden(whole.columns), scorer.system.hidden(fewer.columns), strict=True)
     for hidden, same in blocks:
         told, values = scorer.without_rows(whole, hidden), np.zeros(len(whole.columns))
         values[among] = scorer.without_rows(fewer, same).values
         known = told.precision
         pairs.append((hidden.misfit(told.values, known), hidden.misfit(values, known)))
+        plainly.append(hidden.left(values) - hidden.left(told.values))
         shown += hidden.left(plain) - hidden.left(whole.posterior.values)
         count += 3 * hidden.rows
     squares = np.array(pairs).reshape(-1, 2) / whole.posterior.phi
     everywhere = left_of(scorer, fewer) - left_of(scorer, whole)
     phi = whole.posterior.phi
-    return Trial(squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count)
+    return Trial(squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count, np.array(plainly) / phi)
 
 
 def left_of(scorer: Scorer, state: State) -> float:
