@@ -78,9 +78,7 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     fitted = fit_less(current, problem, nothing, found.gross, found.noise)
     candidates, untestable = present_candidates(fitted, problem, known)
     rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
-    system = build_system(
-        fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span
-    )  # fmt: skip
+    system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
     other = Scorer(system, model.keys, steps, scorer.barred)
     first = other.score([key for key in current.keys if key in system.atoms], WHITE)
     if first.total < state.total - HOPEFUL:

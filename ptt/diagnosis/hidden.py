@@ -88,9 +88,9 @@ def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
         plainly.append(hidden.left(values) - hidden.left(told.values))
         shown += hidden.left(plain) - hidden.left(whole.posterior.values)
         count += 3 * hidden.rows
-    squares = np.array(pairs).reshape(-1, 2) / whole.posterior.phi
-    everywhere = left_of(scorer, fewer) - left_of(scorer, whole)
     phi = whole.posterior.phi
+    squares = np.array(pairs).reshape(-1, 2) / phi
+    everywhere = left_of(scorer, fewer) - left_of(scorer, whole)
     return Trial(squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count, np.array(plainly) / phi)
 
 
