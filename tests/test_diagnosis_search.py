@@ -11,6 +11,7 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
+from ptt.challenge.score import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import score, steps
 from ptt.diagnosis.candidates import first_of
@@ -185,6 +186,17 @@ def test_a_wrong_unit_of_length_in_a_trusted_frame_is_the_tracker_s():
     problem = build_problem(trusted, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     found = diagnose(Model(trusted), problem)
     assert {step[0] for step in found.suggested} == {"tracker-frame", "tracker-scale"}
+
+
+def test_against_a_frame_that_the_file_trusts_stands_all_that_looks_like_it_in_the_machine():
+    """On a circle towers and zeros do what towers and a shifted tracker do: sent without the zeros, they do harm."""
+    drawn, _ = draw(plan("unknown", 1, 1000009, kinds="all")[0])
+    assert drawn.rig.machine.tracker.frame == "trusted"
+    problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = diagnose(Model(drawn.rig.machine), problem)
+    assert "tracker-frame" in {name for step in found.suggested for name in step[1:]}
+    tool = remeasure(found.model, drawn).to_dict()
+    assert tool["after"]["total"] < 0.1 * tool["before"]["total"]
 
 
 @pytest.mark.parametrize("often", [2, 5])

@@ -21,7 +21,8 @@ from ptt.model.model import rival
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
-# A wrong unit of length stretches about where the tracker stands; in a trusted frame the readings shift with it.
+# A wrong unit of length stretches about where the tracker stands; in a trusted frame the readings shift with it. The
+# unit is what it costs: that the frame is not what the file says it is needs no reason of its own then.
 ONE_CAUSE = ("tracker-scale", "tracker-frame")
 UNSEEN = 0.02  # variance over noise of all that is left out where memories of the noise are compared
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
@@ -331,7 +332,7 @@ class Scorer:
 def _odds_against(atoms: Sequence[Atom]) -> float:
     """Nats of prior odds against some atoms together."""
     pair = [atom.odds for atom in atoms if atom.name in ONE_CAUSE]
-    return sum(atom.odds for atom in atoms) - (min(pair) if len(pair) == len(ONE_CAUSE) else 0.0)
+    return sum(atom.odds for atom in atoms) - (max(pair) if len(pair) == len(ONE_CAUSE) else 0.0)
 
 
 def prior_of(memory: Memory) -> float:

@@ -35,6 +35,8 @@ class TrackerFrame(MetrologyEffect):
         Parameter("shift", "mm", 0.5, "translation of the readings, x, y, z", count=3),
         Parameter("turn", "rad", 5e-4, "rotation of the readings about x, y, z", count=3),
     )
+    # Asked for only where the file trusts the frame: against it stand zeros, towers and leans, which look like it.
+    stands_for: ClassVar[int] = 3
     called: ClassVar[str] = "tracker frame"
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase("shift", "are shifted {what} toward +{axis}", "are shifted {what} toward -{axis}", "the readings"),
