@@ -1,20 +1,27 @@
 """The row at which something happened at once, where the tracker stands anew for each run."""
 
 import numpy as np
+import torch
 
 from ptt.challenge.cases import draw, plan
+from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.moment import Along, best_row, joined
 from ptt.diagnosis.verdict import diagnose
+from ptt.effects import HomingSlip
+from ptt.effects.sudden import EDGE
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import build_problem
+from ptt.run.table import make_table
+from ptt.run.view import build_view
 
 
 def seen(rows: slice, frame: np.ndarray, own: np.ndarray, left: np.ndarray) -> Along:
     both = np.concatenate([frame, own], axis=2)[rows]
     gram = np.einsum("ncp,ncq->npq", both, both)
-    return Along(np.einsum("ncp,nc->np", both, left[rows]), np.ones(len(both), int), gram[:, :, -1:], gram.sum(axis=0))
+    side, read = np.einsum("ncp,nc->np", both, left[rows]), left[rows].any(axis=1)
+    return Along(side, np.ones(len(both), int), gram[:, :, -1:], gram.sum(axis=0), read)
 
 
 def test_a_jump_is_found_beside_the_frames_of_three_runs_and_in_chunks_alike() -> None:
@@ -28,6 +35,20 @@ def test_a_jump_is_found_beside_the_frames_of_three_runs_and_in_chunks_alike() -
     assert best_row(seen(slice(None), frame, own, left)) == jump
     parts = [seen(slice(first, first + 30), frame, own, left) for first in range(0, 120, 30)]
     assert best_row(joined(parts)) == jump
+
+
+def test_readings_are_counted_before_a_moment_not_rows_that_are_passed() -> None:
+    random = np.random.default_rng(8)
+    read, own = np.arange(80) % 2 == 1, np.where(np.arange(80) % 2, 1.0, 0.0)[:, None, None] * np.ones((1, 3, 1))
+    left = np.where(read[:, None], random.normal(size=(80, 3)), 0.0)
+    left[[1, 3]] -= 1000.0  # two gross errors at once
+    assert best_row(seen(slice(None), np.zeros((80, 3, 0)), own, left)) >= np.flatnonzero(read)[EDGE]
+    view = build_view(bench(), make_table(random.uniform(-50.0, 50.0, (80, 3)), measured=np.where(left, left, np.nan)))
+    moments = torch.cat([shape["after"] for shape in HomingSlip().search(view)])
+    assert [int((np.flatnonzero(read) <= end).sum()) for end in (moments.min().item(), moments.max().item())] == [
+        EDGE,
+        40 - EDGE,
+    ]
 
 
 def test_a_slip_between_new_set_ups_is_one_slip() -> None:

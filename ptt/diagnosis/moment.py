@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ptt.effects.sudden import ALWAYS, Sudden
+from ptt.effects.sudden import ALWAYS, EDGE, Sudden
 from ptt.fitting.linear import Place, Shape
-from ptt.fitting.moment import EDGE
+from ptt.fitting.moment import rows_read
 
 SEGMENTS = 40  # what a jump does to the readings changes little within one
 UNSEEN = 1e-12  # share of the largest singular value below which frames and effect do not tell each other apart
@@ -23,12 +23,14 @@ class Along:
         lengths: rows of each segment.
         gram: of the columns with the effect's own, (segments, f + p, p).
         whole: of all columns, (f + p, f + p).
+        read: rows that have a reading, (m,) bool.
     """
 
     side: np.ndarray
     lengths: np.ndarray
     gram: np.ndarray
     whole: np.ndarray
+    read: np.ndarray
 
 
 def best_moment(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Shape:
@@ -59,7 +61,8 @@ def along(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effe
     segments = np.array_split(both, min(SEGMENTS, len(both)))
     gram = np.array([np.tensordot(segment, segment, axes=((0, 1), (0, 1))) for segment in segments])
     lengths = np.array([len(segment) for segment in segments])
-    return Along(np.einsum("ncp,nc->np", both, left), lengths, gram[:, :, frame.shape[2] :], gram.sum(axis=0))
+    side, read = np.einsum("ncp,nc->np", both, left), rows_read(at.problem)
+    return Along(side, lengths, gram[:, :, frame.shape[2] :], gram.sum(axis=0), read)
 
 
 def joined(parts: Sequence[Along]) -> Along:
@@ -69,6 +72,7 @@ def joined(parts: Sequence[Along]) -> Along:
         np.concatenate([part.lengths for part in parts]),
         np.concatenate([part.gram for part in parts]),
         np.sum([part.whole for part in parts], axis=0),
+        np.concatenate([part.read for part in parts]),
     )
 
 
@@ -90,7 +94,8 @@ def best_row(seen: Along) -> int:
         side = after_side[rows] - known @ total
         taken[rows] = np.einsum("np,pq,nq->n", side, _inverse(after[-own:] - known @ after), side)
         first += length
-    return EDGE + int(np.argmax(taken[EDGE : len(taken) - EDGE]))
+    inner = np.flatnonzero(seen.read)[EDGE:-EDGE]
+    return int(inner[np.argmax(taken[inner])])
 
 
 def _inverse(gram: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import map_chunks, numbers
 from ptt.fitting.linear import Linear, Place, Shape
-from ptt.fitting.moment import at_rows, last_before, put_after
+from ptt.fitting.moment import at_rows, last_before, put_after, rows_read
 from ptt.run.problem import Problem
 
 Carried = Mapping[str, np.ndarray]  # name of a block -> its values
@@ -86,7 +86,8 @@ def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
         squares = [np.square(left @ at.noise.whitener.T).sum(axis=1) for left in both]
         return np.where(run.problem.used[numbers(chunk)], squares[0] - squares[1], 0.0)
 
-    return last_before(effect.clock(run.problem.view).numpy(), np.concatenate(list(map_chunks(work, run.chunks))))
+    read, gained = rows_read(run.problem), np.concatenate(list(map_chunks(work, run.chunks)))
+    return last_before(effect.clock(run.problem.view).numpy()[read], gained[read])
 
 
 def _of_blocks(chunk: Problem, linear: Linear, run: Run, at: Ansatz, carried: Carried) -> np.ndarray:

@@ -18,7 +18,7 @@ CREEP = 48  # rows that creep back and forth, so that short travel after a rever
 TURN_EVERY = 8
 PER_ROW = (  # the fields of a view that have one entry a row
     "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
-    "mount", "link_load",
+    "mount", "link_load", "read",
 )  # fmt: skip
 
 _MACHINES = {

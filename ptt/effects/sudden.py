@@ -10,6 +10,8 @@ from ptt.effects.base import Effect, Parameter
 from ptt.run.view import View
 
 MOMENTS = 48
+EDGE = 5  # readings before and after any moment
+LEAST = 20  # readings from which there may be one
 AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows where there is no clock", role="given")
 ALWAYS = {"after": torch.tensor([-torch.inf], dtype=torch.float64)}  # the shape of what is there all along
 
@@ -20,7 +22,7 @@ class Sudden(Effect):
 
     def needs(self, view: View) -> str | None:
         """Enough rows on both sides of any moment."""
-        return None if view.rows >= 20 else "at least 20 rows"
+        return None if len(self._told(view)) >= LEAST else f"at least {LEAST} rows with a reading"
 
     def clock(self, view: View) -> Tensor:
         """Seconds where there is a clock, else the number of the row, (n,)."""
@@ -29,10 +31,17 @@ class Sudden(Effect):
         return torch.arange(view.rows, dtype=torch.float64) if view.number is None else view.number
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """Moments spread over the run, with at least a few rows on either side."""
-        moments = self.clock(view).sort().values[4:-5]
+        """Moments spread over the run, with at least a few readings on either side.
+
+        A jump with fewer of them before it than values would say what it likes of all the others.
+        """
+        moments = self._told(view).sort().values[EDGE - 1 : -EDGE]
         chosen = moments[torch.linspace(0, len(moments) - 1, min(MOMENTS, len(moments))).round().long()]
         return tuple({"after": moment.reshape(1)} for moment in chosen.unique())
+
+    def _told(self, view: View) -> Tensor:
+        """The clock of the rows that have a reading."""
+        return self.clock(view) if view.read is None else self.clock(view)[view.read]
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Every row between the trials two before and two after: rows that look gross can blur the first choice."""

@@ -30,7 +30,7 @@ EDGE = 5  # rows about each joint's lowest and highest place, so that the sample
 GOLDEN = 0.618034  # spreads stretches over a cycle that the run may repeat
 _OF_ROWS = (
     "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
-    "mount", "link_load",
+    "mount", "link_load", "read",
 )  # fmt: skip
 
 Part = TypeVar("Part")

@@ -7,13 +7,11 @@ from itertools import combinations
 import numpy as np
 import torch
 
-from ptt.effects.sudden import Sudden
+from ptt.effects.sudden import EDGE, Sudden
 from ptt.fitting.result import FitResult
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem, apply_frames
-
-EDGE = 5  # rows before and after any moment
 
 
 def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
@@ -34,7 +32,8 @@ def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
             continue
         never, always = (at_rows(put_after(fitted, index, end), problem).residual for end in (np.inf, -np.inf))
         squares = [np.square(np.nan_to_num(left) @ fitted.noise.whitener.T).sum(axis=1) for left in (never, always)]
-        moment = last_before(term.effect.clock(problem.view).numpy(), np.where(used, squares[0] - squares[1], 0.0))
+        clock, read = term.effect.clock(problem.view).numpy(), rows_read(problem)
+        moment = last_before(clock[read], np.where(used, squares[0] - squares[1], 0.0)[read])
         if moment != float(term.theta[-1]):
             fitted = put_after(fitted, index, moment)
     return fitted.model
@@ -64,12 +63,18 @@ def _begun_at(term: Term, moment: torch.Tensor | None) -> Term:
     return term if moment is None else replace(term, theta=torch.cat([torch.zeros_like(term.theta[:-1]), moment]))
 
 
+def rows_read(problem: Problem) -> np.ndarray:
+    """Rows that have a reading, base reflectors among them, (n,) bool: only these say when something happened."""
+    read = problem.view.read
+    return np.ones(problem.table.rows, dtype=bool) if read is None else read.numpy()
+
+
 def last_before(clock: np.ndarray, gained: np.ndarray) -> float:
     """The time of the last row before a jump.
 
     Args:
         clock: (n,).
-        gained: sum of squares by which each row is better with the jump than without it, (n,).
+        gained: sum of squares by which each row is better with the jump than without it, (n,); rows with a reading.
 
     Returns:
         As it is on the clock.

@@ -21,7 +21,7 @@ EASE = 1e-4  # prior on every unknown, in usual sizes squared: a hundred usual s
 FAINT = 0.01  # share of the fitted amplitudes at which columns are taken: what imitates exactly does so to first order
 CHUNK = 20000  # rows whose columns are held in memory at once
 PER_ROW = ("q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time",
-           "torque", "mount", "link_load")  # fmt: skip
+           "torque", "mount", "link_load", "read")  # fmt: skip
 CHUNKS = 4  # of a long run that are looked at; they stand for the others
 
 

@@ -50,6 +50,7 @@ class View:
         gravity: direction in which weights pull, (3,) unit vector in the base frame.
         link_load: torque of the arm's own links, (n, k) N mm; None where the drawing states no masses.
         varies: which contexts vary in the data: 'payload', 'temperature', 'time', 'speed', 'direction'.
+        read: rows with a reading, (n,) bool; None where all have one, or none.
         number: place of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
         entries: where rows are left out before a row, how the joints came to it.
         kept: gradual reversals of just these rows for lengths that a search tries, by the lengths' identity.
@@ -79,6 +80,7 @@ class View:
     gravity: Tensor = field(default_factory=lambda: torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
     link_load: Tensor | None = None
     varies: frozenset[str] = field(default_factory=frozenset)
+    read: Tensor | None = None
     number: Tensor | None = None
     entries: tuple[Entry, ...] = ()
     kept: dict[int, tuple[Tensor, Tensor]] = field(default_factory=dict, init=False, compare=False, repr=False)
@@ -230,7 +232,13 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         gravity=gravity_of(spec),
         link_load=link_torques(mechanism, file.machine, commands),
         varies=_what_varies(table, travel),
+        read=_rows_read(table),
     )
+
+
+def _rows_read(table: "Table") -> Tensor | None:
+    read = np.isfinite(table.measured).all(axis=1)
+    return torch.as_tensor(read) if read.any() and not read.all() else None
 
 
 def _tensor(values: object) -> Tensor:
