@@ -12,6 +12,7 @@ from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.probability import Probability
 from ptt.diagnosis.score import State
+from ptt.diagnosis.spread import exchanged_errors, spread_of
 from ptt.diagnosis.steps import Step, share_of
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
@@ -69,17 +70,19 @@ class Candidate(Record):
     words: str
 
 
-def fitted_terms(found: Found, model: Model, keys: tuple[str, ...]) -> tuple[Term, ...]:
+def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Problem) -> tuple[Term, ...]:
     """The given effects and the steps at the posterior's values.
 
     Args:
         found: the best explanation.
         model: as given.
         keys: of the steps' atoms.
+        problem: the rows that it was found on.
 
     Returns:
         The terms, in the order of a model.
     """
+    exchanged = exchanged_errors(found, problem)
     system, state, current = found.system, found.state, replace(model, terms=())
     for key in (*found.scorer.given, *keys):
         atom, own = system.atoms[key], state.of(key)
@@ -95,7 +98,9 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...]) -> tuple[Ter
         )
         theta[free] = torch.as_tensor(atom.amplitudes(state.posterior.values[own], system.scale))
         std, prior = state.errors(atom, system.scale)
-        error[free] = torch.as_tensor(std)
+        error[free] = torch.as_tensor(
+            np.sqrt(spread_of(found.scorer, state, key) ** 2 + exchanged[atom.name][free.numpy()])
+        )
         seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
         current = current + replace(term, theta=theta, std=error, measured=seen)
     return current.terms

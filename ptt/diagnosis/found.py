@@ -84,15 +84,32 @@ def fit_less(
         The fit.
     """
     less = replace(problem, measured=problem.measured - carried).masked(gross)
-
-    def ended(other: Model) -> FitResult:
-        return fit(other, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
-
-    fitted = ended(model)
+    fitted = _fit(model, less, noise, hopeless)
     dated = place_own_moments(fitted, less)
     if dated is not fitted.model:
-        fitted = ended(dated)
-    return min([fitted, *map(ended, exchanged(fitted))], key=lambda each: each.chi2)
+        fitted = _fit(dated, less, noise, hopeless)
+    others = [_fit(other, less, noise, hopeless) for other in exchanged(fitted)]
+    return min([fitted, *others], key=lambda each: each.chi2)
+
+
+def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
+    """What the readings say of the model that was found with moments of unlike sudden effects exchanged.
+
+    Args:
+        found: the best explanation.
+        problem: the rows that it was found on.
+
+    Returns:
+        A fit for each pair; none of a run of which a sample stands for the whole.
+    """
+    if found.sample is not None:
+        return []
+    less = replace(problem, measured=problem.measured - found.carried).masked(found.gross)
+    return [_fit(other, less, found.noise, np.inf) for other in exchanged(found.fitted)]
+
+
+def _fit(model: Model, less: Problem, noise: Noise, hopeless: float) -> FitResult:
+    return fit(model, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
 
 
 def settled(state: State, system: System) -> bool:

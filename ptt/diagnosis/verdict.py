@@ -191,7 +191,7 @@ def conclude(
     unknowns = unknowns_of(scorer, state, left)
     noise = noise_after(problem, found.system, state)
     chances = weigh_sets(scorer)
-    terms = fitted_terms(found, model, tuple(step.key for step in named))
+    terms = fitted_terms(found, model, tuple(step.key for step in named), problem)
     fitted_model = replace(model, terms=terms)
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     sound = told.faithful and not told.unproven

@@ -36,6 +36,11 @@ def f_cdf(x: Values, above: Values, below: Values) -> np.ndarray:
     return np.asarray(special.fdtr(above, below, np.maximum(x, 0.0)))
 
 
+def t_ppf(share: float, freedom: float) -> float:
+    """What Student's t of so many degrees of freedom, endless ones too, stays below with this chance."""
+    return float(special.ndtri(share) if np.isinf(freedom) else special.stdtrit(freedom, share))
+
+
 def poisson_sf(count: float, expected: float) -> float:
     """Chance that more than so many happen where so many are expected."""
     return 1.0 if count < 0 else float(special.pdtrc(np.floor(count), expected))

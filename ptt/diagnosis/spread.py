@@ -1,0 +1,111 @@
+"""How far stated values may be off: in the set that is told, by widths that are learned, by sets that do as well."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.found import Found, fits_exchanged
+from ptt.diagnosis.probability import TEMPER
+from ptt.diagnosis.score import Scorer, State
+from ptt.run.problem import Problem
+from ptt.run.tails import t_ppf
+
+LIKELY = 0.02  # odds of a set beside the one that is told, below which it moves no standard deviation by a hundredth
+MOST = 12  # sets that are asked, the likeliest
+TWO_SIDED = 0.975  # within two standard deviations: 95 %
+FEWEST = 2.0  # values from which a width is learned at the least: its own prior is worth no less
+
+
+def spread_of(scorer: Scorer, state: State, key: str) -> np.ndarray:
+    """Standard deviations of the linear values of an atom, in their units, (w,).
+
+    Args:
+        scorer: that has scored the sets.
+        state: the one that is told.
+        key: of one of its atoms.
+    """
+    scale, atoms = scorer.system.scale, scorer.system.atoms
+    told = values_of(state, atoms[key], scale)
+    weights, squares = [1.0], [square_errors(scorer, state, atoms[key])]
+    for weight, rival, own in _rivals(scorer, state, atoms[key].name):
+        weights.append(weight)
+        squares.append(square_errors(scorer, rival, atoms[own]) + (values_of(rival, atoms[own], scale) - told) ** 2)
+    return np.asarray(np.sqrt(np.average(squares, axis=0, weights=weights)))
+
+
+def exchanged_errors(found: Found, problem: Problem) -> dict[str, np.ndarray]:
+    """Mean squares that exchanged moments of a slip and a knock, which do nearly as well, add to what is stated.
+
+    Args:
+        found: the best explanation.
+        problem: the rows that it was found on.
+
+    Returns:
+        Effect of the model -> of its parameters, in their units squared, (p,).
+    """
+    told = found.fitted
+    added = {term.effect.key: np.zeros(len(term.theta)) for term in told.model.terms}
+    for other in fits_exchanged(found, problem):
+        odds = float(np.exp(-max(other.chi2 - told.chi2, 0.0) / (2.0 * TEMPER)))
+        for one, two in zip(told.model.terms, other.model.terms, strict=True):
+            added[one.effect.key] += odds / (1.0 + odds) * np.square((two.theta - one.theta).numpy())
+    return added
+
+
+def values_of(state: State, atom: Atom, scale: np.ndarray) -> np.ndarray:
+    """Linear values of an atom of a set in their units, (w,); `scale` of all columns of the system."""
+    return atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
+
+
+def _rivals(scorer: Scorer, state: State, name: str) -> Iterator[tuple[float, State, str]]:
+    """Other sets that say how large an effect is, their odds beside the one that is told, and its key there."""
+    least = state.total + TEMPER * np.log(LIKELY)
+    near = [other for other in scorer.scored.values() if other is not state and least < other.total < np.inf]
+    for other in sorted(near, key=lambda other: -other.total)[:MOST]:
+        key = next((key for key in other.keys if scorer.system.atoms[key].name == name), None)
+        if key is not None and (other.keys, other.memory) != (state.keys, state.memory):
+            odds = float(np.exp(min(other.total - state.total, 0.0) / TEMPER))
+            yield odds, scorer.score(other.keys, other.memory, other.scales), key
+
+
+def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:
+    """Mean squares by which the linear values of an atom may be off in one set, in their units squared, (w,).
+
+    How wide the values of each kind are is itself learned, from as many of them as the readings decide. What they do
+    not decide, such as what all sliders have in common, follows Student's law with so few degrees of freedom; and all
+    values move with the widths.
+
+    Source: Kass and Steffey, Approximate Bayesian inference in conditionally independent hierarchical models, Journal
+    of the American Statistical Association 84 (1989).
+    """
+    own, phi, inverse = state.of(atom.key), state.posterior.phi, state.inverse
+    covariance, prior = phi * inverse[np.ix_(own, own)], state.posterior.prior
+    wider = {}
+    for name, group in _groups(scorer, state):
+        across = inverse[np.ix_(own, group)]
+        decided = float((1.0 - inverse[group, group] / prior[group]).sum())
+        wider[name] = _wider(decided)
+        moved = across @ (state.posterior.values[group] / prior[group])
+        unseen = phi * (across / prior[group]) @ across.T
+        covariance = covariance + (wider[name] - 1.0) * unseen + np.outer(moved, moved) * (2.0 / max(decided, FEWEST))
+    size = atom.sizes(scorer.system.scale)
+    if atom.turn is None:
+        return np.asarray(np.diag(covariance) * size**2)
+    ways, before = atom.turn.ways, state.scales[atom.key][atom.turn.group] * phi
+    before = before * np.array([wider.get((atom.key, group), _wider(0.0)) for group in atom.turn.group.tolist()])
+    unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
+    return np.asarray((np.einsum("ij,jk,ik->i", ways, covariance, ways, optimize=True) + unseen) * size**2)
+
+
+def _groups(scorer: Scorer, state: State) -> Iterator[tuple[tuple[str, int], np.ndarray]]:
+    """Places of the columns that share a learned width, of every atom of a set."""
+    for key in state.keys:
+        atom, places = scorer.system.atoms[key], state.of(key)
+        for group in np.unique(atom.group).tolist():
+            yield (key, group), places[atom.group == group]
+
+
+def _wider(decided: float) -> float:
+    """By how much a variance of learned width exceeds that of a known one, where both hold 95 % within two of them."""
+    return float((t_ppf(TWO_SIDED, max(decided, FEWEST)) / t_ppf(TWO_SIDED, np.inf)) ** 2)
