@@ -9,6 +9,7 @@ from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence, depends_on
 from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.blocks import Block
+from ptt.diagnosis.found import parts_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import without
@@ -28,7 +29,7 @@ class Unknown:
     Attributes:
         block: the block.
         nats: that the explanation loses without it.
-        energy: variance of what it puts into the readings, over the mean square of what the named effects leave.
+        energy: variance that it takes beside those before it, over the mean square of what the named effects leave.
         part: what it puts into the readings, (n, 3) mm.
     """
 
@@ -39,7 +40,10 @@ class Unknown:
 
 
 def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown, ...]:
-    """The blocks of a state, the one that moves the readings most first.
+    """The blocks of a state, the one that takes most of what the names leave first.
+
+    Two blocks that make good for each other are each as large as they please. So the one that the readings would have
+    alone comes first, then the one that they would have beside it, and each has the share that it adds.
 
     Args:
         scorer: of the system.
@@ -49,20 +53,26 @@ def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown
     Returns:
         One for each block.
     """
-    rows = np.isfinite(rest).all(axis=1)
-    whole = float(np.nanmean(np.square(rest)))
-    found = []
-    for key in state.keys:
-        atom = scorer.system.atoms[key]
-        block = atom.block
-        if block is None:
-            continue
-        part = block.features @ atom.amplitudes(state.posterior.values[state.of(key)], scorer.system.scale)
+    parts = parts_of(state, scorer.system)
+    whole = max(float(np.nanmean(np.square(rest))), 1e-300)
+    chosen, left, found = without(state, *parts), _spread(rest), list[Unknown]()
+    for _ in parts:
+        others = [key for key in parts if key not in chosen]
+        ways = {key: scorer.score((*chosen, key), state.memory, state.scales) for key in others}
+        key = max(ways, key=lambda key: ways[key].total)
+        chosen = (*chosen, key)
+        beside = _spread(rest - sum(parts_of(ways[key], scorer.system).values()))
         nats = state.total - scorer.score(without(state, key), state.memory, state.scales).total
-        moved = part[rows] - part[rows].mean(axis=0)  # a level is another's to take: the frame's, an offset's
-        energy = float(np.square(moved).mean()) / max(whole, 1e-300)
-        found.append(Unknown(block, nats, energy, part))
+        block = scorer.system.atoms[key].block
+        assert block is not None
+        found.append(Unknown(block, nats, max(left - beside, 0.0) / whole, parts[key]))
+        left = min(left, beside)
     return tuple(sorted(found, key=lambda item: -item.energy))
+
+
+def _spread(readings: np.ndarray) -> float:
+    """Mean square about the mean, mm^2: a level is another's to take, the frame's, an offset's."""
+    return float(np.nanmean(np.square(readings - np.nanmean(readings, axis=0))))
 
 
 def with_suspect(scorer: Scorer, state: State) -> State:
@@ -169,7 +179,7 @@ def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
             return ("temperature",)
         case "way" | "turn" as name:
             return tuple(f"{name} {axis}" for axis in COORDINATES)
-        case "x":
+        case "x" if len(item.block.on) > 1:
             own = item.block.place.joint
             return COORDINATES if own is None else (*COORDINATES, _letter(problem, own))
         case name:

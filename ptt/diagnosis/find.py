@@ -9,7 +9,7 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.exact import by_names, find_needless
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, settled
 from ptt.diagnosis.gross import gross_errors, places_of
-from ptt.diagnosis.jumps import jumps_instead
+from ptt.diagnosis.laws import by_laws
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
@@ -112,7 +112,9 @@ def find(
         kept, memory, held = (*current.keys, *blocks), state.memory, blocks
         system.forget()
     found = by_names(found, model, problem, known, freedom, steps)
-    scorer, state = jumps_instead(found.scorer, found.state)
+    if span is not None:  # what explains a part has to be worked out for all of the run
+        return found
+    scorer, state = by_laws(found.scorer, found.state)
     return replace(found, scorer=scorer, system=scorer.system, state=state)
 
 

@@ -57,14 +57,19 @@ class Found:
     sample: Problem | None = None
 
 
+def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
+    """What each block of a state puts into the readings, (n, 3) mm."""
+    blocks = {key: system.atoms[key] for key in state.keys if system.atoms[key].block is not None}
+    return {
+        key: atom.block.features @ atom.amplitudes(state.posterior.values[state.of(key)], system.scale)
+        for key, atom in blocks.items()
+        if atom.block is not None
+    }
+
+
 def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
     """What the blocks of a state put into the readings, (n, 3) mm."""
-    total = np.zeros((problem.table.rows, 3))
-    for key in state.keys:
-        atom = system.atoms[key]
-        if atom.block is not None:
-            total += atom.block.features @ atom.amplitudes(state.posterior.values[state.of(key)], system.scale)
-    return total
+    return sum(parts_of(state, system).values(), np.zeros((problem.table.rows, 3)))
 
 
 def fit_less(

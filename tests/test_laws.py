@@ -1,4 +1,4 @@
-"""A jump in time is held against jumps along the travel: a scale of two pieces is no slip, and a slip is none."""
+"""Laws of one variable say what an unknown follows, and a jump in time is held against jumps along the travel."""
 
 from dataclasses import replace
 
@@ -10,11 +10,13 @@ import torch
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.laws import laws_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects import library
+from ptt.fitting.linear import linear_columns
 from ptt.fitting.solve import fit
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
@@ -44,6 +46,53 @@ def on_circles(share: float, *, slips: bool) -> Problem:
 
 def learned(share: float, *, slips: bool) -> Diagnosis:
     return diagnose(Model(MACHINE), on_circles(share, slips=slips))
+
+
+SPAN = [-60.0, 60.0]
+LAWS = {
+    "a rail pushed sideways by another leg's height": (
+        {"kind": "random-law", "place": "radial", "leg": 1, "form": "smooth", "variables": ["x"], "span": [SPAN]},
+        ("slider 1", {"x"}),
+    ),
+    "a link that bends where the tool is": (
+        {"kind": "random-law", "place": "link", "leg": 3, "form": "smooth", "variables": ["y"], "span": [SPAN]},
+        ("slider 3", {"y"}),
+    ),
+    "one axis of the tool alone": (
+        {"kind": "random-law", "place": "tool-x", "form": "jumpy", "variables": ["x"], "span": [SPAN]},
+        ("x", {"x"}),
+    ),
+    "friction that short moves do not overcome": (
+        {"kind": "stick-slip", "leg": 2, "size_um": 60.0, "step_mm": 30.0},
+        ("slider 2", {"direction2"}),
+    ),
+}
+
+
+@pytest.mark.parametrize("named", LAWS)
+@pytest.mark.parametrize("seed", [3, 4])
+def test_an_unknown_is_told_by_the_one_variable_that_it_follows(named: str, seed: int) -> None:
+    law, (residual, leads) = LAWS[named]
+    drawn = {"size_um": 40.0, "law_seed": 5} if law["kind"] == "random-law" else {}
+    rig = parse_rig({"machine": MACHINE.machine.model_dump(), "seed": seed, "odd": [{**law, **drawn}]})
+    random = np.random.default_rng(seed)
+    cloud = pd.DataFrame(random.uniform(-60.0, 60.0, (120, 3)).round(3), columns=["x_cmd", "y_cmd", "z_cmd"])
+    frame = simulate(rig, cloud, noise=False).frame
+    frame[["x_meas", "y_meas", "z_meas"]] += random.normal(0.0, 0.005, (120, 3))
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table_of(frame)))
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    assert found.depends_on[0].residual == residual
+    assert found.depends_on[0].on in leads
+
+
+def test_every_law_acts_one_way_at_one_place() -> None:
+    problem = on_circles(0.5, slips=True)
+    fitted = fit(Model(MACHINE), problem, robust=False)
+    chain = linear_columns(fitted, problem, [], fitted.noise).at.chain
+    laws = [law for laws in laws_of(problem, chain) for law in laws]
+    assert len({law.name for law in laws}) == len(laws)
+    assert {law.place.residual for law in laws} >= {"tool", "slider 1", "rail 2", "link 3"}
+    assert all(law.place.slopes.shape[2] == 1 and np.isfinite(law.features).all() for law in laws)
 
 
 def test_a_scale_of_two_pieces_is_not_told_as_slips_and_knocks() -> None:

@@ -1,0 +1,200 @@
+"""Laws of one variable: one place that follows one thing that varies, the sharpest form that an unknown can have.
+
+A field over the workspace, a curve of many values, a slip or a knock can each do the work of what is not in the
+library, and names found beside such a stand-in are as wrong as it is. A law says more with less: where it holds, the
+readings prefer it. A rail of two pieces, a dent, a loose clamp are passed again and again; told as slips and knocks
+they would be sent to a machine as if the last of them had come to stay.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.dependence.contexts import COORDINATES, path_views
+from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_block, odds_of_block
+from ptt.diagnosis.blocks import Block, Place, places_of_chain
+from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import FEW, LEAST, improve, loose, plainest, without
+from ptt.diagnosis.smooth import cosines, ends_of, scaled
+from ptt.diagnosis.system import whitened
+from ptt.effects.sudden import Sudden
+from ptt.model.chain import Chain
+from ptt.run.problem import Problem
+
+OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear and joints of rails are short, over all
+# else that varies, and over what only fades or grows the way a joint came
+NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
+HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
+EDGE = 0.05  # share of the rows below and above any jump
+MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
+SHORTEST = 1e-3  # of the longest move: shorter ones count as that
+HOPEFUL = 40.0  # nats by which the first step of a search may lie behind what it is to replace
+
+
+def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
+    """Hold all that may stand for something else against laws of one variable.
+
+    Args:
+        scorer: of a linearised problem.
+        state: the best set.
+
+    Returns:
+        A scorer that knows the laws where any were tried, and the better set, as given where there is none.
+    """
+    system, atoms = scorer.system, scorer.system.atoms
+    free = loose(scorer, state)
+    blocks = tuple(key for key in free if is_block(atoms[key]))
+    sudden = tuple(key for key in free if isinstance(atoms[key].effect, Sudden))
+    curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
+    if not (blocks or sudden or state.memory.pose) or not isinstance(system, RowSystem):
+        return scorer, state
+    beside = dict.fromkeys([without(state, *blocks), without(state, *blocks, *sudden)])
+    wider, best = _with_laws(scorer, [scorer.score(keys, state.memory, state.scales) for keys in beside]), state
+    for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *curves))]):
+        if set(gone) <= set(best.keys):
+            best = _instead(wider, best, gone)
+    return wider, best
+
+
+def is_law(atom: Atom) -> bool:
+    """Whether an atom is a law of one variable."""
+    return atom.key.startswith("law ")
+
+
+def _instead(scorer: Scorer, state: State, gone: Sequence[str]) -> State:
+    """The best set with laws in the place of some of its atoms; the set as it is where none does better."""
+    sudden = any(isinstance(scorer.system.atoms[key].effect, Sudden) for key in gone)
+    fewer = scorer.score(without(state, *gone), state.memory, state.scales)
+    laws = improve(scorer, fewer, is_law, swaps=False)
+    if laws.total < state.total - HOPEFUL:
+        return state
+    best = improve(scorer, laws, _lasts if sudden else _any, swaps=False)
+    return plainest(scorer, best) if best.total > state.total + LEAST else state
+
+
+def _lasts(atom: Atom) -> bool:
+    return not isinstance(atom.effect, Sudden)
+
+
+def _any(atom: Atom) -> bool:
+    return True
+
+
+def _with_laws(scorer: Scorer, beside: Sequence[State]) -> Scorer:
+    """The same problem with the laws of each place that say most beside some sets; all of them would fill gigabytes."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    places = list(laws_of(system.at.problem, system.at.chain))
+    known = sum(is_block(atom) for atom in system.atoms.values())
+    odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
+    system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
+    kept = list[Block]()
+    for blocks in places:
+        wider = _widened(scorer, blocks, odds)
+        names = {_name(gain.key) for state in beside for gain in wider.screen(state, is_law)[:MOST]}
+        kept += [block for block in blocks if _name(block.name) in names]
+    return _widened(scorer, kept, odds)
+
+
+def _widened(scorer: Scorer, blocks: Sequence[Block], odds: float) -> Scorer:
+    """The same problem with some laws beside what it has."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    columns = np.concatenate([whitened(block, system.noise)[system.rows] for block in blocks], axis=2)
+    atoms = atoms_of_blocks(blocks, system.columns.shape[2], odds)
+    priced = {key: _priced(atom, odds) for key, atom in atoms.items()}
+    return scorer.widened(system.widened(priced, columns, np.ones(columns.shape[2])))
+
+
+def _name(key: str) -> str:
+    """Of jumps at all heights one."""
+    return key.partition("#")[0]
+
+
+def _priced(atom: Atom, odds: float) -> Atom:
+    """A jump costs what choosing among its heights costs."""
+    jumps = atom.key != _name(atom.key)
+    return replace(atom, name=_name(atom.key), odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
+
+
+def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
+    """Every law: each place times each variable.
+
+    Args:
+        problem: n rows.
+        chain: of the present model.
+
+    Yields:
+        The laws of one place.
+    """
+    letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
+    finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
+    for name, place in _places(problem, chain):
+        if place.joint is None:
+            yield [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in varied.items()]
+            continue
+        own, heights = f"{letter}{place.joint + 1}", q[:, place.joint]
+        here = varied | {on: finer[own] for on in varied if on == own}
+        laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in here.items()]
+        for ons, shapes in _arrivals(problem, place.joint):
+            laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
+        for height in _heights(heights[problem.used]):
+            passed = (heights > height).astype(float)[:, None]
+            laws.append(Block(f"law {name} jumps on {own}#{float(height)!r}", place, (own,), passed))
+        yield laws
+
+
+def _places(problem: Problem, chain: Chain) -> Iterator[tuple[str, Place]]:
+    """Where a law may act: axes of the tool, joints, rails to either side, links; one way each."""
+    tool, *joints = places_of_chain(problem, chain)
+    for axis, unit in zip(COORDINATES, np.eye(3), strict=True):
+        yield axis, Place("tool", tool.slopes @ unit[:, None])
+    for place in joints:
+        for number, way in enumerate(np.split(place.slopes, place.slopes.shape[2], axis=2)):
+            yield f"{place.residual}{' across' * number}", Place(place.residual, way, place.joint)
+    if problem.file.machine.kind == "three-ptt":
+        by_slot = chain.by_slot.numpy()
+        for leg in range(problem.view.joints):
+            way = by_slot[:, :, 4 * leg + 3 : 4 * leg + 4]
+            lever = float(np.sqrt(np.square(way).sum(axis=1).mean()))
+            yield f"link {leg + 1}", Place(f"link {leg + 1}", way / max(lever, SHORTEST), leg)
+
+
+def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
+    """Everything that varies, and what a curve of it may be: rough, so that it may jump."""
+    for name, values in path_views(problem).items():
+        if name.startswith("direction"):
+            yield name, values[:, None]
+        elif not name.startswith(NEVER):
+            yield name, _curve(np.nan_to_num(values, nan=float(np.nanmean(values))), FINE)
+
+
+def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], np.ndarray]]:
+    """The way that a joint came, in a measure that varies with its place or with how far it came."""
+    if not problem.two_sided[joint]:
+        return
+    view, letter = problem.view, problem.file.machine.letter
+    q, side = view.q.numpy()[:, joint], view.direction.numpy()[:, joint : joint + 1]
+    step = np.abs(np.diff(q, prepend=q[:1]))
+    step[view.starts.numpy()] = step.max()
+    far = np.log(np.maximum(step, max(SHORTEST * step.max(), 1e-12)))  # friction forgets where it began by shares
+    name = f"direction{joint + 1}"
+    yield (name, f"{letter}{joint + 1}"), side * _curve(q, COARSE)
+    yield (name, "step"), side * _curve(far, COARSE)
+
+
+def _heights(visited: np.ndarray) -> np.ndarray:
+    """Middles between neighbouring heights of a joint, some rows on either side of each."""
+    order = np.sort(visited)
+    edge = max(int(EDGE * len(order)), 3)
+    inner = np.unique(order[edge - 1 : len(order) - edge + 1])
+    some = np.linspace(0, max(len(inner) - 2, 0), min(HEIGHTS, max(len(inner) - 1, 0))).round().astype(int)
+    return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
+
+
+def _curve(values: np.ndarray, count: int) -> np.ndarray:
+    """Level, slope and cosines of a variable, (n, count + 2)."""
+    place = scaled(values, ends_of(values))
+    return np.column_stack([np.ones(len(place)), place, cosines(place, count)])
