@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.atoms import Atom, is_effect
+from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
@@ -46,7 +47,7 @@ class Candidate(Record):
             (Ville's inequality), every candidate and shape counted.
         explained_share: of the residual's variance after the frame that it takes by itself.
         heldout_before: error on hidden blocks without it, um.
-        heldout_after: error on hidden blocks with it, um.
+        heldout_after: error on hidden blocks with it, um; of the last step with what they cannot show of the tool.
         parameters: its values; of what is no step, only those that the data tell.
         indistinguishable_from: effects that would do as well.
         sum_of: two or more effects that would do the same together.
@@ -129,7 +130,8 @@ def candidates_of_steps(
         if term is None:
             continue
         together = find_sum(found.system, found.state, step.key)
-        errors = step.before * 1e3, step.after * 1e3
+        doubt = tool_doubt(found.scorer, found.state) * 1e3 if index == len(named) - 1 else 0.0
+        errors = step.before * 1e3, float(np.hypot(step.after * 1e3, doubt))
         result.append(
             Candidate(
                 name,
@@ -140,7 +142,7 @@ def candidates_of_steps(
                 _parameters(term, problem),
                 step.others,
                 together,
-                explain_step(term, step.others, together, errors, noise, problem, before),
+                explain_step(term, step.others, together, errors, noise, problem, before, doubt),
             )
         )
     return result

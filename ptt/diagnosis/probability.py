@@ -1,7 +1,7 @@
 """Probability of every statement, from all sets of atoms that the search looked at."""
 
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,8 @@ from ptt.diagnosis.noise import wanders_beyond
 from ptt.diagnosis.score import Scorer, State
 
 TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
+LIKELY = 0.02  # odds of a set beside the one that is told, below which it moves no deviation by a hundredth
+MOST = 12  # of these, the likeliest
 VERDICTS = ("missing", "nothing-missing", "unknown")
 
 
@@ -56,6 +58,24 @@ def weigh_sets(scorer: Scorer) -> Probability:
         {name: value / whole for name, value in effects.items()},
         {name: value / whole for name, value in verdict.items()},
     )
+
+
+def near_sets(scorer: Scorer, state: State) -> Iterator[tuple[float, State]]:
+    """Sets that do nearly as well as one that is told.
+
+    Args:
+        scorer: that has scored them.
+        state: the one that is told.
+
+    Yields:
+        The odds of another beside it, at most one, and that set with its factor.
+    """
+    least = state.total + TEMPER * np.log(LIKELY)
+    near = [other for other in scorer.scored.values() if other is not state and least < other.total < np.inf]
+    for other in sorted(near, key=lambda other: -other.total)[:MOST]:
+        if (other.keys, other.memory) != (state.keys, state.memory):
+            odds = float(np.exp(min(other.total - state.total, 0.0) / TEMPER))
+            yield odds, scorer.score(other.keys, other.memory, other.scales)
 
 
 def _names(state: State, scorer: Scorer) -> frozenset[str]:

@@ -6,13 +6,11 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.found import Found, fits_exchanged
-from ptt.diagnosis.probability import TEMPER
+from ptt.diagnosis.probability import TEMPER, near_sets
 from ptt.diagnosis.score import Scorer, State
 from ptt.run.problem import Problem
 from ptt.run.tails import t_ppf
 
-LIKELY = 0.02  # odds of a set beside the one that is told, below which it moves no standard deviation by a hundredth
-MOST = 12  # sets that are asked, the likeliest
 TWO_SIDED = 0.975  # within two standard deviations: 95 %
 FEWEST = 2.0  # values from which a width is learned at the least: its own prior is worth no less
 
@@ -28,8 +26,11 @@ def spread_of(scorer: Scorer, state: State, key: str) -> np.ndarray:
     scale, atoms = scorer.system.scale, scorer.system.atoms
     told = values_of(state, atoms[key], scale)
     weights, squares = [1.0], [square_errors(scorer, state, atoms[key])]
-    for weight, rival, own in _rivals(scorer, state, atoms[key].name):
-        weights.append(weight)
+    for odds, rival in near_sets(scorer, state):
+        own = next((other for other in rival.keys if atoms[other].name == atoms[key].name), None)
+        if own is None:
+            continue
+        weights.append(odds)
         squares.append(square_errors(scorer, rival, atoms[own]) + (values_of(rival, atoms[own], scale) - told) ** 2)
     return np.asarray(np.sqrt(np.average(squares, axis=0, weights=weights)))
 
@@ -56,17 +57,6 @@ def exchanged_errors(found: Found, problem: Problem) -> dict[str, np.ndarray]:
 def values_of(state: State, atom: Atom, scale: np.ndarray) -> np.ndarray:
     """Linear values of an atom of a set in their units, (w,); `scale` of all columns of the system."""
     return atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
-
-
-def _rivals(scorer: Scorer, state: State, name: str) -> Iterator[tuple[float, State, str]]:
-    """Other sets that say how large an effect is, their odds beside the one that is told, and its key there."""
-    least = state.total + TEMPER * np.log(LIKELY)
-    near = [other for other in scorer.scored.values() if other is not state and least < other.total < np.inf]
-    for other in sorted(near, key=lambda other: -other.total)[:MOST]:
-        key = next((key for key in other.keys if scorer.system.atoms[key].name == name), None)
-        if key is not None and (other.keys, other.memory) != (state.keys, state.memory):
-            odds = float(np.exp(min(other.total - state.total, 0.0) / TEMPER))
-            yield odds, scorer.score(other.keys, other.memory, other.scales), key
 
 
 def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:

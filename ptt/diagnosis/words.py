@@ -16,6 +16,7 @@ from ptt.run.problem import Problem
 from ptt.run.view import View
 
 MISSING = "Something is missing that no known effect describes"
+DOUBTED = 0.5  # of an error from which it is worth a word what is no reading's
 NOTED = 1.5  # times the noise that are worth a word
 LINES = 5  # that anybody reads
 
@@ -107,6 +108,7 @@ def explain_step(
     noise: Noise,
     problem: Problem,
     after: Sequence[str] = (),
+    doubt_um: float = 0.0,
 ) -> str:
     """One step in two or three sentences; what cannot be told apart comes first.
 
@@ -118,6 +120,7 @@ def explain_step(
         noise: the noise floor.
         problem: the readings; their frames tell in which gauge values are said.
         after: steps that were taken before this one, to which the held-out error belongs.
+        doubt_um: what of the error after it is no reading's, but how else the machine may stand.
 
     Returns:
         For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
@@ -129,6 +132,8 @@ def explain_step(
     moved = "falls" if now < before else "goes"
     on_top = f"after {listed(list(after))} " if after else ""
     fall = f"the held-out error {on_top}{moved} from {before:.1f} to {now:.1f} um, noise is {noise.total * 1e3:.1f} um"
+    if doubt_um > DOUBTED * now:
+        fall += f"; {doubt_um:.1f} um of it because others that fit as well have the machine stand elsewhere"
     if tie:
         return f"{tie} As {term.effect.key}: {head}; {fall}."
     alone = "" if told.alike else "Nothing else explains it as well; "

@@ -1,0 +1,58 @@
+"""How far the tool may be from where an explanation has it, though the readings would hardly change."""
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.probability import near_sets
+from ptt.diagnosis.score import Scorer, State
+
+UNSEEN = 1e-12  # share of the largest sum below which frames do not tell each other apart
+
+
+def tool_doubt(scorer: Scorer, state: State) -> float:
+    """Root mean square by which the machine may move the tool otherwise than a set of atoms says, mm.
+
+    Hidden rows only show what readings show. Whether the machine or the tracker is off they leave open where sets that
+    do as well, or values of one set that fit as well, share it out otherwise; commands are right for one of them. What
+    a rigid motion takes does not count, and neither does what readings of the hidden rows would show.
+
+    Args:
+        scorer: that has scored the sets.
+        state: the one that is told.
+    """
+    system = scorer.system
+    sets = [(1.0, state), *near_sets(scorer, state)]
+    columns = np.unique(np.concatenate([one.columns[_machine(scorer, one)] for _, one in sets])).astype(int)
+    frame = system.frame
+    gram = system.sums_of(np.concatenate([frame, columns]).astype(int), WHITE).gram
+    beside = gram[len(frame) :, : len(frame)]
+    spread = np.linalg.pinv(gram[: len(frame), : len(frame)], rcond=UNSEEN, hermitian=True)
+    seen = gram[len(frame) :, len(frame) :] - beside @ spread @ beside.T  # of the tool, frames taken off
+    told, squares = _values(state, _machine(scorer, state), columns), []
+    for _, one in sets:
+        own = _machine(scorer, one)
+        place, apart = np.searchsorted(columns, one.columns[own]), _values(one, own, columns) - told
+        loose = float((seen[np.ix_(place, place)] * one.covariance[np.ix_(own, own)]).sum())
+        squares.append(float(apart @ seen @ apart) + max(loose - one.decided * one.posterior.phi, 0.0))
+    square = float(np.average(squares, weights=[odds for odds, _ in sets]))
+    return float(np.sqrt(max(square, 0.0) / system.count * np.trace(system.noise.covariance)))
+
+
+def _machine(scorer: Scorer, state: State) -> np.ndarray:
+    """Places of a set's columns that move the tool: of effects but the metrology's, of unknowns of joints and rails."""
+    places = [state.of(key) for key in state.keys if _moves_tool(scorer.system.atoms[key])]
+    return np.concatenate([*places, np.zeros(0)]).astype(int)
+
+
+def _moves_tool(atom: Atom) -> bool:
+    if atom.effect is not None:
+        return atom.effect.stage != "metrology"
+    return atom.block is not None and atom.block.place.joint is not None
+
+
+def _values(state: State, own: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Values of some columns of a set among others."""
+    values = np.zeros(len(columns))
+    values[np.searchsorted(columns, state.columns[own])] = state.posterior.values[own]
+    return values

@@ -1,0 +1,41 @@
+"""What hidden rows cannot show: how far the tool may be from where an explanation has it."""
+
+import numpy as np
+import pytest
+
+from ptt.challenge.cases import draw, plan
+from ptt.challenge.score import remeasure
+from ptt.challenge.truth import table_of
+from ptt.diagnosis import verdict
+from ptt.diagnosis.doubt import tool_doubt
+from ptt.diagnosis.find import find
+from ptt.diagnosis.hidden import held_out
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.model.model import Model
+from ptt.rig import simulate
+from ptt.run.problem import build_problem
+
+
+def test_towers_that_one_run_tells_leave_no_doubt_where_the_tool_is():
+    drawn, truth = draw(plan("single", 1, 950001)[0])  # what all towers have in common is a rigid motion: of no account
+    file = drawn.rig.machine
+    problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = find(Model(file), problem, library(), lambda what: None)
+    assert tool_doubt(found.scorer, found.state) < 0.1 * truth.noise.total
+
+
+def test_a_slip_that_may_be_a_knock_is_a_doubt_of_what_commands_of_it_reach(monkeypatch):
+    drawn, _ = draw(plan("multi", 1, 950020)[0])
+    file, seen = drawn.rig.machine, {}
+    problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    conclude = verdict.conclude
+    monkeypatch.setattr(verdict, "conclude", lambda found, *more: seen.setdefault("is", conclude(found, *more)))
+    monkeypatch.setattr(verdict, "find", lambda *of: seen.setdefault("found", find(*of)))
+    result = diagnose(Model(file), problem)
+    assert result.suggested == (("homing-slip", "setup-jump"),)
+    found, last = seen["found"], result.candidates[0]
+    plain, doubt = held_out(found.scorer, found.state.keys), tool_doubt(found.scorer, found.state)
+    assert last.heldout_after == pytest.approx(1e3 * np.hypot(plain, doubt))
+    assert doubt > plain and "have the machine stand elsewhere" in last.words
+    assert remeasure(result.model, drawn).to_dict()["after"]["total"] < 1.5 * last.heldout_after
