@@ -12,7 +12,7 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE, Memory, Sums
-from ptt.diagnosis.periods import _spectrum
+from ptt.diagnosis.periods import _spectrum, _telling
 from ptt.diagnosis.row_sums import SumsOfRows, poses_of, sums_of_poses, sums_of_rows, white_rows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer, prior_of
@@ -103,14 +103,20 @@ def test_wanders_are_told_apart_as_their_whole_covariances_do() -> None:
 
 
 def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
+    """Five visits of ten poses, each with an error to itself of twice the variance of the readings."""
     random = np.random.default_rng(9)
-    q, slope, left = random.uniform(5.0, 90.0, 50), random.normal(size=(50, 3)), random.normal(size=(50, 3))
-    frequency, gain = _spectrum(slope, left, q)
-    for place in (0, 7, len(frequency) - 1):
-        phase = 2.0 * np.pi * frequency[place] * q
-        pair = np.stack([slope * np.cos(phase)[:, None], slope * np.sin(phase)[:, None]], axis=2).reshape(-1, 2)
-        rest = np.linalg.lstsq(pair, left.ravel(), rcond=None)[1][0]
-        np.testing.assert_allclose(gain[place], np.square(left).sum() - rest, rtol=1e-9)
+    q, slope = (np.tile(part, (5, 1)) for part in (random.uniform(5.0, 90.0, (10, 1)), random.normal(size=(10, 3))))
+    left, pose = random.normal(size=(50, 3)), np.tile(np.arange(10), 5)
+    system = SimpleNamespace(rows=np.arange(50), poses=poses_of(pose))
+    for size in (0.0, 2.0):
+        frequency, gain = _spectrum(slope, left, q[:, 0], _telling(system, size))
+        inverse = np.linalg.inv(np.eye(50) + size * (pose[:, None] == pose))
+        for place in (0, 7, len(frequency) - 1):
+            phase = 2.0 * np.pi * frequency[place] * q
+            pair = np.stack([slope * np.cos(phase), slope * np.sin(phase)], axis=2)
+            side = np.einsum("map,mn,na->p", pair, inverse, left)
+            gram = np.einsum("map,mn,naq->pq", pair, inverse, pair)
+            np.testing.assert_allclose(gain[place], side @ np.linalg.solve(gram, side), rtol=1e-9)
 
 
 @pytest.mark.parametrize("rows", [20, 100])

@@ -83,7 +83,7 @@ def find(
             found = before
             break
         before = None
-        seen = find_period(scorer, state, problem)
+        seen = find_period(scorer, state, problem, periods)
         if turn == TURNS - 1:
             break
         far, gross = gross, gross_beside(system, state, gross)

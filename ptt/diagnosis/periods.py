@@ -1,5 +1,6 @@
 """Periods that nobody foretold: lines in the spectrum of what an explanation leaves, over each joint's own travel."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from ptt.run.problem import Problem
 
 COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
 FEWEST = 40  # rows from which a spectrum says anything
+WIDE = 1.0  # half of a line, in turns over the range
 STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wide
 
 
@@ -28,13 +30,16 @@ class Period:
     length: float
 
 
-def find_period(scorer: Scorer, state: State, problem: Problem) -> Period | None:
-    """The strongest line that is worth its price.
+def find_period(
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[tuple[int, float]] = ()
+) -> Period | None:
+    """The strongest line that is worth its price and has not been offered to a search yet.
 
     Args:
         scorer: of the system.
         state: the best set so far.
         problem: n rows.
+        offered: joint and length of each period that the state could have taken.
 
     Returns:
         The period; None where none is significant.
@@ -44,27 +49,40 @@ def find_period(scorer: Scorer, state: State, problem: Problem) -> Period | None
     if len(system.rows) < FEWEST:
         return None
     white = system.innovation(state.columns, state.posterior.values, state.memory)
+    telling = _telling(system, state.memory.pose)
     best, found = 0.0, None
     for joint, column in system.levers.items():
         slope = innovations(column, state.memory.wander, system.clock)[0]
         q = problem.view.q.numpy()[system.rows, joint]
-        frequency, gain = _spectrum(slope, white, q)
+        frequency, gain = _spectrum(slope, white, q, telling)
         if not len(gain):
             continue
         nats = 0.5 * gain / state.posterior.phi - odds_of_block(len(system.levers) * len(frequency))
+        for length in (length for other, length in offered if other == joint):
+            nats[np.abs(frequency - 1.0 / length) * np.ptp(q) < WIDE] = -np.inf
         if nats.max() > best:
             best, found = float(nats.max()), Period(joint, float(1.0 / frequency[int(np.argmax(nats))]))
     return found
 
 
-def _spectrum(slope: np.ndarray, left: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _telling(system: RowSystem, pose: float) -> np.ndarray:
+    """What a row tells where poses have errors of some variance to themselves, which no further visit averages, (m,).
+
+    A wave is the same at all k visits of a pose: the inverse of I + v 1 1^T takes 1 to 1 / (1 + k v).
+    """
+    told = np.empty(len(system.rows))
+    told[system.poses.order] = np.repeat(1.0 / (1.0 + pose * system.poses.visits), system.poses.visits)
+    return told
+
+
+def _spectrum(slope: np.ndarray, left: np.ndarray, q: np.ndarray, telling: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies, and the sum of squares that a cosine and a sine of each take."""
     span = float(np.ptp(q))
     most = min(FINEST, len(q) / 2.0)  # as many phases as readings would fit anything
     if span <= 0.0 or most <= COARSEST:
         return np.zeros(0), np.zeros(0)
     frequency = np.arange(COARSEST, most, STEP) / span
-    along, weight = (slope * left).sum(axis=1), np.square(slope).sum(axis=1)
+    along, weight = telling * (slope * left).sum(axis=1), telling * np.square(slope).sum(axis=1)
     one, two = _waves(2.0 * np.pi * (q - q.min()) / span, (along, weight), len(frequency))
     # Of cosine^2, sine^2 and their product, the waves of twice the frequency tell all.
     cc, ss, cs = 0.5 * (weight.sum() + two.real), 0.5 * (weight.sum() - two.real), 0.5 * two.imag
