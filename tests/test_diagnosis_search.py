@@ -1,6 +1,6 @@
 """What a search may say: the moment to the row, the fewest parts, gross errors by the bulk, names that foretell."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
@@ -13,16 +13,17 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.score import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import score, steps
+from ptt.diagnosis import exact, score, steps
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.hidden import Trial
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.screen import Gain
-from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, improve, plainest
+from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, climb, improve, plainest
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.fitting.gauss_newton import HOPELESS
 from ptt.fitting.moment import place_own_moments
 from ptt.fitting.solve import fit
 from ptt.model.model import Model, Term
@@ -263,6 +264,51 @@ class Endless:
         return state.memory, 0.0
 
 
+class Crowded:
+    """As much of a scorer as a search asks for: what comes in the place of 'a' loses 5 nats, and makes room for 'c'."""
+
+    given, looked_at = (), 0
+
+    def __init__(self, after: float) -> None:
+        named = {key: SimpleNamespace(key=key, name=key, columns=range(3), effect=None, block=None) for key in "abc"}
+        for atom in named.values():
+            atom.odds = 3.0
+        self.system = SimpleNamespace(atoms=named)
+        self.totals = {"a": 0.0, "b": -5.0, "ac": -9.0, "bc": -5.0 + after, "c": -90.0, "": -99.0}
+
+    def score(self, keys: Sequence[str], memory: Memory, scales: object = None, least: float = 0.0) -> SimpleNamespace:
+        total = self.totals.get("".join(sorted(keys)), -90.0)
+        return SimpleNamespace(keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, worth=lambda key: 99.0)
+
+    def screen(self, state: SimpleNamespace, allowed: Callable[[SimpleNamespace], bool]) -> list[Gain]:
+        return [Gain(50.0, key, np.ones(1)) for key in self.system.atoms if key not in state.keys]
+
+    def replacements(self, state: SimpleNamespace, keys: Sequence[str], *of: object) -> dict[str, set[str]]:
+        return {key: {"b"} for key in keys}
+
+    def best_memory(self, state: SimpleNamespace) -> tuple[Memory, float]:
+        return state.memory, 0.0
+
+
+def test_what_a_swap_makes_room_for_is_looked_for_beyond_it():
+    for after, keys in ((18.0, ("b", "c")), (3.0, ("a",))):
+        scorer = Crowded(after)
+        start = scorer.score(("a",), WHITE)
+        assert improve(scorer, start).keys == keys
+        assert improve(scorer, start, swaps=False).keys == ("a",)
+
+
+def test_a_search_swaps_from_the_best_of_its_ends_alone(monkeypatch):
+    scorer, swapped = Endless(), list[float]()
+    looked_for = scorer.replacements
+    monkeypatch.setattr(
+        scorer, "replacements", lambda state, *of: swapped.append(state.total) or looked_for(state, *of)
+    )
+    assert climb(scorer, scorer.score([f"a{i}" for i in range(8)], WHITE)).total > 0.0 and not swapped
+    improve(scorer, scorer.score([f"a{i}" for i in range(8)], WHITE))
+    assert swapped
+
+
 def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():
     scorer, rounds = Endless(), 0
     state = scorer.score([f"a{i}" for i in range(8)], WHITE)
@@ -272,6 +318,26 @@ def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():
     before, looked_at = state.total, scorer.looked_at
     again = improve(scorer, state)
     assert again.total >= before and scorer.looked_at <= looked_at + ROUNDS < SCREENS + 10 * ROUNDS
+
+
+@pytest.mark.parametrize(("status", "dropped"), [("converged", ("windup",)), (HOPELESS, ())])
+def test_only_a_fit_that_came_to_its_end_says_that_an_effect_is_needless(monkeypatch, status, dropped):
+    """On its way down a fit may stand lower than where sizes that it has yet to learn let it stay."""
+    drawn = hide_faults(draw_rig("none", 41, MACHINE, "volume", rows=60), ["backlash", "windup"], 41)
+    problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    both = Model(MACHINE) + library()["backlash"]() + library()["windup"]()
+    fitted = fit(both, problem, robust=False)
+    state = SimpleNamespace(keys=both.keys, worth=lambda key: key == "backlash", posterior=SimpleNamespace(phi=1.0))
+    atoms = {key: SimpleNamespace(odds=3.0) for key in both.keys}
+    scorer = SimpleNamespace(given=(), system=SimpleNamespace(atoms=atoms))
+    found = SimpleNamespace(
+        fitted=fitted, scorer=scorer, state=state, system=scorer.system, carried=None, gross=None, noise=None
+    )
+    far = replace(fitted, status=HOPELESS)
+    lower = {"windup": replace(fitted, model=fitted.model.without("windup"), status=status), "backlash": far}
+    tried = iter(("windup", "backlash"))
+    monkeypatch.setattr(exact, "fit_less", lambda *_: replace(lower[next(tried)], chi2=fitted.chi2 + 1.0))
+    assert exact.find_needless(found, problem) == dropped
 
 
 def test_what_is_forgotten_of_sets_of_long_ago_is_worked_out_again(monkeypatch):

@@ -12,14 +12,14 @@ from ptt.diagnosis.row_system import build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import improve, loose, plainest, refilled
 from ptt.effects import Effect, Library
+from ptt.fitting.gauss_newton import HOPELESS
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 
 HOPEFUL = 40.0  # nats that names alone may lie behind names and unknowns before anything else is put beside them
-HOPELESS = 1.5  # times the chi-squared that would do, above which a refit without an effect is not brought to its end
 
 
-def find_needless(found: Found, current: Model, problem: Problem) -> tuple[str, ...]:
+def find_needless(found: Found, problem: Problem) -> tuple[str, ...]:
     """Effects that a model with a law that bends does as well without, once everything is refitted.
 
     Play takes up its gap along the travel, which no tangent shows: a wind-up that took the place of the bend is still
@@ -27,26 +27,27 @@ def find_needless(found: Found, current: Model, problem: Problem) -> tuple[str, 
 
     Args:
         found: the best explanation.
-        current: the model that it was linearised at.
         problem: the readings.
 
     Returns:
         Keys of the effects.
     """
-    terms, scorer, state, atoms = current.terms, found.scorer, found.state, found.system.atoms
+    whole, scorer, state, atoms = found.fitted, found.scorer, found.state, found.system.atoms
+    terms, dropped = whole.model.terms, list[str]()
     if not any(bends(term.effect) for term in terms):
         return ()
-    whole = fit_less(current, problem, found.carried, found.gross, found.noise)
-    dropped: list[str] = []
     lenders = {name for term in terms for parameter in term.effect.parameters for name in parameter.lent}
-    for key in sorted(loose(scorer, state), key=lambda key: state.worth(key) if key in current.keys else np.inf):
-        if atoms[key].effect is None or key not in current.keys or len(current.terms) == 1 or key in lenders:
-            continue  # nor is one that a curve beside it would take over
+    # What a curve beside it would take over stays as well.
+    held = [key for key in loose(scorer, state) if key in whole.model.keys and key not in lenders]
+    for key in sorted(held, key=state.worth):
+        if len(whole.model.terms) == 1:
+            break
         most = whole.chi2 + 2.0 * state.posterior.phi * atoms[key].odds
+        pull = float(np.square(whole.unknowns) @ whole.prior.weight)  # which a fit counts while it is under way
         less = whole.model.without(key)
-        fewer = fit_less(less, problem, found.carried, found.gross, found.noise, HOPELESS * most)
-        if fewer.chi2 < most:
-            whole, current = fewer, current.without(key)
+        fewer = fit_less(less, problem, found.carried, found.gross, found.noise, most + pull)
+        if fewer.chi2 < most and fewer.status != HOPELESS:
+            whole = fewer
             dropped.append(key)
     return tuple(dropped)
 
@@ -71,11 +72,14 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     if state.memory.pose == 0.0 and all(atoms[key].effect is not None for key in state.keys):
         return found
     kept = [key for key in state.keys if atoms[key].effect is not None]
-    named = improve(scorer, scorer.score(kept, WHITE), is_effect)
+    named = improve(scorer, scorer.score(kept, WHITE), is_effect, swaps=False)
     if not any(key not in kept and bends(atoms[key].effect) for key in named.keys):
         return found
     current, nothing = moved(replace(found, state=named), model, problem), np.zeros_like(found.carried)
-    fitted = fit_less(current, problem, nothing, found.gross, found.noise)
+    most = named.posterior.left - 2.0 * named.posterior.phi * (state.total - HOPEFUL - named.total)
+    fitted = fit_less(current, problem, nothing, found.gross, found.noise, most)
+    if fitted.status == HOPELESS:
+        return found
     candidates, untestable = present_candidates(fitted, problem, known)
     rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
     system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.exact import by_names, find_needless
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, settled
@@ -72,7 +73,8 @@ def find(
             dated = _dated(found, candidates)
             if dated:
                 scorer, system = with_shapes(scorer, dated)
-                state = max(state, search(scorer), key=lambda each: each.total)
+                lasting = [key for key in state.keys if _lasts(system.atoms[key])]
+                state = max(state, search(scorer, lasting), key=lambda each: each.total)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at
@@ -96,7 +98,7 @@ def find(
             steady = again.state.keys == state.keys
             found = again if steady else found
         if steady or turn == TURNS - 2:
-            needless = find_needless(found, fitted.model, problem)
+            needless = find_needless(found, problem)
             if needless:
                 barred, kept = barred | set(needless), tuple(key for key in kept or () if key not in needless)
                 current, memory, before = _without(fitted.model, needless), state.memory, found
@@ -150,6 +152,11 @@ def _dated(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]
     if not any(isinstance(atoms[key].effect, Sudden) and atoms[key].shape is not None for key in found.state.keys):
         return {}
     return best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
+
+
+def _lasts(atom: Atom) -> bool:
+    """Whether an atom is an effect that was there all along."""
+    return atom.effect is not None and not isinstance(atom.effect, Sudden)
 
 
 def _sift(linear: Linear, problem: Problem) -> np.ndarray:

@@ -1,11 +1,11 @@
-"""Search: the set of atoms with the highest score, by adding, dropping and swapping, from three starts."""
+"""Search: the set of atoms with the highest score, by adding, dropping and swapping."""
 
 from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_block, is_effect
+from ptt.diagnosis.atoms import Atom, is_effect
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import TEMPER
 from ptt.diagnosis.score import Scorer, State
@@ -19,6 +19,7 @@ SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring 
 MISJUDGED = 5.0  # nats by which variances that are learned anew may change what goes before any screen
 NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
 SWAPS = 3
+PAST = 2  # swaps that lose a little from which plain moves are tried
 SCREENS = 150  # sets screened from which swaps are looked for no more: a machine with a few faults asks for far fewer
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
@@ -28,26 +29,43 @@ FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside
 PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
 
 
-def search(scorer: Scorer, start: Sequence[str] | None = None) -> State:
+def search(scorer: Scorer, start: Sequence[str] = ()) -> State:
     """Find the best set of atoms.
 
     Args:
         scorer: of the system.
-        start: atoms to start from; None starts from nothing, effects first and blocks first,
-            and, where these disagree, all at once.
+        start: atoms to start from.
 
     Returns:
         The best state found.
     """
-    if start is not None:
-        return improve(scorer, scorer.score(start, WHITE))
-    nothing = scorer.score((), WHITE)
-    # Blocks only open that search: to swap them among themselves before effects may come in is lost time.
-    opened = improve(scorer, nothing, is_effect), improve(scorer, nothing, is_block, swaps=False)
-    ends = [improve(scorer, state) for state in opened]
-    if ends[0].keys != ends[1].keys:
-        ends.append(improve(scorer, nothing))
-    return refilled(scorer, max(ends, key=lambda state: state.total))
+    first = scorer.score(start, WHITE)
+    # What effects explain by themselves, blocks are added to; and both at once, whichever brings more.
+    ends = climb(scorer, climb(scorer, first, is_effect)), climb(scorer, first)
+    return refilled(scorer, improve(scorer, max(ends, key=lambda state: state.total)))
+
+
+def climb(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True) -> State:
+    """Add, drop, and let the noise remember, until nothing is gained: swaps are for the best of such ends.
+
+    Args:
+        scorer: of the system.
+        state: to start from.
+        allowed: atoms that may be added.
+
+    Returns:
+        The end of the way.
+    """
+    for _ in range(ROUNDS):
+        state = improve(scorer, state, allowed, swaps=False)
+        memory, gained = scorer.best_memory(state)
+        if memory == state.memory or gained <= 0.0:
+            return state
+        other = scorer.score(state.keys, memory, state.scales)
+        if not other.total > state.total + LEAST:
+            return state
+        state = other
+    return state
 
 
 def refilled(scorer: Scorer, best: State) -> State:
@@ -116,11 +134,20 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True, 
     for _ in range(ROUNDS):
         best = max(_plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
         if swaps and best.total < state.total + SLOW_BELOW and scorer.looked_at < SCREENS:
-            best = max([best, *_slow_moves(scorer, state, allowed)], key=lambda other: other.total)
+            slow = _slow_moves(scorer, state, allowed)
+            best = max([best, *slow], key=lambda other: other.total)
+            if not best.total > state.total + LEAST:
+                best = max([best, *_beyond(scorer, state, slow, allowed)], key=lambda other: other.total)
         if not best.total > state.total + LEAST:
             return state
         state = best
     return state
+
+
+def _beyond(scorer: Scorer, state: State, moves: Sequence[State], allowed: Allowed) -> list[State]:
+    """Where plain moves lead from swaps that lose a little: what went may have kept out more than what came."""
+    near = sorted((other for other in moves if other.total > state.total - SLOW_BELOW), key=lambda other: -other.total)
+    return [improve(scorer, other, allowed, swaps=False) for other in near[:PAST]]
 
 
 def plainest(scorer: Scorer, best: State) -> State:

@@ -181,7 +181,7 @@ def assemble(
     Returns:
         The columns.
     """
-    system = build_system(layout, problem, noise.whitener, unknowns)
+    system = build_system(layout, problem, noise.whitener, unknowns, crossed=False)  # as columns of candidates are
     terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
     motion = layout.frame_parameters(unknowns)
     at = Place(trace(terms, layout.see(problem, unknowns)), problem, noise.whitener, motion)

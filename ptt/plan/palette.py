@@ -150,7 +150,7 @@ def paint(palette: Palette, view: View, frame: np.ndarray | None, mount: np.ndar
     chain = trace(terms, view)
     parts = []
     if terms:
-        machine = linearise(terms, view).jacobian[..., torch.as_tensor(layout.columns())].numpy()
+        machine = linearise(terms, view, crossed=False).jacobian[..., torch.as_tensor(layout.columns())].numpy()
         parts.append(machine * np.where(linear[: machine.shape[-1]], 1.0, 1.0 / FAINT))
     rigid = rigid_basis(chain.reading)
     if layout.mounts:
