@@ -11,6 +11,7 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import LEVELS, bench, draw_level, new_challenge, open_challenge, seal, unseal
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
 from ptt.challenge.score import judge, remeasure, score
@@ -326,6 +327,15 @@ def test_the_true_model_scores_full_and_puts_the_tool_where_it_should_be(protoco
     if len(names) > 1:
         missing = score(fitted(drawn, truth.hidden[1]), truth).to_dict()
         assert not missing["right"] and missing["tool_error_um"]["after"]["total"] > 2.0 * error["after"]["total"]
+
+
+def test_places_that_a_run_only_passes_are_not_measured_again() -> None:
+    drawn, _ = draw(plan("multi", 1, 1010056)[0])  # every pose is approached from below, from a place without a reading
+    frame = simulate(drawn.rig, drawn.targets, noise=False).frame
+    read = frame["x_meas"].notna().sum()
+    tool = remeasure(Model(drawn.rig.machine), drawn)
+    assert len(tool.before) == read < len(frame) and tool.after is not None and tool.missed is not None
+    assert len(tool.after) == len(tool.missed) == read
 
 
 def _tool_error(drawn) -> float:

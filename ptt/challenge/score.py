@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from ptt.challenge.truth import MICRO, UNSEEN, Fault, Truth, table_of
+from ptt.challenge.truth import MICRO, READINGS, UNSEEN, Fault, Truth, table_of
 from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model, parameter_names
@@ -179,6 +179,8 @@ def score(model: Model, truth: Truth, correction: Correction | None = None) -> S
 def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = None) -> ToolError:
     """Send a model's commands for the run's own targets to the rig, as the run has left it.
 
+    What counts is where the run was read: of places that it only passed, on its way to a pose, no reading tells.
+
     Args:
         model: effects with their parameters.
         drawn: the rig and its targets.
@@ -189,18 +191,19 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     """
     drawn = replace(drawn, rig=as_left(drawn.rig))
     before = simulate(drawn.rig, drawn.targets, noise=False)
-    wanted = table_of(before.frame[before.frame["role"] != "base"])
-    missed = None
+    poses = before.frame["role"] != "base"
+    wanted = table_of(before.frame[poses])
+    read, missed = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None
     try:
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
-            return ToolError(_error(before, drawn), None)
-        missed = commands.missed
+            return ToolError(_error(before, drawn, read), None)
+        missed = commands.missed[read]
         sent = pd.DataFrame(commands.q, columns=drawn.rig.sent)
-        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn)
+        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn, read)
     except WorkspaceError:
         after = None
-    return ToolError(_error(before, drawn), after, missed)
+    return ToolError(_error(before, drawn, read), after, missed)
 
 
 def as_left(rig: Rig) -> Rig:
@@ -230,8 +233,8 @@ def _works(key: str, keys: Sequence[str], truth: Truth) -> bool:
     return truth.left([other for other in keys if other != key]) - truth.left(keys) >= UNSEEN
 
 
-def _error(run: RunResult, drawn: DrawnRig) -> np.ndarray:
-    poses = (run.frame["role"] != "base").to_numpy()
+def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray) -> np.ndarray:
+    poses = np.flatnonzero(run.frame["role"] != "base")[read]
     wanted, went = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)[poses], run.truth[poses]
     policy = drawn.rig.machine.tracker.frame
     if policy == "trusted":
