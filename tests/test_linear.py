@@ -13,7 +13,7 @@ from ptt.fitting.linear import Linear, assemble, linear_columns, usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
 from ptt.machine import BasePoint
-from ptt.model.chain import predict
+from ptt.model.chain import linearise, predict, trace
 from ptt.model.model import Model
 from ptt.run.problem import Problem, apply_frames, build_problem
 from ptt.run.table import make_table
@@ -137,3 +137,16 @@ def test_base_reflectors_hold_the_frame_in_the_sums() -> None:
     own = linear.present["link-length"]
     np.testing.assert_allclose(solution[own], fitted.unknowns[own], atol=1e-3)
     np.testing.assert_allclose(solution[linear.frame], 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("crossed", [True, False])
+def test_where_further_effects_lead_is_told_with_the_derivatives(crossed: bool) -> None:
+    problem, _ = made()
+    terms = [(KNOWN[name](), 0.3 * torch.ones(3, dtype=torch.float64)) for name in ("backlash", "link-length")]
+    told, alone = linearise(terms, problem.view, crossed=crossed).chain, trace(terms, problem.view)
+    for one, other in zip(
+        (told.by_joint, told.by_slot, told.reading, told.at_joints.q, told.at_tool.p),
+        (alone.by_joint, alone.by_slot, alone.reading, alone.at_joints.q, alone.at_tool.p),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(one, other)

@@ -22,7 +22,7 @@ from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.sums import Sums, accumulate
 from ptt.fitting.whitened import build_system, turned, whiten
-from ptt.model.chain import Chain, signature, trace
+from ptt.model.chain import Chain, signature
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -182,9 +182,7 @@ def assemble(
         The columns.
     """
     system = build_system(layout, problem, noise.whitener, unknowns, crossed=False)  # as columns of candidates are
-    terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(unknowns), strict=True)]
-    motion = layout.frame_parameters(unknowns)
-    at = Place(trace(terms, layout.see(problem, unknowns)), problem, noise.whitener, motion)
+    at = Place(system.chain, problem, noise.whitener, layout.frame_parameters(unknowns))
     trials, blocks = _try(at, candidates, shapes, len(unknowns))
     own = layout.owner >= 0
     residual = np.nan_to_num(system.residual)

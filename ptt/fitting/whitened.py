@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.fitting.layout import Layout
-from ptt.model.chain import Prediction, linearise
+from ptt.model.chain import Chain, Prediction, linearise
 from ptt.run.frames import rotation
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, apply_frames
@@ -25,6 +25,7 @@ class System:
         base_residual: base reflectors, (m, 3) in units of their own noise.
         base_jacobian: (m, 3, u).
         prediction: what the model says, frames left aside.
+        chain: where further shifts would lead.
     """
 
     residual: np.ndarray
@@ -32,6 +33,7 @@ class System:
     base_residual: np.ndarray
     base_jacobian: np.ndarray
     prediction: Prediction
+    chain: Chain
 
     def stacked(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows that count and the base reflectors, flattened.
@@ -108,7 +110,7 @@ def build_system(
         blocks += by_own(by_frame.numpy(), problem.frame, layout.frames)
     jacobian = whiten(blocks, whitener, layout.scale)
     residual = (problem.measured - reading.numpy()) @ whitener.T
-    return System(residual, jacobian, *_base_rows(problem, layout, motion, machine.shape[-1]), at.prediction)
+    return System(residual, jacobian, *_base_rows(problem, layout, motion, machine.shape[-1]), at.prediction, at.chain)
 
 
 def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -33,21 +33,6 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Linearised:
-    """A prediction with its derivatives by all parameters.
-
-    Attributes:
-        prediction: the prediction.
-        jacobian: d reading / d theta, (n, 3, P), terms in the given order.
-        by_mount: d reading / d place of the reflector beside the tool point, (n, 3, 3).
-    """
-
-    prediction: Prediction
-    jacobian: Tensor
-    by_mount: Tensor
-
-
-@dataclass(frozen=True)
 class Chain:
     """The causal chain at a model's present parameters: where a small further shift of each stage would lead.
 
@@ -66,6 +51,23 @@ class Chain:
     by_joint: Tensor
     by_slot: Tensor
     reading: Tensor
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A prediction with its derivatives by all parameters.
+
+    Attributes:
+        prediction: the prediction.
+        jacobian: d reading / d theta, (n, 3, P), terms in the given order.
+        by_mount: d reading / d place of the reflector beside the tool point, (n, 3, 3).
+        chain: where further shifts of each stage would lead, one stage at a time.
+    """
+
+    prediction: Prediction
+    jacobian: Tensor
+    by_mount: Tensor
+    chain: Chain
 
 
 def predict(terms: Shifts, view: View) -> Prediction:
@@ -128,7 +130,8 @@ def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     geometry = view.q.new_zeros(1, slots)
     shaped = [differentiate(e, theta, at_joints) if e.stage == "geometry" else None for e, theta in terms]
     geometry = geometry + sum((item[0] for item in shaped if item), torch.zeros_like(geometry))
-    p, by_joint, by_slot = sensitivity(view.mechanism, q, view.mounted(geometry))
+    p, joint, by_slot = sensitivity(view.mechanism, q, view.mounted(geometry))
+    by_joint = joint
     moving = _by_input(links, "geometry", q, lambda x: view.at(q=x))
     if moving is not None:
         by_joint = by_joint + by_slot @ moving
@@ -141,7 +144,7 @@ def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     read = [differentiate(e, theta, at_target) if e.stage == "metrology" else None for e, theta in terms]
     seen = _by_input(links, "metrology", actual, lambda x: at_joints.at(p=x))
     reading = actual + sum((item[0] for item in read if item), torch.zeros_like(p))
-    blocks = []
+    blocks, chain = [], Chain(view, at_joints, at_target, joint, by_slot, reading)
     for d, g, s, m in zip(drive, shaped, carried, read, strict=True):
         block = by_joint @ d[1] if d else _through(by_slot, g[1]) if g else s[1] if s else m[1] if m else None
         assert block is not None
@@ -156,7 +159,7 @@ def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     by_mount = by_slot[..., -3:]
     for further in (after, seen):
         by_mount = by_mount if further is None else by_mount + further @ by_mount
-    return Linearised(Prediction(q, geometry, actual, reading), jacobian, by_mount)
+    return Linearised(Prediction(q, geometry, actual, reading), jacobian, by_mount, chain)
 
 
 def trace(terms: Shifts, view: View) -> Chain:

@@ -12,7 +12,7 @@ from ptt.effects.metrology import rigid_basis
 from ptt.fitting.linear import held_values, usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import by_own
-from ptt.model.chain import linearise, signature, trace
+from ptt.model.chain import linearise, signature
 from ptt.plan.contest import triangle
 from ptt.run.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.run.view import View
@@ -147,10 +147,10 @@ def paint(palette: Palette, view: View, frame: np.ndarray | None, mount: np.ndar
     linear = palette.linear
     faint = fitted.unknowns * np.where(linear[: len(fitted.unknowns)], FAINT, 1.0)
     terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(faint), strict=True)]
-    chain = trace(terms, view)
-    parts = []
+    at = linearise(terms, view, crossed=False)
+    chain, parts = at.chain, []
     if terms:
-        machine = linearise(terms, view, crossed=False).jacobian[..., torch.as_tensor(layout.columns())].numpy()
+        machine = at.jacobian[..., torch.as_tensor(layout.columns())].numpy()
         parts.append(machine * np.where(linear[: machine.shape[-1]], 1.0, 1.0 / FAINT))
     rigid = rigid_basis(chain.reading)
     if layout.mounts:
