@@ -136,7 +136,7 @@ class Sums:
         self.totals = totals
         atoms = {key: SimpleNamespace(block="b" if key in "uv" else None, effect=None) for key in "uvef"}
         for key in "ef":
-            atoms[key].effect = SimpleNamespace(parameters=(), name=key)
+            atoms[key].effect = SimpleNamespace(parameters=(), name=key, stage="drive")
         self.system = SimpleNamespace(atoms=atoms, rows=range(50))
 
     def score(self, keys, memory, scales=None, least=None):
@@ -161,12 +161,15 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
     monkeypatch.setattr(steps, "hide", lambda *_: gaining(more))
+    monkeypatch.setattr(steps, "tool_doubt", lambda *_: 0.0)
     for name, answer in (("share_of", 0.5), ("ties", ()), ("_in_order", ["e"] if sure else [])):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     told = steps.name_steps(scorer, scorer.score("eu", WHITE))
     assert [step.key for step in told.steps] == ([] if sure is None else ["e"])
     assert bool(told.unproven) is not bool(told.steps)
     assert sure is None or told.steps[0].sure == pytest.approx(sure, abs=1e-3)
+    monkeypatch.setattr(steps, "tool_doubt", lambda *_: 6.0)  # beside the 7 of hidden rows more than 9 without it
+    assert not steps.name_steps(scorer, scorer.score("eu", WHITE)).steps
 
 
 def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_well(monkeypatch):

@@ -94,6 +94,11 @@ def is_block(atom: Atom) -> bool:
     return atom.block is not None
 
 
+def is_metrology(atom: Atom) -> bool:
+    """Whether an atom is an effect that leaves the machine as it is: the tracker alone says otherwise."""
+    return atom.effect is not None and atom.effect.stage == "metrology"
+
+
 def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
     """Nats against one effect out of those that the data can test, in one of its shapes."""
     each = EFFECT_ODDS + float(np.log(max(effects, 1)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_metrology
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import near_sets
 from ptt.diagnosis.score import Scorer, State
@@ -46,9 +46,9 @@ def _machine(scorer: Scorer, state: State) -> np.ndarray:
 
 
 def _moves_tool(atom: Atom) -> bool:
-    if atom.effect is not None:
-        return atom.effect.stage != "metrology"
-    return atom.block is not None and atom.block.place.joint is not None
+    if atom.block is not None:
+        return atom.block.place.joint is not None
+    return not is_metrology(atom)
 
 
 def _values(state: State, own: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -7,14 +7,13 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.atoms import Atom, is_effect
-from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.probability import Probability
 from ptt.diagnosis.score import State
 from ptt.diagnosis.spread import exchanged_errors, spread_of
-from ptt.diagnosis.steps import Step, share_of
+from ptt.diagnosis.steps import Named, Step, share_of
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.linear import usual_sizes
@@ -108,14 +107,14 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Pro
 
 
 def candidates_of_steps(
-    found: Found, named: tuple[Step, ...], terms: tuple[Term, ...], chances: Probability, noise: Noise, problem: Problem
+    found: Found, told: Named, terms: tuple[Term, ...], chances: Probability, noise: Noise, problem: Problem
 ) -> list[Candidate]:
     """The steps.
 
     Args:
         found: the best explanation.
-        named: its steps.
-        terms: them at their values.
+        told: what it names.
+        terms: its steps at their values.
         chances: what the explored sets say of them.
         noise: the noise floor.
         problem: the readings.
@@ -124,14 +123,15 @@ def candidates_of_steps(
         One for each step.
     """
     result: list[Candidate] = []
+    named = told.steps
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
         term = next((item for item in terms if item.effect.key == name), None)
         if term is None:
             continue
         together = find_sum(found.system, found.state, step.key)
-        doubt = tool_doubt(found.scorer, found.state) * 1e3 if index == len(named) - 1 else 0.0
-        errors = step.before * 1e3, float(np.hypot(step.after * 1e3, doubt))
+        own = told.doubt * 1e3 if index == len(named) - 1 else 0.0
+        errors = step.before * 1e3, float(np.hypot(step.after * 1e3, own))
         result.append(
             Candidate(
                 name,
@@ -142,7 +142,7 @@ def candidates_of_steps(
                 _parameters(term, problem),
                 step.others,
                 together,
-                explain_step(term, step.others, together, errors, noise, problem, before, doubt),
+                explain_step(term, step.others, together, errors, noise, problem, before, own),
             )
         )
     return result

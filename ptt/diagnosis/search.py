@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_effect
+from ptt.diagnosis.atoms import Atom, is_effect, is_metrology
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import TEMPER
 from ptt.diagnosis.score import Scorer, State
@@ -105,14 +105,10 @@ def _asked_of_tracker(scorer: Scorer, best: State) -> State:
         effect = scorer.system.atoms[key].effect
         if key in best.keys and effect is not None and effect.stage != "metrology":
             fewer = scorer.score(without(best, key), best.memory, best.scales)
-            other = improve(scorer, fewer, _is_tracker, swaps=False)
+            other = improve(scorer, fewer, is_metrology, swaps=False)
             if other.total > best.total + LEAST:
                 best = improve(scorer, other)
     return best
-
-
-def _is_tracker(atom: Atom) -> bool:
-    return atom.effect is not None and atom.effect.stage == "metrology"
 
 
 def _is_plain(atom: Atom) -> bool:

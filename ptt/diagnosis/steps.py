@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_block
+from ptt.diagnosis.atoms import Atom, is_block, is_metrology
+from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.hidden import held_out, hide, left_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
@@ -52,11 +53,14 @@ class Named:
         unproven: effects that the readings ask for clearly though hidden ones do not bear them out, so that they
             cannot be what is there.
         faithful: whether the whole set foretells hidden readings as well as it claims to.
+        doubt: how far the machine may have the tool elsewhere while the readings stay, mm; beside an unknown, effects
+            of the machine are named only if with that the error on hidden blocks is less than without them.
     """
 
     steps: tuple[Step, ...]
     unproven: tuple[str, ...]
     faithful: bool
+    doubt: float
 
 
 def name_steps(scorer: Scorer, state: State) -> Named:
@@ -78,15 +82,18 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     trials = {key: hide(scorer, _beside(scorer, loose(scorer, state), key), key) for key in likely}
     faithful = all(trial.faithful for trial in trials.values())
     named = _delivered(scorer, [key for key in likely if trials[key].speaks(PLAIN)], 0.0 if faithful else HALF)
-    order = _in_order(scorer, named)
+    order, others = _in_order(scorer, named), {key: ties(scorer, state, key) for key in named}
+    doubt = tool_doubt(scorer, state)  # what is tied is scored by now
+    if odd and np.hypot(held_out(scorer, tuple(order)), doubt) >= held_out(scorer, ()):
+        order = [key for key in order if is_metrology(atoms[key])]  # commands of the others may do as much harm as good
     steps, before = [], held_out(scorer, ())
     for index, key in enumerate(order):
         after = held_out(scorer, tuple(order[: index + 1]))
         sure = float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE))) if odd else 1.0
-        steps.append(Step(key, worth[key], ties(scorer, state, key), share_of(scorer, key), before, after, sure))
+        steps.append(Step(key, worth[key], others[key], share_of(scorer, key), before, after, sure))
         before = after
     unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE)
-    return Named(tuple(steps), unproven, faithful)
+    return Named(tuple(steps), unproven, faithful, doubt)
 
 
 def _with_unknown(scorer: Scorer, state: State, key: str) -> float:

@@ -214,7 +214,7 @@ def conclude(
         verdict_probability=_verdict_probability(chances, verdict),
         suggested=suggested,
         candidates=(
-            *candidates_of_steps(found, named, terms, chances, noise, problem),
+            *candidates_of_steps(found, told, terms, chances, noise, problem),
             *other_candidates(found, named, chances, problem),
         ),
         not_testable=found.untestable,
