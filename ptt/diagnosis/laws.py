@@ -50,8 +50,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
     if not (blocks or sudden or state.memory.pose) or not isinstance(system, RowSystem):
         return scorer, state
-    beside = dict.fromkeys([without(state, *blocks), without(state, *blocks, *sudden)])
-    wider, best = _with_laws(scorer, [scorer.score(keys, state.memory, state.scales) for keys in beside]), state
+    wider, best = _with_laws(scorer, state, [without(state, *blocks), without(state, *blocks, *sudden)]), state
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
@@ -82,19 +81,21 @@ def _any(atom: Atom) -> bool:
     return True
 
 
-def _with_laws(scorer: Scorer, beside: Sequence[State]) -> Scorer:
+def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> Scorer:
     """The same problem with the laws of each place that say most beside some sets; all of them would fill gigabytes."""
     system = scorer.system
     assert isinstance(system, RowSystem)
     places = list(laws_of(system.at.problem, system.at.chain))
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
-    system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
+    few = Scorer(system.only(state.keys), scorer.given)
+    beside = [few.score(keys, state.memory, state.scales) for keys in dict.fromkeys(map(tuple, sets))]
     kept = list[Block]()
     for blocks in places:
-        wider = _widened(scorer, blocks, odds)
-        names = {_name(gain.key) for state in beside for gain in wider.screen(state, is_law)[:MOST]}
+        wider = _widened(few, blocks, odds)
+        names = {_name(gain.key) for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST]}
         kept += [block for block in blocks if _name(block.name) in names]
+    system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
     return _widened(scorer, kept, odds)
 
 
