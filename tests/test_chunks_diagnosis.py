@@ -1,5 +1,6 @@
 """A run diagnosed in chunks says what the same run says as a whole."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.long import STRETCH, diagnose_long
 from ptt.diagnosis.memory import WHITE, Memory, block_sums
 from ptt.diagnosis.row_system import RowSystem, build_system
+from ptt.diagnosis.sampled import spread
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.span import span_of
 from ptt.diagnosis.summed import Ansatz, SummedSystem, open_run, sum_up
@@ -130,6 +132,62 @@ def test_sums_over_chunks_are_those_of_the_whole(
     assert errors[0] == pytest.approx(errors[1], rel=1e-6) and 0.0 < errors[0] < 1.0
     left = [system.left(s.columns, s.posterior.values) for system, s in zip((summed, whole), states, strict=True)]
     np.testing.assert_allclose(*left, atol=1e-4)
+
+
+def test_candidates_of_a_share_of_the_rows_say_about_what_all_rows_say(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ptt.diagnosis.summed.SLAB", 60)
+    monkeypatch.setattr(sys.modules[__name__], "BLOCKS", ())  # a share of so few rows tells no curves
+    clean = problem.masked(np.isin(np.arange(ROWS), [777, 2100]))
+    every = _both(clean, ROWS, WHITE)[1]
+    monkeypatch.setattr("ptt.diagnosis.sampled.ENOUGH", ROWS // 3)
+    share = _both(clean, ROWS, WHITE)[1]
+    own = [key for key, atom in every.atoms.items() if atom.shape is None]
+    places = np.concatenate([every.frame, *(every.atoms[key].columns for key in own)])
+    few, all_ = share.sums(WHITE).of(places), every.sums(WHITE).of(places)
+    np.testing.assert_allclose(few.gram, all_.gram, rtol=1e-9)
+    np.testing.assert_allclose(few.side, all_.side, rtol=1e-9)
+    assert np.linalg.eigvalsh(share.sums(WHITE).gram)[0] > -1e-9 * np.trace(all_.gram)
+    told = [Scorer(system) for system in (share, every)]
+    held = [held_out(scorer, ("backlash", "windup")) for scorer in told]
+    assert held[0] == pytest.approx(held[1], rel=1e-9)
+    gains = [
+        {
+            gain.key: gain.nats
+            for gain in scorer.all_gains(scorer.score(own, WHITE), lambda atom: len(atom.columns) < 12)
+        }
+        for scorer in told
+    ]
+    leaders = [max(found, key=lambda key: found[key]) for found in gains]  # type: ignore[arg-type, misc]
+    assert leaders[0] == leaders[1] and every.atoms[leaders[0]].name == "once-per-rev"
+    assert gains[0][leaders[0]] == pytest.approx(gains[1][leaders[1]], rel=0.1)
+
+
+def test_sums_that_a_share_cannot_tell_are_spread_as_its_residual_is() -> None:
+    random = np.random.default_rng(8)
+    model = random.normal(size=(6000, 4))
+    model[2000:, 3] = 0.0  # hardly any of the share shows it
+    more = model @ random.normal(size=(4, 3)) + random.normal(size=(6000, 3))
+    rows = np.concatenate([model, more], axis=1)
+    own, block = np.arange(4), np.arange(6000) % 3
+    share = np.r_[0:10, 2000:6000:4]
+
+    def held(columns: np.ndarray, some: np.ndarray) -> dict[int, tuple[np.ndarray, np.ndarray, int]]:
+        parts = {index: columns[some[block[some] == index]] for index in range(3)}
+        return {index: (part.T @ part, 4.0 * part.T @ part, len(part)) for index, part in parts.items()}
+
+    found = spread(held(model, np.arange(6000)), held(rows, share), own)
+    truth = held(rows, np.arange(6000))
+    for index in range(3):
+        white, in_mm, count = found[index]
+        np.testing.assert_allclose(white[:4, :4], truth[index][0][:4, :4])
+        np.testing.assert_allclose(in_mm, 4.0 * white)
+        assert count == truth[index][2]
+    total, right = (sum(each[0] for each in sums.values()) for sums in (found, truth))
+    assert np.linalg.eigvalsh(total)[0] > 0.0
+    np.testing.assert_allclose(total[:3, 4:] / right[:3, 4:], 1.0, atol=0.1)
+    np.testing.assert_allclose(total.diagonal() / right.diagonal(), 1.0, atol=0.5)
 
 
 def test_a_wander_costs_next_to_nothing_at_the_seams(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:

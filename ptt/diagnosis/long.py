@@ -8,7 +8,9 @@ from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.everywhere import Task, find_everywhere
 from ptt.diagnosis.find import STEPS, find, opening_rows
 from ptt.diagnosis.found import Found
+from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
+from ptt.diagnosis.sampled import share_of_rows
 from ptt.diagnosis.search import without
 from ptt.diagnosis.span import Span, span_of
 from ptt.diagnosis.summed import open_run
@@ -54,7 +56,8 @@ def diagnose_long(
 
     What explains the run is found on stretches of travel that are spread over it and entered as the run enters them.
     Then effects, beside them blocks and memory of the noise that the stretches show, are fitted and searched on by
-    sums over all rows, with the same scores; gross errors, held-out errors and the verdict are of all rows.
+    sums over all rows, with the same scores; gross errors, held-out errors and the verdict are of all rows. Of a very
+    long run candidates are told by a share of the rows, as in `ptt.diagnosis.sampled`.
 
     Args:
         model: the model as given.
@@ -94,6 +97,9 @@ def diagnose_long(
         f"{sample.table.rows} rows in stretches of travel; parameters, the search beside them, held-out errors, gross "
         f"rows and what the rest follows are of all rows, summed up in chunks of {size}."
     )
+    times = share_of_rows(problem.table.rows)
+    if times > 1 and found.state.memory == WHITE:
+        how += f" What else may be missing is told by one row in {times}."
     return replace(result, words=f"{result.words} {how}", opening=int(opening.sum()))
 
 

@@ -10,6 +10,7 @@ from ptt.diagnosis.atoms import Atom, atoms_of
 from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums, block_sums, hide, sum_rows
+from ptt.diagnosis.sampled import Held, share_of_rows, spread
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, clock_of, straightened, whitened
 from ptt.effects import Effect
@@ -23,7 +24,6 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 Chunks = Sequence[Callable[[], Problem]]
-Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise units and in mm, and its rows
 Trials = Mapping[str, tuple[Effect, Sequence[Shape]]]  # candidates by key, each in the shapes that are summed
 
 SLAB = 4_000  # rows of a chunk whose columns of all candidates are there at once: more of them leave the cache
@@ -76,6 +76,7 @@ class Contribution:
 
     Attributes:
         hidden: held-out block -> its sums in noise units and in mm, and its rows.
+        share: the same of the share of rows that candidates are summed over, where that is not all of them.
         other: sums under the memory of the noise, where it has one.
         rows: rows that count, (m,) bool.
         gross: rows left out as gross errors, (m,) bool.
@@ -83,6 +84,7 @@ class Contribution:
     """
 
     hidden: dict[int, Held]
+    share: dict[int, Held]
     other: tuple[np.ndarray, float] | None
     rows: np.ndarray
     gross: np.ndarray
@@ -164,17 +166,22 @@ def sum_up(
     def work(chunk: Problem) -> Contribution:
         return sum_chunk(chunk, run, at, trials, kept, sift)
 
-    hidden: dict[int, Held] = {}
+    hidden, share = dict[int, Held](), dict[int, Held]()
     other: tuple[np.ndarray, float] | None = None
     rows, gross = [], []
     for part in map_chunks(work, run.chunks):
-        for index, own in part.hidden.items():
-            _add(hidden, index, own)
+        for sums, more in ((hidden, part.hidden), (share, part.share)):
+            for index, held in more.items():
+                _add(sums, index, held)
         if part.other is not None:
             other = part.other if other is None else (other[0] + part.other[0], other[1] + part.other[1])
         rows.append(part.rows)
         gross.append(part.gross)
     linear = part.linear
+    if share:
+        own, end = len(at.fitted.unknowns), next(iter(share.values()))[0].shape[0]
+        behind = end - 1 - sum(len(atom.columns) for atom in at.blocks)
+        hidden = spread(hidden, share, np.concatenate([np.arange(own), np.arange(behind, end)]))
     system = _system(run, at, {} if sift else trials, sample, linear, np.concatenate(rows), hidden, other)
     return system, np.concatenate(gross)
 
@@ -193,27 +200,42 @@ def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.nda
     Returns:
         The chunk's part.
     """
-    hidden: dict[int, Held] = {}
+    hidden, share = dict[int, Held](), dict[int, Held]()
     rows, gross, joined = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+    times = share_of_rows(run.problem.table.rows) if at.memory == WHITE and trials and not sift else 1
     for part in [chunk] if sift else (make() for make in cut(chunk, SLAB)):
-        number = numbers(part)
-        linear, columns = columns_of(part, run, at, {} if sift else trials)
-        there = linear.rows & kept[number]
+        linear, columns = columns_of(part, run, at, {} if sift or times > 1 else trials)
+        there = linear.rows & kept[numbers(part)]
         far = _gross(part, run, at, trials, linear, columns, there) if sift else np.zeros_like(there)
         there = there & ~far
-        both = np.concatenate([columns, linear.values[:, :, None]], axis=2)
-        both = both if there.all() else both[there]
-        for index, stretch in _stretches(run.block[number[there]]):
-            _add(hidden, index, block_sums(both[stretch], at.noise))
-        rows.append(there)
-        gross.append(far)
+        both = _sum_rows(part, run, at, linear, columns, there, hidden)
         if at.memory != WHITE:  # which goes on from one slab into the next
             joined.append(both)
+        if times > 1:
+            # Not the same rows of each slab, or of a cycle as long as one the same places would always be passed over.
+            some = cut(part, -(-part.table.rows // times))
+            few = some[int(numbers(part)[0]) // SLAB % len(some)]()
+            linear, columns = columns_of(few, run, at, trials)
+            _sum_rows(few, run, at, linear, columns, linear.rows & kept[numbers(few)], share)
+        rows.append(there)
+        gross.append(far)
     other, counted = None, np.concatenate(rows)
     if at.memory != WHITE:
         clock = clock_of(chunk, counted)
         other = sum_rows(np.concatenate(joined), at.memory, clock, run.pose[numbers(chunk)[counted]])
-    return Contribution(hidden, other, counted, np.concatenate(gross), linear.without_rows())
+    return Contribution(hidden, share, other, counted, np.concatenate(gross), linear.without_rows())
+
+
+def _sum_rows(
+    part: Problem, run: Run, at: Ansatz, linear: Linear, columns: np.ndarray, there: np.ndarray,
+    hidden: dict[int, Held],
+) -> np.ndarray:  # fmt: skip
+    """Add the sums of rows that are there to those of their blocks; their columns and readings, (r, 3, P + 1)."""
+    both = np.concatenate([columns, linear.values[:, :, None]], axis=2)
+    both = both if there.all() else both[there]
+    for index, stretch in _stretches(run.block[numbers(part)[there]]):
+        _add(hidden, index, block_sums(both[stretch], at.noise))
+    return both
 
 
 def columns_of(

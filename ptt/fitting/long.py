@@ -153,7 +153,9 @@ def _move_chunk(
 def _rows_alone(system: System) -> System:
     """The system without base reflectors, which every chunk sees and only one may count."""
     width = system.jacobian.shape[-1]
-    return System(system.residual, system.jacobian, np.zeros((0, 3)), np.zeros((0, 3, width)), system.prediction, system.chain)
+    return System(
+        system.residual, system.jacobian, np.zeros((0, 3)), np.zeros((0, 3, width)), system.prediction, system.chain
+    )
 
 
 def _joined(parts: list[Prediction]) -> Prediction:
