@@ -39,3 +39,15 @@ def test_a_slip_that_may_be_a_knock_is_a_doubt_of_what_commands_of_it_reach(monk
     assert last.heldout_after == pytest.approx(1e3 * np.hypot(plain, doubt))
     assert doubt > plain and "have the machine stand elsewhere" in last.words
     assert remeasure(result.model, drawn).to_dict()["after"]["total"] < 1.5 * last.heldout_after
+
+
+def test_beside_an_unknown_commands_are_of_the_values_that_the_held_out_error_is_of():
+    drawn, _ = draw(plan("unknown", 1, 950001, kinds="all")[0])  # a slider that sinks under another, told as a block
+    file = drawn.rig.machine
+    problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    result = diagnose(Model(file), problem)
+    assert (result.verdict, result.suggested) == ("unknown", (("platform-twist",),))
+    own, (term,) = [one.value for one in result.candidates[0].parameters], result.model.terms
+    assert not np.allclose(own, term.theta.numpy(), rtol=0.1)
+    tool = remeasure(result.model, drawn).to_dict()
+    assert tool["after"]["total"] < 1.2 * result.candidates[0].heldout_after < 0.7 * tool["before"]["total"]

@@ -12,7 +12,7 @@ from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.probability import Probability
 from ptt.diagnosis.score import State
-from ptt.diagnosis.spread import exchanged_errors, spread_of
+from ptt.diagnosis.spread import exchanged_errors, spread_of, values_of
 from ptt.diagnosis.steps import Named, Step, share_of
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
@@ -89,8 +89,7 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Pro
         term = next((t for t in found.fitted.model.terms if t.effect.key == atom.name), None)
         if term is None or atom.shape is not None:
             continue
-        index = [t.effect.key for t in found.fitted.layout.terms].index(atom.name)
-        free = torch.as_tensor(found.fitted.layout.free[index])
+        free = _free(found, atom)
         theta, error, seen = (
             term.theta.clone(),
             torch.full_like(term.theta, torch.nan),
@@ -104,6 +103,38 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Pro
         seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
         current = current + replace(term, theta=theta, std=error, measured=seen)
     return current.terms
+
+
+def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> tuple[Term, ...]:
+    """The same with the values that the readings ask for where nothing unknown stands beside them.
+
+    Only effects are sent to a machine: of these values is the held-out error, and `ptt add` fits them. Beside a block
+    an effect has the share that is its own, and what the block has for itself would stay.
+
+    Args:
+        found: the best explanation.
+        terms: its given effects and its steps.
+        keys: of the steps' atoms.
+
+    Returns:
+        The terms, as they are where the explanation has nothing else.
+    """
+    scorer, state = found.scorer, found.state
+    if set(state.keys) == {*scorer.given, *keys}:
+        return terms
+    alone, sent = scorer.score(keys, state.memory), list[Term]()
+    atoms = {scorer.system.atoms[key].name: scorer.system.atoms[key] for key in alone.keys}
+    for term in terms:
+        atom, theta = atoms[term.effect.key], term.theta.clone()
+        theta[_free(found, atom)] = torch.as_tensor(values_of(alone, atom, scorer.system.scale))
+        sent.append(replace(term, theta=theta))
+    return tuple(sent)
+
+
+def _free(found: Found, atom: Atom) -> torch.Tensor:
+    """Which values of an effect of the model its atom has, (p,) bool."""
+    index = [term.effect.key for term in found.fitted.layout.terms].index(atom.name)
+    return torch.as_tensor(found.fitted.layout.free[index])
 
 
 def candidates_of_steps(

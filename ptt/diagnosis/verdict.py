@@ -8,7 +8,7 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence, dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, unknowns_of, with_suspect
-from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates
+from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find, opening_rows
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, wanders_beyond
@@ -53,7 +53,7 @@ class Diagnosis:
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
         opening: how many rows were not looked at because a run opens with them.
-        model: the model as given with the steps at their values.
+        model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
     """
@@ -192,7 +192,7 @@ def conclude(
     noise = noise_after(problem, found.system, state)
     chances = weigh_sets(scorer)
     terms = fitted_terms(found, model, tuple(step.key for step in named), problem)
-    fitted_model = replace(model, terms=terms)
+    fitted_model = replace(model, terms=sent_terms(found, terms, tuple(step.key for step in named)))
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     sound = told.faithful and not told.unproven
     verdict: Verdict = _verdict(found, bool(named), rest, problem) if sound else "unknown"
