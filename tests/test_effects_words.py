@@ -378,7 +378,7 @@ def candidate(**values):
 
 def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3, **on):
     found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
-    found = SimpleNamespace(**{**found, "with_": None, **on})
+    found = SimpleNamespace(**{**found, "with_": None, "acts_on": None, **on})
     return SimpleNamespace(
         verdict=verdict,
         suggested=[(f"effect-{number}", *ties) for number in range(steps)],

@@ -3,10 +3,13 @@
 import json
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench
+from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.contract import check_effect
@@ -16,12 +19,13 @@ from ptt.errors import InputError
 from ptt.judge.ladder.climb import climb
 from ptt.model.chain import differentiate
 from ptt.model.model import Model
+from ptt.rig import parse_rig
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.table import read_table
 
-RANGES = {"b2": [270.0, 283.0, 296.0], "x": [-50.0, 0.0, 50.0]}
+RANGES = {name: [-50.0, 0.0, 50.0] if name in "xy" else [270.0, 283.0, 296.0] for name in ("b1", "b2", "b3", "x", "y")}
 WARM = [20.0, 23.0, 26.0]
 MACHINE = bench()
 
@@ -44,8 +48,13 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
         found("payload", "levels"),
         found("temperature", "smooth"),
         found("speed3", "smooth"),
+        found("b3", "smooth", acts_on="slider 2"),
+        found("y", "smooth", acts_on="rail 2 outward"),
+        found("b2", "step", place=[270.0, 274.0], acts_on="rail 2 sideways"),
+        found("temperature", "smooth", acts_on="link 2"),
+        found("b1", "smooth", residual="x", acts_on="x"),
     ],
-    ids=lambda entry: f"{entry['on']}-{entry['shape']}",
+    ids=lambda entry: f"{entry['on']}-{entry['shape']}-{entry.get('acts_on', '')}",
 )
 def test_every_shape_makes_an_effect_that_keeps_the_contract(tmp_path: Path, entry: dict[str, object]) -> None:
     path = tmp_path / "own.py"
@@ -53,6 +62,34 @@ def test_every_shape_makes_an_effect_that_keeps_the_contract(tmp_path: Path, ent
     (cls,) = (cls for name, cls in library(path).items() if name == "own-cause")
     broken = [f"{item.check}: {item.broken}" for item in check_effect(cls(), differentiate) if not item.passed]
     assert not broken
+
+
+@pytest.mark.parametrize(
+    ("place", "follows", "law"),
+    [
+        ("slider 1", "b3", {"kind": "cross-coupling", "leg": 1, "other": 3, "height_mm": 290.0, "span_mm": 60.0}),
+        ("rail 2 outward", "b1", {"place": "radial", "leg": 2, "variables": ["b1"], "span": [[200.0, 400.0]]}),
+        ("link 3", "x", {"place": "link", "leg": 3, "variables": ["x"], "span": [[-60.0, 60.0]]}),
+        ("y", "x", {"place": "tool-y", "variables": ["x"], "span": [[-60.0, 60.0]]}),
+    ],
+)
+def test_a_written_effect_acts_where_the_unknown_does(
+    tmp_path: Path, place: str, follows: str, law: dict[str, object]
+) -> None:
+    drawn = {"size_um": 40.0} | ({} if "kind" in law else {"kind": "random-law", "form": "smooth", "law_seed": 5})
+    rig = parse_rig({"machine": MACHINE.machine.model_dump(), "seed": 3, "odd": [{**law, **drawn}]})
+    random = np.random.default_rng(3)
+    cloud = pd.DataFrame(random.uniform(-60.0, 60.0, (150, 3)).round(3), columns=["x_cmd", "y_cmd", "z_cmd"])
+    frame = simulate(rig, cloud, noise=False).frame
+    frame[["x_meas", "y_meas", "z_meas"]] += random.normal(0.0, 0.005, (150, 3))
+    problem = build_problem(MACHINE, table_of(frame))
+    first = diagnose(Model(MACHINE), problem).to_dict()["depends_on"][0]
+    assert (first["acts_on"], first["on"]) == (place, follows)
+    path = tmp_path / "own.py"
+    path.write_text(prefilled("own-cause", first))
+    ladder = climb(Model(MACHINE), problem, [make_effect(library(path), "own-cause")])
+    assert ladder.steps[0].heldout_rms_um["total"] > 1.8 * 5.0 * 3**0.5
+    assert ladder.steps[-1].heldout_rms_um["total"] < 1.2 * 5.0 * 3**0.5  # of the readings' own scatter
 
 
 def test_a_play_that_opens_when_warm_is_described_by_the_file_as_written(tmp_path: Path) -> None:
@@ -90,6 +127,8 @@ def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
     for hostile in (found('b2"""\nprint()', "smooth"), found("b2", "smooth", residual='x"""\nprint()')):
         with pytest.raises(InputError, match="proper"):
             prefilled("own-cause", hostile)
+    with pytest.raises(InputError, match="acts_on"):
+        prefilled("own-cause", found("b2", "smooth", acts_on="rail 2"))
     with pytest.raises(InputError, match="place"):
         prefilled("own-cause", found("b2", "step", place=["high", "low"]))
 

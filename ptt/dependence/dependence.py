@@ -44,10 +44,12 @@ class Dependence(Record):
         place: where a step or a local bump sits, (low, high), else None.
         with_: the second variable that a direction's say varies with, else None.
         rivals: variables that explain about as much but are the less likely cause.
+        acts_on: where an unknown that follows it acts: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways',
+            'link 2', or 'x', 'y', 'z' of the tool; None where that is open.
     """
 
     keys: ClassVar[str] = (
-        "residual, on, share, p_value, period_mm, shape, place, with: with_, rivals, curve.at: curve.T.0, "
+        "residual, on, share, p_value, period_mm, shape, place, with: with_, rivals, acts_on, curve.at: curve.T.0, "
         "curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
 
@@ -61,6 +63,7 @@ class Dependence(Record):
     place: tuple[float, float] | None = None
     with_: str | None = None
     rivals: tuple[str, ...] = ()
+    acts_on: str | None = None
 
     def how(self, second: str | None = None) -> str:
         """The shape in a word or two, for example 'period 5 mm' or 'step at 12 to 14'.

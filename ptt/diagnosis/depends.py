@@ -145,10 +145,16 @@ def _dependence(
     share = min(item.energy, 1.0)
     if tested:
         best = next((d for d in tested if d.with_ == second), tested[0])
-        return replace(best, share=share, p_value=chance, rivals=())
+        return replace(best, share=share, p_value=chance, rivals=(), acts_on=_acts_on(item.block))
     rows = np.isfinite(rests[residual]) & np.isfinite(contexts[on])
     curve = binned_curve(contexts[on][rows], rests[residual][rows])
-    return Dependence(residual, on, share, chance, None, "smooth", curve)
+    return Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
+
+
+def _acts_on(block: Block) -> str | None:
+    """The place of what acts one way and follows one thing."""
+    field = len(block.on) > 1 and block.on[0] == "x"
+    return None if field or block.place.slopes.shape[2] > 1 else block.place.residual
 
 
 def _followed(taken: dict[str, float], item: Unknown, problem: Problem) -> str:

@@ -19,6 +19,7 @@ from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import FEW, LEAST, improve, loose, plainest, without
 from ptt.diagnosis.smooth import cosines, ends_of, scaled
 from ptt.diagnosis.system import whitened
+from ptt.effects.geometry import ACROSS
 from ptt.effects.sudden import Sudden
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
@@ -132,7 +133,8 @@ def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
-    for name, place in _places(problem, chain):
+    for place in _places(problem, chain):
+        name = place.residual
         if place.joint is None:
             yield [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in varied.items()]
             continue
@@ -147,20 +149,22 @@ def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
         yield laws
 
 
-def _places(problem: Problem, chain: Chain) -> Iterator[tuple[str, Place]]:
+def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
     """Where a law may act: axes of the tool, joints, rails to either side, links; one way each."""
     tool, *joints = places_of_chain(problem, chain)
     for axis, unit in zip(COORDINATES, np.eye(3), strict=True):
-        yield axis, Place("tool", tool.slopes @ unit[:, None])
+        yield Place(axis, tool.slopes @ unit[:, None])
     for place in joints:
-        for number, way in enumerate(np.split(place.slopes, place.slopes.shape[2], axis=2)):
-            yield f"{place.residual}{' across' * number}", Place(place.residual, way, place.joint)
+        ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
+        called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
+        for name, way in zip(called, ways, strict=True):
+            yield Place(name, way, place.joint)
     if problem.file.machine.kind == "three-ptt":
         by_slot = chain.by_slot.numpy()
         for leg in range(problem.view.joints):
             way = by_slot[:, :, 4 * leg + 3 : 4 * leg + 4]
             lever = float(np.sqrt(np.square(way).sum(axis=1).mean()))
-            yield f"link {leg + 1}", Place(f"link {leg + 1}", way / max(lever, SHORTEST), leg)
+            yield Place(f"link {leg + 1}", way / max(lever, SHORTEST), leg)
 
 
 def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:

@@ -31,6 +31,7 @@ class Strongest(Protocol):
     shape: str
     place: tuple[float, float] | None
     with_: str | None
+    acts_on: str | None
 
 
 def sentence(told: Told, view: View) -> str:
@@ -257,8 +258,9 @@ def tell_verdict(
 
 def depends(strongest: Strongest) -> str:
     """What the leading unknown follows, in one line."""
-    period = f" with a period of {strongest.period_mm:.3g} mm" if strongest.period_mm else ""
-    share = f"({strongest.share:.0%} of its variance)"
+    unit = "rad" if strongest.on.startswith("q") else "mm"
+    period = f" with a period of {strongest.period_mm:.3g} {unit}" if strongest.period_mm else ""
+    share = f"({strongest.share:.0%} of its variance){_acting(strongest)}"
     if strongest.place and strongest.shape == "step" and not strongest.with_:
         return (
             f"What is left of {strongest.residual} jumps where {strongest.on} passes {_near(strongest.place)} {share}."
@@ -266,6 +268,16 @@ def depends(strongest: Strongest) -> str:
     place = f" near {_near(strongest.place)}" if strongest.place else ""
     place = f", in a measure that varies with {strongest.with_}" if strongest.with_ else place
     return f"What is left of {strongest.residual} follows {_spoken(strongest.on)}{period}{place} {share}."
+
+
+def _acting(strongest: Strongest) -> str:
+    """Where it acts, if that is not what the residual is called by."""
+    place = strongest.acts_on
+    if place is None or place == strongest.residual:
+        return ""
+    if place.startswith("link"):
+        return f", as if {place} changed its length"
+    return f", as if {place.rsplit(' ', 1)[0]} moved {place.rsplit(' ', 1)[1]}"
 
 
 def _spoken(on: str) -> str:

@@ -8,11 +8,13 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
+from ptt.effects.geometry import ACROSS, horizontal_axes
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.run.view import View
 
 JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
+PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])")
 COORDINATES = ("x", "y", "z")
 OTHERS = ("payload", "temperature", "time", "run")
 KINDS = ("levels", "smooth", "step", "bump", "period", "varying")
@@ -24,13 +26,14 @@ CONTEXTS = ("payload", "temperature", "time", "direction")
 
 
 class Curve(Effect):
-    """A free function of one variable, acting where that variable is: on its joint, the tool or the readings.
+    """A free function of one variable, acting at a place, else where that variable is: its joint, tool or readings.
 
     A subclass says what it follows; stage, parameters and needs come from that.
 
     Class attributes:
         on: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', or 'x', 'y', 'z', which
-            stand for a free field over the workspace.
+            stand for a free field over the workspace where no place is given.
+        acts_on: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
         shape: 'levels', 'smooth', 'step', 'bump', 'period' or 'varying' as a diagnosis says it.
         between: where the variable (of 'varying': the second one) was seen, or where the step or bump is; mm, rad, s,
             kg, or K above the drawing's temperature.
@@ -39,6 +42,7 @@ class Curve(Effect):
     """
 
     on: ClassVar[str] = ""
+    acts_on: ClassVar[str] = ""
     shape: ClassVar[str] = "smooth"
     between: ClassVar[tuple[float, float]] = (0.0, 1.0)
     period: ClassVar[float] = 0.0
@@ -48,7 +52,7 @@ class Curve(Effect):
         """Derive the rest from what it follows.
 
         Raises:
-            TypeError: no such variable or shape, an empty range, or no period.
+            TypeError: no such variable, place or shape, an empty range, or no period.
         """
         super().__init_subclass__(**named)
         for name in filter(None, (cls.on, cls.along)):
@@ -58,11 +62,18 @@ class Curve(Effect):
             raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
         if cls.shape == "period" and not cls.period > 0.0:
             raise TypeError("a period above zero is needed")
-        joint = JOINT.fullmatch(cls.on)
-        rad = cls.mechanisms == ("serial",) and joint is not None
+        if cls.acts_on and not PLACE.fullmatch(cls.acts_on):
+            raise TypeError(f"a curve cannot act on '{cls.acts_on}'")
+        kind, _ = cls._place()
+        rad = cls.mechanisms == ("serial",) and kind in ("slider", "joint")
         count, words = _size(cls)
-        cls.stage = "drive" if joint else "metrology" if cls.on in ("time", "run") else "structure"
-        size = count if joint else 3 * count
+        if kind in ("slider", "joint"):
+            cls.stage = "drive"
+        elif kind in ("link", "rail"):
+            cls.stage = "geometry"
+        else:
+            cls.stage = "metrology" if cls.on in ("time", "run") else "structure"
+        size = 3 * count if kind == "tool" else count
         usual, unit = (1e-4, "rad") if rad else (0.02, "mm")
         cls.parameters = (Parameter("size", unit, usual, words, count=size),)
         wanted = {name.rstrip("0123456789") for name in (cls.on, cls.along)}
@@ -70,16 +81,34 @@ class Curve(Effect):
         cls.reverses = cls.on.startswith("direction")
         cls.follows_clock = cls.on in ("time", "temperature", "run")
 
+    @classmethod
+    def _place(cls) -> tuple[str, int]:
+        """Kind of the place that it acts at, and which of them, from 0."""
+        found = PLACE.fullmatch(cls.acts_on)
+        if found is None:
+            joint = JOINT.fullmatch(cls.on)
+            return ("slider", int(joint[2]) - 1) if joint else ("tool", 0)
+        if found[6]:
+            return "axis", COORDINATES.index(found[6])
+        return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
+
     def basis(self, view: View, shape: Any) -> Tensor:
         """The shapes where they act."""
-        shapes = _field(view.p, self.between) if self.on in COORDINATES else self._shapes(view)
-        joint = JOINT.fullmatch(self.on)
-        if joint is None:
+        kind, index = self._place()
+        if kind == "tool":
+            shapes = _field(view.p, self.between) if self.on in COORDINATES else self._shapes(view)
             return torch.cat(
                 [torch.eye(3).to(shapes)[axis, None, :, None] * shapes[:, None] for axis in range(3)], dim=2
             )
-        basis = shapes.new_zeros(view.rows, view.joints, shapes.shape[1])
-        basis[:, int(joint[2]) - 1] = shapes
+        shapes = self._shapes(view)
+        if kind == "rail":
+            way = horizontal_axes(view)[ACROSS.index(self.acts_on.split()[-1])][index]
+            first, way = 4 * index, way.to(shapes)
+        else:
+            first, way = 4 * index + 3 if kind == "link" else index, shapes.new_ones(1)
+        out = {"rail": len(view.mechanism.slots), "link": len(view.mechanism.slots), "axis": 3}.get(kind, view.joints)
+        basis = shapes.new_zeros(view.rows, out, shapes.shape[1])
+        basis[:, first : first + len(way)] = way[:, None] * shapes[:, None]
         return basis
 
     def _shapes(self, view: View) -> Tensor:
@@ -106,7 +135,7 @@ def _proportional(cls: type[Curve]) -> bool:
 
 def _size(cls: type[Curve]) -> tuple[int, str]:
     """How many shapes it has where it acts, and what they are."""
-    if cls.on in COORDINATES:
+    if cls.on in COORDINATES and not cls.acts_on:
         return len(FIELD), f"of each product of up to {DEGREE} coordinates"
     if cls.along:
         return BENDS + 2, f"with the direction, along {cls.along}"

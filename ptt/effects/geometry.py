@@ -13,6 +13,7 @@ from ptt.run.view import View
 
 LEGS = 3
 SLOTS = 15  # of ThreePtt: centre x, y, z and link length of each leg, then tool x, y, z
+ACROSS = ("outward", "sideways")  # what the two horizontal axes of a leg are called
 UPWARD = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
 CLOSURE = "first-order geometry: derivative of |p - c_i| = L_i"
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from ptt.effects.curve import COORDINATES, JOINT, KINDS, OTHERS
+from ptt.effects.curve import COORDINATES, JOINT, KINDS, OTHERS, PLACE
 from ptt.effects.template import class_name, free_name
 from ptt.errors import InputError, shown
 
@@ -44,18 +44,21 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
         f"    between = ({low:.6g}, {high:.6g})",
         *([f"    period = {found['period']:.9g}"] if found["period"] else []),
         *([f'    along = "{found["along"]}"'] if found["along"] else []),
+        *([f'    acts_on = "{found["acts_on"]}"'] if found["acts_on"] else []),
     ]
     return "\n".join(lines) + "\n"
 
 
 def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     """The entry with every part of the kind it should be: what is written ends up in a file that is run."""
-    residual, on, shape, along = (str(dependence.get(key) or "") for key in ("residual", "on", "shape", "with"))
+    keys = ("residual", "on", "shape", "with", "acts_on")
+    residual, on, shape, along, acts_on = (str(dependence.get(key) or "") for key in keys)
     proper = {
         "residual": re.fullmatch(r"(?:slider|joint) [0-9]+|[xyz]", residual),
         "on": _is_variable(on),
         "shape": shape in KINDS,
         "with": not along or _is_variable(along),
+        "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
     if on and not proper["on"]:
         whose = "the tool's way" if on.startswith(("way ", "turn ")) else "a column of your own"
@@ -75,7 +78,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX)
     between = low - shift, high - shift
     return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
-            "between": between}  # fmt: skip
+            "between": between, "acts_on": acts_on}  # fmt: skip
 
 
 def _is_variable(name: str) -> bool:
