@@ -83,7 +83,10 @@ def test_a_written_effect_acts_where_the_unknown_does(
     frame = simulate(rig, cloud, noise=False).frame
     frame[["x_meas", "y_meas", "z_meas"]] += random.normal(0.0, 0.005, (150, 3))
     problem = build_problem(MACHINE, table_of(frame))
-    first = diagnose(Model(MACHINE), problem).to_dict()["depends_on"][0]
+    found = diagnose(Model(MACHINE), problem).to_dict()
+    first = found["depends_on"][0]
+    said = {"rail 2 outward": "as if rail 2 moved outward", "link 3": "as if link 3 changed its length"}
+    assert said.get(place, "follows") in found["words"]
     assert (first["acts_on"], first["on"]) == (place, follows)
     path = tmp_path / "own.py"
     path.write_text(prefilled("own-cause", first))

@@ -186,7 +186,9 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
             period = f", period {item.period_mm:.3g} mm" if item.period_mm else ""
             place = f", {item.shape} between {item.place[0]:.4g} and {item.place[1]:.4g}" if item.place else ""
             place = f", varying with {item.with_}" if item.with_ else place
-            lines.append(f"  {item.residual} on {item.on}: {item.share:.0%} (p = {item.p_value:.1g}{period}{place})")
+            acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
+            share = f"{item.share:.0%} (p = {item.p_value:.1g}{period}{place})"
+            lines.append(f"  {item.residual} on {item.on}: {share}{acts}")
         lines.append("")
     watched = () if table is None else table.watched
     if result.verdict == "unknown" and any(item.on not in watched for item in result.depends_on):

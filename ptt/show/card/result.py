@@ -7,7 +7,7 @@ import torch
 
 from ptt.diagnosis.explanation import Candidate
 from ptt.diagnosis.verdict import Diagnosis
-from ptt.diagnosis.words import headline, remedy, sentence
+from ptt.diagnosis.words import acting, headline, remedy, sentence
 from ptt.effects.base import family
 from ptt.effects.cards import card_of
 from ptt.effects.phrases import Said, sizes_in_words, worth_saying
@@ -159,7 +159,8 @@ def _words(found: Diagnosis, problem: Problem) -> str:
         with_ = f", in a measure that varies with {spoken(first.with_, serial)}" if first.with_ else ""
         own = first.on == f"direction{first.residual.split()[-1]}"
         on = "the way from which it comes" if own else spoken(first.on, serial)
-        return f"What is left of {first.residual} follows {on}{with_}: {percent(first.share)} of its variance."
+        share = f"{percent(first.share)} of its variance{acting(first)}"
+        return f"What is left of {first.residual} follows {on}{with_}: {share}."
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
 
