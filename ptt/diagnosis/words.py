@@ -260,7 +260,7 @@ def depends(strongest: Strongest) -> str:
     """What the leading unknown follows, in one line."""
     unit = "rad" if strongest.on.startswith("q") else "mm"
     period = f" with a period of {strongest.period_mm:.3g} {unit}" if strongest.period_mm else ""
-    share = f"({strongest.share:.0%} of its variance){acting(strongest)}"
+    share = f"({strongest.share:.0%} of its variance){acting(strongest.acts_on, strongest.residual)}"
     if strongest.place and strongest.shape == "step" and not strongest.with_:
         return (
             f"What is left of {strongest.residual} jumps where {strongest.on} passes {_near(strongest.place)} {share}."
@@ -270,22 +270,20 @@ def depends(strongest: Strongest) -> str:
     return f"What is left of {strongest.residual} follows {_spoken(strongest.on)}{period}{place} {share}."
 
 
-def acting(strongest: Strongest) -> str:
-    """Where an unknown acts, if that is not what the residual is called by.
+def acting(place: str | None, residual: str) -> str:
+    """Where an unknown acts, if that is not what its residual is called by.
 
     Args:
-        strongest: the unknown.
+        place: as `Dependence.acts_on` has it.
+        residual: in which it shows.
 
     Returns:
         For example ', as if rail 2 moved outward'; nothing where the residual says it or nobody knows.
     """
-    place = strongest.acts_on
-    if place is None or place == strongest.residual:
+    if place is None or place == residual or place in ("x", "y", "z"):
         return ""
     if place.startswith("link"):
         return f", as if {place} changed its length"
-    if place in ("x", "y", "z"):
-        return ""
     return f", as if {place.rsplit(' ', 1)[0]} moved {place.rsplit(' ', 1)[1]}"
 
 
