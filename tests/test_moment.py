@@ -56,3 +56,12 @@ def test_a_slip_between_new_set_ups_is_one_slip() -> None:
     frame = simulate(drawn.rig, drawn.targets).frame
     found = diagnose(Model(drawn.rig.machine), build_problem(drawn.rig.machine, table_of(frame, drawn.absent)))
     assert (found.verdict, found.suggested) == ("missing", (("homing-slip",),))
+
+
+def test_a_slip_that_a_law_lets_in_has_its_value_like_any_other() -> None:
+    drawn, _ = draw(plan("multi", 1, 1040015)[0])
+    frame = simulate(drawn.rig, drawn.targets).frame
+    found = diagnose(Model(drawn.rig.machine), build_problem(drawn.rig.machine, table_of(frame, drawn.absent)))
+    named = [step[0] for step in found.suggested]
+    assert set(named) == {"setup-jump", "homing-slip", "homing-offset"} == set(found.model.keys)
+    assert [one.effect for one in found.candidates[: len(named)]] == named

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_block
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.exact import by_names, find_needless
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, settled
 from ptt.diagnosis.gross import gross_errors, places_of
-from ptt.diagnosis.laws import by_laws
+from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import build_system
-from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import improve, loose, plainest, refilled, search
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
@@ -117,7 +117,42 @@ def find(
     if span is not None:  # what explains a part has to be worked out for all of the run
         return found
     scorer, state = by_laws(found.scorer, found.state)
-    return replace(found, scorer=scorer, system=scorer.system, state=state)
+    lawful = replace(found, scorer=scorer, system=scorer.system, state=state)
+    return (
+        lawful
+        if _is_told(scorer, state)
+        else max(_told(lawful, model, problem, known, freedom, steps), found, key=_total)
+    )
+
+
+def _is_told(scorer: Scorer, state: State) -> bool:
+    """Whether the model has every effect of a set: only such have values, words and commands."""
+    return all(scorer.system.atoms[key].shape is None for key in state.keys)
+
+
+def _total(found: Found) -> float:
+    return found.state.total if _is_told(found.scorer, found.state) else -np.inf
+
+
+def _told(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
+    """The same explanation with all of its effects in the model, linearised there, its laws carried along."""
+    carried = carried_by(found.state, found.system, problem)
+    current = moved(found, model, problem)
+    fitted = fit_less(current, problem, carried, found.gross, found.noise)
+    candidates, untestable = present_candidates(fitted, problem, known)
+    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
+    system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
+    blocks = [found.system.atoms[key] for key in found.state.keys if is_block(found.system.atoms[key])]
+    scorer = with_atoms(
+        Scorer(system, model.keys, steps, found.scorer.barred), [b for b in blocks if b.key not in system.atoms]
+    )
+    keys = [*(key for key in current.keys if key in scorer.system.atoms), *(block.key for block in blocks)]
+    improve(scorer, scorer.score(keys, found.state.memory))  # what comes near has a say in probabilities
+    state = max((each for each in scorer.scored.values() if _is_told(scorer, each)), key=lambda each: each.total)
+    return replace(
+        found, fitted=fitted, system=scorer.system, scorer=scorer, state=scorer.score(state.keys, state.memory),
+        carried=carried, untestable=untestable,
+    )  # fmt: skip
 
 
 def opening_rows(problem: Problem) -> np.ndarray:

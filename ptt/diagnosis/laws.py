@@ -110,6 +110,28 @@ def _widened(scorer: Scorer, blocks: Sequence[Block], odds: float) -> Scorer:
     return scorer.widened(system.widened(priced, columns, np.ones(columns.shape[2])))
 
 
+def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
+    """A problem with the laws of another, at their price.
+
+    Args:
+        scorer: of the problem.
+        laws: atoms of the other.
+
+    Returns:
+        A scorer that knows them as well.
+    """
+    system, blocks = scorer.system, [law.block for law in laws if law.block is not None]
+    if not blocks:
+        return scorer
+    assert isinstance(system, RowSystem)
+    first, own = system.columns.shape[2], dict[str, Atom]()
+    for law in laws:
+        own[law.key] = replace(law, columns=np.arange(first, first + len(law.columns)))
+        first += len(law.columns)
+    columns = np.concatenate([whitened(block, system.noise)[system.rows] for block in blocks], axis=2)
+    return scorer.widened(system.widened(own, columns, np.ones(columns.shape[2])))
+
+
 def _name(key: str) -> str:
     """Of jumps at all heights one."""
     return key.partition("#")[0]
