@@ -1,3 +1,5 @@
+import re
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ from ptt.machine import load_machine
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.table import make_table
 from ptt.run.travel import arrival_direction, run_starts
-from ptt.run.view import build_view
+from ptt.run.view import PER_ROW, View, build_view
 
 
 def test_a_joint_that_stands_through_a_run_does_not_arrive_as_the_next_run_moves():
@@ -36,3 +38,10 @@ def test_one_pose_at_a_told_feed_stands_still():
     for feed in (50.0, None):
         view = build_view(file, make_table([[0.0, 0.0, 5.0]], feed_mm_s=feed))
         assert view.velocity.tolist() == [[0.0, 0.0, 0.0]]
+
+
+def test_every_field_of_a_view_that_has_an_entry_a_row_is_cut_with_the_rows():
+    attributes = (View.__doc__ or "").partition("Attributes:")[2]
+    told = re.findall(r"^ {8}(\w+): (.*?)(?=^ {8}\w|\Z)", attributes, re.S | re.M)
+    assert {name for name, words in told} >= {field.name for field in fields(View) if field.init}
+    assert {name for name, words in told if "(n," in words} == {*PER_ROW, "number"}

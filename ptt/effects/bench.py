@@ -10,16 +10,12 @@ from torch import Tensor
 
 from ptt.machine import MachineFile, parse_machine
 from ptt.run.table import Table, make_table
-from ptt.run.view import View, build_view
+from ptt.run.view import PER_ROW, View, build_view
 
 SEED = 7
 FREE = {"three-ptt": 90, "serial": 260}  # rows that go anywhere
 CREEP = 48  # rows that creep back and forth, so that short travel after a reversal is seen
 TURN_EVERY = 8
-PER_ROW = (  # the fields of a view that have one entry a row
-    "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
-    "mount", "link_load", "read",
-)  # fmt: skip
 
 _MACHINES = {
     "three-ptt": """

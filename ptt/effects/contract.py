@@ -10,10 +10,11 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, flatten, linear_size, sizes
-from ptt.effects.bench import PER_ROW, bare, take
+from ptt.effects.bench import bare, take
 from ptt.effects.case import Case, Differentiate, make_case
 from ptt.effects.phrases import compose
 from ptt.mechanisms.derivatives import by_input
+from ptt.run.view import PER_ROW
 
 UNITS = ("1", "mm", "rad", "s", "K", "kg", "N", "Nmm")
 CONTEXTS = ("payload", "temperature", "time", "speed", "direction")

@@ -19,7 +19,7 @@ from ptt.run.cores import map_cores
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 from ptt.run.turns import Entry
-from ptt.run.view import View
+from ptt.run.view import PER_ROW, View
 
 CHUNK = 20_000  # rows: columns of all candidates take some 100 MB
 BESIDE = 200  # rows: the slope of a spline feels a knot k rows away by 0.27^k, less than rounding from 30 on
@@ -28,10 +28,6 @@ SAMPLE = 8_000  # rows of a run that shapes and paths are found on
 STRETCH = 400
 EDGE = 5  # rows about each joint's lowest and highest place, so that the sample covers the range of all rows
 GOLDEN = 0.618034  # spreads stretches over a cycle that the run may repeat
-_OF_ROWS = (
-    "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
-    "mount", "link_load", "read",
-)  # fmt: skip
 
 Part = TypeVar("Part")
 Total = TypeVar("Total")
@@ -238,7 +234,7 @@ def _part_of_view(
     view: View, rows: np.ndarray, entries: Sequence[Entry | None], places: Sequence[int] | np.ndarray = (0,)
 ) -> View:
     index = torch.as_tensor(rows)
-    own = {name: value[index] for name in _OF_ROWS if (value := getattr(view, name)) is not None}
+    own = {name: value[index] for name in PER_ROW if (value := getattr(view, name)) is not None}
     number = index.to(torch.float64) if view.number is None else view.number[index]
     entered = tuple(
         replace(entry, row=int(place)) for entry, place in zip(entries, places, strict=False) if entry is not None

@@ -15,13 +15,11 @@ from ptt.fitting.whitened import by_own
 from ptt.model.chain import linearise, signature
 from ptt.plan.contest import triangle
 from ptt.run.problem import SHIFT_USUAL, TURN_USUAL, Problem
-from ptt.run.view import View
+from ptt.run.view import PER_ROW, View
 
 EASE = 1e-4  # prior on every unknown, in usual sizes squared: a hundred usual sizes cost one sigma
 FAINT = 0.01  # share of the fitted amplitudes at which columns are taken: what imitates exactly does so to first order
 CHUNK = 20000  # rows whose columns are held in memory at once
-PER_ROW = ("q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time",
-           "torque", "mount", "link_load", "read")  # fmt: skip
 CHUNKS = 4  # of a long run that are looked at; they stand for the others
 
 

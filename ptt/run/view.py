@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from ptt.machine import MachineFile
     from ptt.run.table import Table
 
+PER_ROW = (  # the fields of a view that have one entry a row, but for the row's own number
+    "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
+    "mount", "link_load", "read",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class View:
