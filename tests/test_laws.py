@@ -1,6 +1,7 @@
 """Laws of one variable say what an unknown follows, and a jump in time is held against jumps along the travel."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ import torch
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.laws import laws_of
+from ptt.diagnosis.laws import _arrivals, laws_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
@@ -50,7 +51,7 @@ def learned(share: float, *, slips: bool) -> Diagnosis:
 
 SPAN = [-60.0, 60.0]
 LAWS = {
-    "a rail pushed sideways by another leg's height": (
+    "a rail pushed outward where the tool is": (
         {"kind": "random-law", "place": "radial", "leg": 1, "form": "smooth", "variables": ["x"], "span": [SPAN]},
         ("slider 1", {"x"}),
     ),
@@ -131,3 +132,14 @@ def test_rows_that_are_hidden_tell_nothing_not_even_how_large_a_curve_is() -> No
 
     plain, other = foretold(system), foretold(replace(system, values=dented, _sums={}))
     np.testing.assert_allclose(other, plain, atol=0.5)  # units of noise, of a dent of a hundred
+
+
+def test_a_way_that_a_table_tells_of_a_joint_that_never_moves_makes_no_law_of_moves() -> None:
+    machine, way = SimpleNamespace(letter="b"), torch.tensor([1.0, -1.0, 1.0, -1.0])
+    starts = torch.tensor([True, False, True, False])
+    for heights, count in (([270.0, 270.0, 300.0, 300.0], 1), ([270.0, 280.0, 300.0, 300.0], 2)):
+        q = torch.tensor(heights, dtype=torch.float64)
+        view = SimpleNamespace(q=q[:, None], direction=way[:, None].double(), starts=starts)
+        laws = list(_arrivals(SimpleNamespace(two_sided=[True], view=view, file=SimpleNamespace(machine=machine)), 0))
+        assert len(laws) == count and all(np.isfinite(shapes).all() for _, shapes in laws)
+    np.testing.assert_allclose(laws[1][1][1], -laws[1][1][2])  # ways to another run's first place are no moves

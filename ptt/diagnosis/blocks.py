@@ -16,6 +16,7 @@ SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance 
 FINE, COARSE = 24, 4  # shapes along a joint's own travel, and where that only modulates something else
 DECAY = 0.7  # higher orders of a smooth modulation are smaller by this ratio
 FIELD, FIELD_OF_CONTEXT = 5, 3  # total degree of a field over the workspace, and of one that a context modulates
+STILL = 1e-6  # mm or less of the tool to a mm or a rad of a place: it moves nothing
 FIELD_DECAY, GENTLE = 0.6, 2  # and the degree of one that bends but once
 
 
@@ -24,7 +25,8 @@ class Place:
     """Where something unknown may act.
 
     Attributes:
-        residual: 'slider 2', 'joint 2', 'rail 2' (sideways) or 'tool'.
+        residual: 'slider 2', 'joint 2', 'rail 2' (both ways across it), 'tool' or 'set-up'; of one way alone also
+            'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
         slopes: shift of the reading by each of its ways, (n, 3, w), of about unit size.
         joint: the joint it belongs to, None for the tool.
         lever: size of its slopes before they were made so.
@@ -178,7 +180,7 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
         found += [(f"rail {leg + 1}", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
     for residual, slopes, joint in found:
         lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
-        if lever > 1e-6:
+        if lever > STILL:
             places.append(Place(residual, slopes / lever, joint, lever))
     return places
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views
 from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_block, odds_of_block
-from ptt.diagnosis.blocks import Block, Place, places_of_chain
+from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import FEW, LEAST, improve, loose, plainest, without
@@ -28,7 +28,7 @@ OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear a
 # else that varies, and over what only fades or grows the way a joint came
 NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
 HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
-EDGE = 0.05  # share of the rows below and above any jump
+ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
 MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 HOPEFUL = 40.0  # nats by which the first step of a search may lie behind what it is to replace
@@ -186,7 +186,8 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
         for leg in range(problem.view.joints):
             way = by_slot[:, :, 4 * leg + 3 : 4 * leg + 4]
             lever = float(np.sqrt(np.square(way).sum(axis=1).mean()))
-            yield Place(f"link {leg + 1}", way / max(lever, SHORTEST), leg)
+            if lever > STILL:
+                yield Place(f"link {leg + 1}", way / lever, leg, lever)
 
 
 def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
@@ -205,17 +206,19 @@ def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], n
     view, letter = problem.view, problem.file.machine.letter
     q, side = view.q.numpy()[:, joint], view.direction.numpy()[:, joint : joint + 1]
     step = np.abs(np.diff(q, prepend=q[:1]))
-    step[view.starts.numpy()] = step.max()
-    far = np.log(np.maximum(step, max(SHORTEST * step.max(), 1e-12)))  # friction forgets where it began by shares
-    name = f"direction{joint + 1}"
+    step[view.starts.numpy()] = 0.0
+    name, longest = f"direction{joint + 1}", step.max()
     yield (name, f"{letter}{joint + 1}"), side * _curve(q, COARSE)
-    yield (name, "step"), side * _curve(far, COARSE)
+    if longest > 0.0:  # a table may tell the way of a joint that it has at one height alone
+        step[view.starts.numpy()] = longest  # from where it came then, nobody knows
+        far = np.log(np.maximum(step, SHORTEST * longest))  # friction forgets where it began by shares
+        yield (name, "step"), side * _curve(far, COARSE)
 
 
 def _heights(visited: np.ndarray) -> np.ndarray:
     """Middles between neighbouring heights of a joint, some rows on either side of each."""
     order = np.sort(visited)
-    edge = max(int(EDGE * len(order)), 3)
+    edge = max(int(ENDS * len(order)), LEAST_END)
     inner = np.unique(order[edge - 1 : len(order) - edge + 1])
     some = np.linspace(0, max(len(inner) - 2, 0), min(HEIGHTS, max(len(inner) - 1, 0))).round().astype(int)
     return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
