@@ -43,7 +43,7 @@ def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown
     """The blocks of a state, the one that takes most of what the names leave first.
 
     Two blocks that make good for each other are each as large as they please. So the one that the readings would have
-    alone comes first, then the one that they would have beside it, and each has the share that it adds.
+    alone is taken first, then the one that they would have beside it, and each has the share that it adds.
 
     Args:
         scorer: of the system.
@@ -152,7 +152,7 @@ def _dependence(
 
 
 def _acts_on(block: Block) -> str | None:
-    """The place of what acts one way and follows one thing."""
+    """The place of a block that acts one way and is no field over the workspace; None where that is open."""
     field = len(block.on) > 1 and block.on[0] == "x"
     return None if field or block.place.slopes.shape[2] > 1 else block.place.residual
 

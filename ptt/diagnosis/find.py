@@ -85,9 +85,9 @@ def find(
             found = before
             break
         before = None
-        seen = find_period(scorer, state, problem, periods)
         if turn == TURNS - 1:
             break
+        seen = find_period(scorer, state, problem, periods)
         far, gross = gross, gross_beside(system, state, gross)
         blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
         same = settled(state, system) and set(blocks) == set(held)

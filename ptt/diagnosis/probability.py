@@ -12,7 +12,7 @@ from ptt.diagnosis.noise import wanders_beyond
 from ptt.diagnosis.score import Scorer, State
 
 TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
-LIKELY = 0.02  # odds of a set beside the one that is told, below which it moves no deviation by a hundredth
+LIKELY = 0.02  # odds beside the set that is told: values one deviation away then move that deviation by a hundredth
 MOST = 12  # of these, the likeliest
 VERDICTS = ("missing", "nothing-missing", "unknown")
 

@@ -179,11 +179,13 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
             lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
         lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given"]
         lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
-        lines += ["step anew, so that its held-out figures differ somewhat", ""]
+        lines += ["step anew, so that its held-out figures differ somewhat; the last step has with it what hidden rows"]
+        lines += ["cannot show: how far the machine may stand elsewhere while the readings stay", ""]
     if result.depends_on:
         lines.append("what is left depends on:")
         for item in result.depends_on:
-            period = f", period {item.period_mm:.3g} mm" if item.period_mm else ""
+            unit = "rad" if item.on.startswith("q") else "mm"
+            period = f", period {item.period_mm:.3g} {unit}" if item.period_mm else ""
             place = f", {item.shape} between {item.place[0]:.4g} and {item.place[1]:.4g}" if item.place else ""
             place = f", varying with {item.with_}" if item.with_ else place
             acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""

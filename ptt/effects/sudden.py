@@ -21,7 +21,7 @@ class Sudden(Effect):
     """Base of effects that are zero up to a moment and there from then on."""
 
     def needs(self, view: View) -> str | None:
-        """Enough rows on both sides of any moment."""
+        """Readings enough on both sides of any moment."""
         return None if len(self._told(view)) >= LEAST else f"at least {LEAST} rows with a reading"
 
     def clock(self, view: View) -> Tensor:
