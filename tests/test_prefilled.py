@@ -53,6 +53,11 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
         found("b2", "step", place=[270.0, 274.0], acts_on="rail 2 sideways"),
         found("temperature", "smooth", acts_on="link 2"),
         found("b1", "smooth", residual="x", acts_on="x"),
+        found("temperature", "smooth", residual="x"),
+        found("direction1", "levels", residual="y", acts_on="y"),
+        found("x", "smooth", residual="z", acts_on="z"),
+        found("q2", "smooth", residual="x", acts_on="x"),
+        found("x", "smooth", residual="joint 2", acts_on="joint 2"),
     ],
     ids=lambda entry: f"{entry['on']}-{entry['shape']}-{entry.get('acts_on', '')}",
 )
@@ -62,6 +67,24 @@ def test_every_shape_makes_an_effect_that_keeps_the_contract(tmp_path: Path, ent
     (cls,) = (cls for name, cls in library(path).items() if name == "own-cause")
     broken = [f"{item.check}: {item.broken}" for item in check_effect(cls(), differentiate) if not item.passed]
     assert not broken
+
+
+@pytest.mark.parametrize(
+    ("entry", "kinds"),
+    [
+        (found("payload", "levels"), {"three-ptt"}),
+        (found("payload", "levels", residual="joint 2"), {"serial"}),
+        (found("payload", "levels", residual="x"), {"three-ptt", "serial"}),
+        (found("direction1", "levels", residual="y", acts_on="y"), {"three-ptt", "serial"}),
+        (found("direction1", "levels", residual="y"), {"three-ptt"}),
+        (found("b1", "smooth", residual="x", acts_on="x"), {"three-ptt"}),
+        (found("q2", "smooth", residual="x", acts_on="x"), {"serial"}),
+    ],
+)
+def test_what_is_of_the_tool_alone_fits_arms_as_well(tmp_path: Path, entry: dict[str, object], kinds: set[str]) -> None:
+    path = tmp_path / "own.py"
+    path.write_text(prefilled("own-cause", entry))
+    assert set(library(path)["own-cause"].mechanisms) == kinds
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,6 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
     """
     free_name(name)
     found = _checked(dependence)
-    serial = found["on"].startswith("q") or found["residual"].startswith("joint")
     low, high = found["between"]
     lines = [
         f'"""{_headline(found)}, as a diagnosis found; use it with --effects FILE.py."""',
@@ -39,7 +38,7 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
         '    """Say the physical cause here in one line; a law of your own goes into basis(self, view, shape)."""',
         "",
         f'    name = "{name}"',
-        f'    mechanisms = ("{"serial" if serial else "three-ptt"}",)',
+        f"    mechanisms = {_mechanisms(found)}",
         f'    on, shape = "{found["on"]}", "{found["shape"]}"',
         f"    between = ({low:.6g}, {high:.6g})",
         *([f"    period = {found['period']:.9g}"] if found["period"] else []),
@@ -83,6 +82,15 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
 
 def _is_variable(name: str) -> bool:
     return bool(JOINT.fullmatch(name)) or name in COORDINATES + OTHERS
+
+
+def _mechanisms(found: Mapping[str, Any]) -> str:
+    """What it fits: what leads, shows or acts at a joint says whose; of the tool and its readings nothing does."""
+    on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
+    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on):
+        return '("serial",)'
+    of_tool = residual in COORDINATES and acts_on in ("", *COORDINATES) and not re.fullmatch(r"b[0-9]+", on)
+    return '("three-ptt", "serial")' if of_tool and (acts_on or not JOINT.fullmatch(on)) else '("three-ptt",)'
 
 
 def _headline(found: Mapping[str, Any]) -> str:
