@@ -14,13 +14,14 @@ from ptt.challenge.hide import hide_faults
 from ptt.challenge.score import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import exact, score, steps
+from ptt.diagnosis import find as finding
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.hidden import Trial
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.screen import Gain
-from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, climb, improve, plainest
+from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, climb, improve, plainest, refilled
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.gauss_newton import HOPELESS
@@ -310,6 +311,20 @@ def test_a_search_swaps_from_the_best_of_its_ends_alone(monkeypatch):
     assert climb(scorer, scorer.score([f"a{i}" for i in range(8)], WHITE)).total > 0.0 and not swapped
     improve(scorer, scorer.score([f"a{i}" for i in range(8)], WHITE))
     assert swapped
+
+
+def test_moments_are_dated_before_any_swap_is_looked_for(monkeypatch):
+    """Beside a jump at the wrong row swaps would look for what makes good for it."""
+    _, problem = hidden("homing-slip", 31, rows=120)
+    dated = list[bool]()
+
+    def told(scorer, state):
+        dated.append(any("#further" in key for key in scorer.system.atoms))
+        return refilled(scorer, state)
+
+    monkeypatch.setattr(finding, "refilled", told)
+    found = find(Model(MACHINE), problem, library(), lambda what: None)
+    assert dated and all(dated[:1]) and {found.system.atoms[key].name for key in found.state.keys} == {"homing-slip"}
 
 
 def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():

@@ -16,7 +16,7 @@ from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import build_system
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import improve, loose, plainest, refilled, search
+from ptt.diagnosis.search import best_end, improve, loose, plainest, refilled
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
 from ptt.effects import Effect, Library
@@ -68,13 +68,14 @@ def find(
         scorer = Scorer(system, model.keys, steps, barred)
         tell(f"search {turn + 1}")
         if kept is None:
-            state = search(scorer)
+            state = best_end(scorer)
             found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
             dated = _dated(found, candidates)
             if dated:
                 scorer, system = with_shapes(scorer, dated)
                 lasting = [key for key in state.keys if _lasts(system.atoms[key])]
-                state = max(state, search(scorer, lasting), key=lambda each: each.total)
+                state = max(state, best_end(scorer, lasting), key=lambda each: each.total)
+            state = refilled(scorer, improve(scorer, state))
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at

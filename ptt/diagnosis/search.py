@@ -29,20 +29,25 @@ FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside
 PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
 
 
-def search(scorer: Scorer, start: Sequence[str] = ()) -> State:
-    """Find the best set of atoms.
+def search(scorer: Scorer) -> State:
+    """Find the best set of atoms."""
+    return refilled(scorer, improve(scorer, best_end(scorer)))
+
+
+def best_end(scorer: Scorer, start: Sequence[str] = ()) -> State:
+    """The best set that adding and dropping lead to.
 
     Args:
         scorer: of the system.
         start: atoms to start from.
 
     Returns:
-        The best state found.
+        The best state found; swaps may lead on from it.
     """
     first = scorer.score(start, WHITE)
     # What effects explain by themselves, blocks are added to; and both at once, whichever brings more.
     ends = climb(scorer, climb(scorer, first, is_effect)), climb(scorer, first)
-    return refilled(scorer, improve(scorer, max(ends, key=lambda state: state.total)))
+    return max(ends, key=lambda state: state.total)
 
 
 def climb(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True) -> State:
