@@ -29,7 +29,7 @@ class Unknown:
     Attributes:
         block: the block.
         nats: that the explanation loses without it.
-        energy: variance that it takes beside those before it, over the mean square of what the named effects leave.
+        energy: variance that it takes beside those before it, over that of what the named effects leave.
         part: what it puts into the readings, (n, 3) mm.
     """
 
@@ -54,8 +54,8 @@ def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown
         One for each block.
     """
     parts = parts_of(state, scorer.system)
-    whole = max(float(np.nanmean(np.square(rest))), 1e-300)
     chosen, left, found = without(state, *parts), _spread(rest), list[Unknown]()
+    whole = max(left, 1e-300)
     for _ in parts:
         others = [key for key in parts if key not in chosen]
         ways = {key: scorer.score((*chosen, key), state.memory, state.scales) for key in others}
