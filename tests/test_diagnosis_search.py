@@ -15,13 +15,14 @@ from ptt.challenge.score import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import exact, score, steps
 from ptt.diagnosis import find as finding
+from ptt.diagnosis import search as searching
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.hidden import Trial
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.screen import Gain
-from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, climb, improve, plainest, refilled
+from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, best_of, climb, improve, plainest
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.gauss_newton import HOPELESS
@@ -135,7 +136,7 @@ class Sums:
 
     def __init__(self, totals: dict[str, float]) -> None:
         self.totals = totals
-        atoms = {key: SimpleNamespace(block="b" if key in "uv" else None, effect=None) for key in "uvef"}
+        atoms = {key: SimpleNamespace(key=key, block="b" if key in "uv" else None, effect=None) for key in "uvef"}
         for key in "ef":
             atoms[key].effect = SimpleNamespace(parameters=(), name=key, stage="drive")
         self.system = SimpleNamespace(atoms=atoms, rows=range(50))
@@ -302,7 +303,7 @@ def test_what_a_swap_makes_room_for_is_looked_for_beyond_it():
         assert improve(scorer, start, swaps=False).keys == ("a",)
 
 
-def test_a_search_swaps_from_the_best_of_its_ends_alone(monkeypatch):
+def test_a_climb_looks_for_no_swaps(monkeypatch):
     scorer, swapped = Endless(), list[float]()
     looked_for = scorer.replacements
     monkeypatch.setattr(
@@ -313,16 +314,24 @@ def test_a_search_swaps_from_the_best_of_its_ends_alone(monkeypatch):
     assert swapped
 
 
+def test_swaps_are_looked_for_from_every_end(monkeypatch):
+    scorer, begun = Endless(), list[tuple[str, ...]]()
+    ends = [scorer.score(keys, WHITE) for keys in (["a1", "a2"], ["a3"], ["a2", "a1"])]
+    monkeypatch.setattr(searching, "improve", lambda scorer, state, *of, **more: begun.append(state.keys) or state)
+    assert best_of(scorer, ends).total == max(end.total for end in ends)
+    assert begun == [ends[0].keys, ends[1].keys]
+
+
 def test_moments_are_dated_before_any_swap_is_looked_for(monkeypatch):
     """Beside a jump at the wrong row swaps would look for what makes good for it."""
     _, problem = hidden("homing-slip", 31, rows=120)
     dated = list[bool]()
 
-    def told(scorer, state):
+    def told(scorer, ends):
         dated.append(any("#further" in key for key in scorer.system.atoms))
-        return refilled(scorer, state)
+        return best_of(scorer, ends)
 
-    monkeypatch.setattr(finding, "refilled", told)
+    monkeypatch.setattr(finding, "best_of", told)
     found = find(Model(MACHINE), problem, library(), lambda what: None)
     assert dated and all(dated[:1]) and {found.system.atoms[key].name for key in found.state.keys} == {"homing-slip"}
 

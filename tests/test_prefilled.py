@@ -12,6 +12,7 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.diagnosis.verdict import diagnose
+from ptt.effects import Curve
 from ptt.effects.contract import check_effect
 from ptt.effects.prefilled import prefilled
 from ptt.effects.registry import library, make_effect, parse_key
@@ -156,6 +157,15 @@ def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
             prefilled("own-cause", hostile)
     with pytest.raises(InputError, match="acts_on"):
         prefilled("own-cause", found("b2", "smooth", acts_on="rail 2"))
+    for nowhere in ("rail 9 outward", "link 7", "slider 5", "joint 2"):
+        with pytest.raises(InputError, match="acts_on"):
+            prefilled("own-cause", found("b2", "smooth", acts_on=nowhere))
+        with pytest.raises(TypeError, match="cannot act"):
+            type("Nowhere", (Curve,), {"mechanisms": ("three-ptt",), "on": "b2", "acts_on": nowhere})
+    with pytest.raises(InputError, match="acts_on"):
+        prefilled("own-cause", found("q2", "smooth", residual="joint 2", acts_on="rail 1 outward"))
+    with pytest.raises(InputError, match="'on'"):
+        prefilled("own-cause", found("b9", "smooth"))
     with pytest.raises(InputError, match="place"):
         prefilled("own-cause", found("b2", "step", place=["high", "low"]))
 

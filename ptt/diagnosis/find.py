@@ -16,8 +16,9 @@ from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import build_system
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import best_end, improve, loose, plainest, refilled
+from ptt.diagnosis.search import best_of, ends_of, improve, loose, plainest, refilled
 from ptt.diagnosis.span import Span
+from ptt.diagnosis.system import System
 from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
 from ptt.effects import Effect, Library
 from ptt.effects.sudden import Sudden
@@ -68,14 +69,14 @@ def find(
         scorer = Scorer(system, model.keys, steps, barred)
         tell(f"search {turn + 1}")
         if kept is None:
-            state = best_end(scorer)
+            ends = ends_of(scorer)
+            state = max(ends, key=lambda end: (_is_sudden(system, end), end.total))
             found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
             dated = _dated(found, candidates)
             if dated:
                 scorer, system = with_shapes(scorer, dated)
-                lasting = [key for key in state.keys if _lasts(system.atoms[key])]
-                state = max(state, best_end(scorer, lasting), key=lambda each: each.total)
-            state = refilled(scorer, improve(scorer, state))
+                ends += ends_of(scorer, [key for key in state.keys if _lasts(system.atoms[key])])
+            state = best_of(scorer, ends)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at
@@ -184,10 +185,15 @@ def _dated(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]
 
     Between the moments that it tried lie rows enough for curves that make good for them, and those would stay.
     """
-    atoms = found.system.atoms
-    if not any(isinstance(atoms[key].effect, Sudden) and atoms[key].shape is not None for key in found.state.keys):
+    if not _is_sudden(found.system, found.state):
         return {}
     return best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
+
+
+def _is_sudden(system: System, state: State) -> bool:
+    """Whether a set has something sudden whose moment was searched."""
+    atoms = [system.atoms[key] for key in state.keys]
+    return any(isinstance(atom.effect, Sudden) and atom.shape is not None for atom in atoms)
 
 
 def _lasts(atom: Atom) -> bool:

@@ -63,6 +63,11 @@ def is_law(atom: Atom) -> bool:
     return atom.key.startswith("law ")
 
 
+def is_broad(atom: Atom) -> bool:
+    """Whether an atom is an unknown that is no law of one variable."""
+    return is_block(atom) and not is_law(atom)
+
+
 def _instead(scorer: Scorer, state: State, gone: Sequence[str]) -> State:
     """The best set with laws in the place of some of its atoms; the set as it is where none does better."""
     sudden = any(isinstance(scorer.system.atoms[key].effect, Sudden) for key in gone)

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_effect, is_metrology
+from ptt.diagnosis.atoms import Atom, is_block, is_effect, is_metrology
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import TEMPER
 from ptt.diagnosis.score import Scorer, State
@@ -31,23 +31,33 @@ PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps 
 
 def search(scorer: Scorer) -> State:
     """Find the best set of atoms."""
-    return refilled(scorer, improve(scorer, best_end(scorer)))
+    return best_of(scorer, ends_of(scorer))
 
 
-def best_end(scorer: Scorer, start: Sequence[str] = ()) -> State:
-    """The best set that adding and dropping lead to.
+def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
+    """The sets that adding and dropping lead to.
+
+    What effects explain by themselves, blocks are added to, and the other way round; and both at once.
 
     Args:
         scorer: of the system.
         start: atoms to start from.
 
     Returns:
-        The best state found; swaps may lead on from it.
+        The ends of the ways.
     """
     first = scorer.score(start, WHITE)
-    # What effects explain by themselves, blocks are added to; and both at once, whichever brings more.
-    ends = climb(scorer, climb(scorer, first, is_effect)), climb(scorer, first)
-    return max(ends, key=lambda state: state.total)
+    return [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, _is_any)]
+
+
+def best_of(scorer: Scorer, ends: Sequence[State]) -> State:
+    """The best set that swaps lead to from some ends: one far behind may be a swap from what no other comes to."""
+    different = {(end.keys, end.memory): end for end in ends}.values()
+    return refilled(scorer, max((improve(scorer, end) for end in different), key=lambda state: state.total))
+
+
+def _is_any(atom: Atom) -> bool:
+    return True
 
 
 def climb(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True) -> State:

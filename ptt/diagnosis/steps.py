@@ -8,6 +8,7 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, is_block, is_metrology
 from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.hidden import held_out, hide, left_of
+from ptt.diagnosis.laws import is_broad
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import PLAIN, added, loose, without
@@ -81,7 +82,12 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     likely = [key for key in clear if not odd or ahead[key] > TIE]
     trials = {key: hide(scorer, _beside(scorer, loose(scorer, state), key), key) for key in likely}
     faithful = all(trial.faithful for trial in trials.values())
-    named = _delivered(scorer, [key for key in likely if trials[key].speaks(PLAIN)], 0.0 if faithful else HALF)
+    speaking = [key for key in likely if trials[key].speaks(PLAIN)]
+    named = _delivered(scorer, speaking, 0.0 if faithful else HALF)
+    if len(named) < len(speaking):  # they may want for one that is somewhat likelier than any unknown
+        doubtful = [key for key in clear if key not in likely and ahead[key] > 0.0]
+        more = _delivered(scorer, [*speaking, *doubtful], 0.0 if faithful else HALF)
+        named = more if set(speaking) <= set(more) else named
     order, others = _in_order(scorer, named), {key: ties(scorer, state, key) for key in named}
     doubt = tool_doubt(scorer, state)  # what is tied is scored by now
     if odd and np.hypot(held_out(scorer, tuple(order)), doubt) >= held_out(scorer, ()):
@@ -100,9 +106,11 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
     """Score of an explanation with the best unknown in an effect's place.
 
     Whatever is missing, some effect takes a part of it: a name says more only where the unknown would not do as well.
+    Laws of one variable are no rivals: on one path some law runs with any effect, and effects are laws that physics
+    knows.
     """
     less = _less(scorer, state, key)
-    unknown = scorer.screen(less, is_block)[:MOST_UNKNOWN]
+    unknown = scorer.screen(less, is_broad)[:MOST_UNKNOWN]
     return max((added(scorer, less, gain).total for gain in unknown), default=-np.inf)
 
 

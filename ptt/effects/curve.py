@@ -8,9 +8,10 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
-from ptt.effects.geometry import ACROSS, horizontal_axes
+from ptt.effects.geometry import ACROSS, LEGS, horizontal_axes
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.errors import InputError
 from ptt.run.view import View
 
 JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
@@ -62,8 +63,11 @@ class Curve(Effect):
             raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
         if cls.shape == "period" and not cls.period > 0.0:
             raise TypeError("a period above zero is needed")
-        if cls.acts_on and not PLACE.fullmatch(cls.acts_on):
-            raise TypeError(f"a curve cannot act on '{cls.acts_on}'")
+        if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):
+            raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot act on '{cls.acts_on}'")
+        for name in (cls.on, cls.along):
+            if not fits(cls.mechanisms, name):
+                raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot follow '{name}'")
         kind, _ = cls._place()
         rad = cls.mechanisms == ("serial",) and kind in ("slider", "joint")
         count, words = _size(cls)
@@ -101,6 +105,9 @@ class Curve(Effect):
                 [torch.eye(3).to(shapes)[axis, None, :, None] * shapes[:, None] for axis in range(3)], dim=2
             )
         shapes = self._shapes(view)
+        if kind in ("slider", "joint") and index >= view.joints:
+            what = f"'{self.name}' acts on joint {index + 1}, and the machine has {view.joints}"
+            raise InputError(what, fix="mend the effect's file")
         if kind == "rail":
             way = horizontal_axes(view)[ACROSS.index(self.acts_on.split()[-1])][index]
             first, way = 4 * index, way.to(shapes)
@@ -126,6 +133,26 @@ class Curve(Effect):
             knots = torch.linspace(low - reach, high + reach, HATS + 2, dtype=value.dtype)
             return (1.0 - (value[:, None] - knots[1:-1]).abs() / (knots[1] - knots[0])).clamp(min=0.0)
         return value[:, None] if _proportional(type(self)) else _smooth(value, low, high)
+
+
+def fits(mechanisms: tuple[str, ...], name: str) -> bool:
+    """Whether machines of some kinds have what a variable or a place is called by.
+
+    Args:
+        mechanisms: 'three-ptt', 'serial'.
+        name: for example 'b2', 'direction3', 'rail 2 outward', 'x'.
+
+    Returns:
+        Whether they do; how many joints an arm has only its file says.
+    """
+    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint")}
+    word = (re.match(r"[a-z]*", name) or [""])[0]
+    number = re.search(r"[0-9]+", name)
+    everywhere = word not in {each for kind in own.values() for each in kind}
+    return all(
+        (everywhere or word in own.get(kind, ())) and not (kind == "three-ptt" and number and int(number[0]) > LEGS)
+        for kind in mechanisms
+    )
 
 
 def _proportional(cls: type[Curve]) -> bool:

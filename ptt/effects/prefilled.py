@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from ptt.effects.curve import COORDINATES, JOINT, KINDS, OTHERS, PLACE
+from ptt.effects.curve import COORDINATES, JOINT, KINDS, OTHERS, PLACE, fits
 from ptt.effects.template import class_name, free_name
 from ptt.errors import InputError, shown
 
@@ -27,6 +27,12 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
     """
     free_name(name)
     found = _checked(dependence)
+    kinds = _mechanisms(found)
+    for key in ("on", "along", "acts_on"):
+        if not fits(kinds, found[key]):
+            what = f"the dependence has no proper '{key}': no {' or '.join(kinds)} has '{shown(found[key])}'"
+            raise InputError(what, fix=_FIX)
+    written = str(kinds).replace("'", '"')
     low, high = found["between"]
     lines = [
         f'"""{_headline(found)}, as a diagnosis found; use it with --effects FILE.py."""',
@@ -38,7 +44,7 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
         '    """Say the physical cause here in one line; a law of your own goes into basis(self, view, shape)."""',
         "",
         f'    name = "{name}"',
-        f"    mechanisms = {_mechanisms(found)}",
+        f"    mechanisms = {written}",
         f'    on, shape = "{found["on"]}", "{found["shape"]}"',
         f"    between = ({low:.6g}, {high:.6g})",
         *([f"    period = {found['period']:.9g}"] if found["period"] else []),
@@ -84,13 +90,13 @@ def _is_variable(name: str) -> bool:
     return bool(JOINT.fullmatch(name)) or name in COORDINATES + OTHERS
 
 
-def _mechanisms(found: Mapping[str, Any]) -> str:
+def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
     """What it fits: what leads, shows or acts at a joint says whose; of the tool and its readings nothing does."""
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
     if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on):
-        return '("serial",)'
+        return ("serial",)
     of_tool = residual in COORDINATES and acts_on in ("", *COORDINATES) and not re.fullmatch(r"b[0-9]+", on)
-    return '("three-ptt", "serial")' if of_tool and (acts_on or not JOINT.fullmatch(on)) else '("three-ptt",)'
+    return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)
 
 
 def _headline(found: Mapping[str, Any]) -> str:
