@@ -14,7 +14,7 @@ from ptt.commands.main import app
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import Curve
 from ptt.effects.contract import check_effect
-from ptt.effects.prefilled import prefilled
+from ptt.effects.prefilled import is_variable, prefilled
 from ptt.effects.registry import library, make_effect, parse_key
 from ptt.errors import InputError
 from ptt.judge.ladder.climb import climb
@@ -181,3 +181,8 @@ def test_on_an_arm_it_acts_on_the_joint_in_rad(tmp_path: Path) -> None:
 
 def test_temperatures_are_taken_from_the_reference() -> None:
     assert "between = (2, 2.4)" in prefilled("own-cause", found("temperature", "step", place=[22.0, 22.4]))
+
+
+@pytest.mark.parametrize(("on", "offered"), [("b3", True), ("temperature", True), ("way y", False), ("coolant", False)])
+def test_an_effect_is_offered_only_for_what_one_can_read(on: str, offered: bool) -> None:
+    assert is_variable(on) == offered

@@ -14,6 +14,7 @@ from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
 from ptt.door.run import RowsLike
 from ptt.door.words import as_run
+from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
 from ptt.fitting.chunks import CHUNK
 from ptt.machine import MachineFile
@@ -192,8 +193,7 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
             share = f"{item.share:.0%} (p = {item.p_value:.1g}{period}{place})"
             lines.append(f"  {item.residual} on {item.on}: {share}{acts}")
         lines.append("")
-    watched = () if table is None else table.watched
-    if result.verdict == "unknown" and any(item.on not in watched for item in result.depends_on):
+    if result.verdict == "unknown" and any(is_variable(item.on) for item in result.depends_on[:1]):
         lines += [
             "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json",
             "",

@@ -60,9 +60,9 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     residual, on, shape, along, acts_on = (str(dependence.get(key) or "") for key in keys)
     proper = {
         "residual": re.fullmatch(r"(?:slider|joint) [0-9]+|[xyz]", residual),
-        "on": _is_variable(on),
+        "on": is_variable(on),
         "shape": shape in KINDS,
-        "with": not along or _is_variable(along),
+        "with": not along or is_variable(along),
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
     if on and not proper["on"]:
@@ -86,7 +86,15 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
             "between": between, "acts_on": acts_on}  # fmt: skip
 
 
-def _is_variable(name: str) -> bool:
+def is_variable(name: str) -> bool:
+    """Whether an effect can read a variable that something follows: the tool's way and columns of one's own it cannot.
+
+    Args:
+        name: as `depends_on` has it.
+
+    Returns:
+        Whether it can.
+    """
     return bool(JOINT.fullmatch(name)) or name in COORDINATES + OTHERS
 
 
