@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -181,6 +182,13 @@ def test_on_an_arm_it_acts_on_the_joint_in_rad(tmp_path: Path) -> None:
 
 def test_temperatures_are_taken_from_the_reference() -> None:
     assert "between = (2, 2.4)" in prefilled("own-cause", found("temperature", "step", place=[22.0, 22.4]))
+
+
+@pytest.mark.parametrize("own", [{"on": "q9", "acts_on": "joint 2"}, {"on": "q1", "acts_on": "joint 9"}])
+def test_a_joint_that_an_arm_lacks_is_said(own: dict[str, str]) -> None:
+    cls = type("Beyond", (Curve,), {"name": "beyond", "mechanisms": ("serial",), "between": (-1.0, 1.0), **own})
+    with pytest.raises(InputError, match="joint 9, and the machine has 6"):
+        cls().basis(SimpleNamespace(joints=6), {})
 
 
 @pytest.mark.parametrize(("on", "offered"), [("b3", True), ("temperature", True), ("way y", False), ("coolant", False)])

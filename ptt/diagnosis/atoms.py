@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ptt.diagnosis.blocks import Block
 from ptt.effects import Effect
+from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
@@ -92,6 +93,16 @@ def is_effect(atom: Atom) -> bool:
 def is_block(atom: Atom) -> bool:
     """Whether an atom is a block of unknown physics."""
     return atom.block is not None
+
+
+def is_any(atom: Atom) -> bool:
+    """Whether an atom is one at all: where all of them may be taken."""
+    return True
+
+
+def is_sudden(atom: Atom) -> bool:
+    """Whether an atom is an effect that comes at a moment, and stays."""
+    return isinstance(atom.effect, Sudden)
 
 
 def is_metrology(atom: Atom) -> bool:

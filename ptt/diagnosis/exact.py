@@ -5,18 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.diagnosis.atoms import is_effect
-from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.found import Found, fit_less, is_better, moved
+from ptt.diagnosis.found import Found, fit_less, is_better, moved, scorer_at
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.row_system import build_system
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import improve, loose, plainest, refilled
+from ptt.diagnosis.search import HOPEFUL, improve, loose, plainest, refilled
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.model.model import Model
 from ptt.run.problem import Problem
-
-HOPEFUL = 40.0  # nats that names alone may lie behind names and unknowns before anything else is put beside them
 
 
 def find_needless(found: Found, problem: Problem) -> tuple[str, ...]:
@@ -80,16 +75,13 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     fitted = fit_less(current, problem, nothing, found.gross, found.noise, most)
     if fitted.status == HOPELESS:
         return found
-    candidates, untestable = present_candidates(fitted, problem, known)
-    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
-    system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
-    other = Scorer(system, model.keys, steps, scorer.barred)
-    first = other.score([key for key in current.keys if key in system.atoms], WHITE)
+    other, untestable = scorer_at(found, fitted, model, problem, known, freedom, steps)
+    first = other.score([key for key in current.keys if key in other.system.atoms], WHITE)
     if first.total < state.total - HOPEFUL:
         return found
     best = plainest(other, refilled(other, improve(other, first)))
     there = replace(
-        found, fitted=fitted, system=system, scorer=other, state=best, carried=nothing, untestable=untestable
+        found, fitted=fitted, system=other.system, scorer=other, state=best, carried=nothing, untestable=untestable
     )
     return there if is_better(there, found) else found
 

@@ -5,23 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_block
+from ptt.diagnosis.atoms import is_block, is_effect, is_sudden
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.exact import by_names, find_needless
-from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, settled
+from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
-from ptt.diagnosis.row_system import build_system
+from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import best_of, ends_of, improve, loose, plainest, refilled
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.system import System
 from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
 from ptt.effects import Effect, Library
-from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.model.model import Model
 from ptt.progress import Tell
@@ -69,14 +67,7 @@ def find(
         scorer = Scorer(system, model.keys, steps, barred)
         tell(f"search {turn + 1}")
         if kept is None:
-            ends = ends_of(scorer)
-            state = max(ends, key=lambda end: (_is_sudden(system, end), end.total))
-            found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
-            dated = _dated(found, candidates)
-            if dated:
-                scorer, system = with_shapes(scorer, dated)
-                ends += ends_of(scorer, [key for key in state.keys if _lasts(system.atoms[key])])
-            state = best_of(scorer, ends)
+            scorer, system, state = _search_first(scorer, system, candidates)
         else:
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             if turn < TURNS - 1:  # what is said is what it is linearised at
@@ -120,11 +111,9 @@ def find(
         return found
     scorer, state = by_laws(found.scorer, found.state)
     lawful = replace(found, scorer=scorer, system=scorer.system, state=state)
-    return (
-        lawful
-        if _is_told(scorer, state)
-        else max(_told(lawful, model, problem, known, freedom, steps), found, key=_total)
-    )
+    if _is_told(scorer, state):
+        return lawful
+    return max(_told(lawful, model, problem, known, freedom, steps), found, key=_total)
 
 
 def _is_told(scorer: Scorer, state: State) -> bool:
@@ -141,13 +130,9 @@ def _told(found: Found, model: Model, problem: Problem, known: Library, freedom:
     carried = carried_by(found.state, found.system, problem)
     current = moved(found, model, problem)
     fitted = fit_less(current, problem, carried, found.gross, found.noise)
-    candidates, untestable = present_candidates(fitted, problem, known)
-    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
-    system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
+    scorer, untestable = scorer_at(found, fitted, model, problem, known, freedom, steps)
     blocks = [found.system.atoms[key] for key in found.state.keys if is_block(found.system.atoms[key])]
-    scorer = with_atoms(
-        Scorer(system, model.keys, steps, found.scorer.barred), [b for b in blocks if b.key not in system.atoms]
-    )
+    scorer = with_atoms(scorer, [block for block in blocks if block.key not in scorer.system.atoms])
     keys = [*(key for key in current.keys if key in scorer.system.atoms), *(block.key for block in blocks)]
     improve(scorer, scorer.score(keys, found.state.memory))  # what comes near has a say in probabilities
     state = max((each for each in scorer.scored.values() if _is_told(scorer, each)), key=lambda each: each.total)
@@ -180,25 +165,25 @@ def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
     return replace(found, system=system, scorer=scorer, state=state)
 
 
-def _dated(found: Found, candidates: Sequence[Effect]) -> dict[str, list[Shape]]:
-    """Moments to the row for a first search that has found something sudden; none where it has not.
+def _search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
+    """The best set, what is sudden in it placed to the row before any swap.
 
-    Between the moments that it tried lie rows enough for curves that make good for them, and those would stay.
+    Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
+    stay.
     """
-    if not _is_sudden(found.system, found.state):
-        return {}
-    return best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
+    ends = ends_of(scorer)
+    first = max(ends, key=lambda end: (_searches_moments(system, end), end.total))
+    dated = best_moments(scorer, first, loose(scorer, first), candidates) if _searches_moments(system, first) else {}
+    if dated:
+        scorer, system = with_shapes(scorer, dated)
+        lasting = [key for key in first.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
+        ends += ends_of(scorer, lasting)
+    return scorer, system, best_of(scorer, ends)
 
 
-def _is_sudden(system: System, state: State) -> bool:
+def _searches_moments(system: RowSystem, state: State) -> bool:
     """Whether a set has something sudden whose moment was searched."""
-    atoms = [system.atoms[key] for key in state.keys]
-    return any(isinstance(atom.effect, Sudden) and atom.shape is not None for atom in atoms)
-
-
-def _lasts(atom: Atom) -> bool:
-    """Whether an atom is an effect that was there all along."""
-    return atom.effect is not None and not isinstance(atom.effect, Sudden)
+    return any(is_sudden(system.atoms[key]) and system.atoms[key].shape is not None for key in state.keys)
 
 
 def _sift(linear: Linear, problem: Problem) -> np.ndarray:

@@ -8,13 +8,14 @@ import torch
 from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.candidates import first_of
-from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.candidates import first_of, present_candidates
+from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer, State
 from ptt.diagnosis.search import LEAST, without
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System
 from ptt.diagnosis.turn import with_shapes
+from ptt.effects import Library
 from ptt.effects.base import flatten
 from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
@@ -115,6 +116,29 @@ def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
 
 def _fit(model: Model, less: Problem, noise: Noise, hopeless: float) -> FitResult:
     return fit(model, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+
+
+def scorer_at(
+    found: Found, fitted: FitResult, model: Model, problem: Problem, known: Library, freedom: float, steps: int
+) -> tuple[Scorer, dict[str, str]]:
+    """The rows of an explanation linearised at another fit, nothing scored yet.
+
+    Args:
+        found: the explanation.
+        fitted: the fit.
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        freedom: degrees of freedom behind the noise floor.
+        steps: how many effects may be added.
+
+    Returns:
+        A scorer, and effect -> what the data lack for it.
+    """
+    candidates, untestable = present_candidates(fitted, problem, known)
+    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
+    system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
+    return Scorer(system, model.keys, steps, found.scorer.barred), untestable
 
 
 def settled(state: State, system: System) -> bool:

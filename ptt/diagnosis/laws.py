@@ -12,15 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views
-from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_block, odds_of_block
+from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
 from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import FEW, LEAST, improve, loose, plainest, without
+from ptt.diagnosis.search import FEW, HOPEFUL, LEAST, improve, loose, plainest, without
 from ptt.diagnosis.smooth import cosines, ends_of, scaled
 from ptt.diagnosis.system import whitened
 from ptt.effects.geometry import ACROSS
-from ptt.effects.sudden import Sudden
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
@@ -31,7 +30,6 @@ HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of t
 ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
 MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
-HOPEFUL = 40.0  # nats by which the first step of a search may lie behind what it is to replace
 
 
 def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
@@ -47,7 +45,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     system, atoms = scorer.system, scorer.system.atoms
     free = loose(scorer, state)
     blocks = tuple(key for key in free if is_block(atoms[key]))
-    sudden = tuple(key for key in free if isinstance(atoms[key].effect, Sudden))
+    sudden = tuple(key for key in free if is_sudden(atoms[key]))
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
     if not (blocks or sudden or state.memory.pose) or not isinstance(system, RowSystem):
         return scorer, state
@@ -70,21 +68,17 @@ def is_broad(atom: Atom) -> bool:
 
 def _instead(scorer: Scorer, state: State, gone: Sequence[str]) -> State:
     """The best set with laws in the place of some of its atoms; the set as it is where none does better."""
-    sudden = any(isinstance(scorer.system.atoms[key].effect, Sudden) for key in gone)
+    sudden = any(is_sudden(scorer.system.atoms[key]) for key in gone)
     fewer = scorer.score(without(state, *gone), state.memory, state.scales)
     laws = improve(scorer, fewer, is_law, swaps=False)
     if laws.total < state.total - HOPEFUL:
         return state
-    best = improve(scorer, laws, _lasts if sudden else _any, swaps=False)
+    best = improve(scorer, laws, _lasts if sudden else is_any, swaps=False)
     return plainest(scorer, best) if best.total > state.total + LEAST else state
 
 
 def _lasts(atom: Atom) -> bool:
-    return not isinstance(atom.effect, Sudden)
-
-
-def _any(atom: Atom) -> bool:
-    return True
+    return not is_sudden(atom)
 
 
 def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> Scorer:
@@ -107,12 +101,7 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
 
 def _widened(scorer: Scorer, blocks: Sequence[Block], odds: float) -> Scorer:
     """The same problem with some laws beside what it has."""
-    system = scorer.system
-    assert isinstance(system, RowSystem)
-    columns = np.concatenate([whitened(block, system.noise)[system.rows] for block in blocks], axis=2)
-    atoms = atoms_of_blocks(blocks, system.columns.shape[2], odds)
-    priced = {key: _priced(atom, odds) for key, atom in atoms.items()}
-    return scorer.widened(system.widened(priced, columns, np.ones(columns.shape[2])))
+    return with_atoms(scorer, [_priced(atom, odds) for atom in atoms_of_blocks(blocks, 0, odds).values()])
 
 
 def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:

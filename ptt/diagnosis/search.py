@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_block, is_effect, is_metrology
+from ptt.diagnosis.atoms import Atom, is_any, is_block, is_effect, is_metrology
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import TEMPER
 from ptt.diagnosis.score import Scorer, State
@@ -21,6 +21,7 @@ NEAR = 15.0  # nats by the screen within which another may do better than the on
 SWAPS = 3
 PAST = 2  # swaps that lose a little from which plain moves are tried
 SCREENS = 150  # sets screened from which swaps are looked for no more: a machine with a few faults asks for far fewer
+HOPEFUL = 40.0  # nats by which the first step of a search may lie behind the set that it is to replace
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
@@ -47,7 +48,7 @@ def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
         The ends of the ways.
     """
     first = scorer.score(start, WHITE)
-    return [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, _is_any)]
+    return [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, is_any)]
 
 
 def best_of(scorer: Scorer, ends: Sequence[State]) -> State:
@@ -56,12 +57,8 @@ def best_of(scorer: Scorer, ends: Sequence[State]) -> State:
     return refilled(scorer, max((improve(scorer, end) for end in different), key=lambda state: state.total))
 
 
-def _is_any(atom: Atom) -> bool:
-    return True
-
-
-def climb(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True) -> State:
-    """Add, drop, and let the noise remember, until nothing is gained: swaps are for the best of such ends.
+def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
+    """Add, drop, and let the noise remember, until nothing is gained; swaps are looked for from such ends.
 
     Args:
         scorer: of the system.
@@ -130,7 +127,7 @@ def _is_plain(atom: Atom) -> bool:
     return atom.effect is not None and len(atom.columns) <= FEW
 
 
-def improve(scorer: Scorer, state: State, allowed: Allowed = lambda atom: True, *, swaps: bool = True) -> State:
+def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: bool = True) -> State:
     """Move to better states until none is found.
 
     Args:

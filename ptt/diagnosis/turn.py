@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_sudden
 from ptt.diagnosis.gross import MOST, alone, places_of, stand_out
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import best_moment
@@ -109,4 +109,4 @@ def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Su
 
 def _is_timely(atom: Atom) -> bool:
     """Whether an atom is something that changes in the course of the run."""
-    return isinstance(atom.effect, Sudden) or (atom.block is not None and "time" in atom.block.on)
+    return is_sudden(atom) or (atom.block is not None and "time" in atom.block.on)

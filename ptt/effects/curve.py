@@ -99,15 +99,17 @@ class Curve(Effect):
     def basis(self, view: View, shape: Any) -> Tensor:
         """The shapes where they act."""
         kind, index = self._place()
+        followed = [int(joint[2]) for name in (self.on, self.along) if (joint := JOINT.fullmatch(name))]
+        last = max([*followed, index + 1 if kind in ("slider", "joint") else 0])
+        if last > view.joints:
+            what = f"'{self.name}' follows or moves joint {last}, and the machine has {view.joints}"
+            raise InputError(what, fix="mend the effect's file")
         if kind == "tool":
             shapes = _field(view.p, self.between) if self.on in COORDINATES else self._shapes(view)
             return torch.cat(
                 [torch.eye(3).to(shapes)[axis, None, :, None] * shapes[:, None] for axis in range(3)], dim=2
             )
         shapes = self._shapes(view)
-        if kind in ("slider", "joint") and index >= view.joints:
-            what = f"'{self.name}' acts on joint {index + 1}, and the machine has {view.joints}"
-            raise InputError(what, fix="mend the effect's file")
         if kind == "rail":
             way = horizontal_axes(view)[ACROSS.index(self.acts_on.split()[-1])][index]
             first, way = 4 * index, way.to(shapes)
