@@ -7,17 +7,28 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from typer.testing import CliRunner
 
 from ptt.challenge.cases import draw, plan
-from ptt.challenge.challenge import LEVELS, bench, draw_level, new_challenge, open_challenge, seal, unseal
+from ptt.challenge.challenge import (
+    LEVELS,
+    bench,
+    draw_level,
+    new_challenge,
+    open_challenge,
+    seal,
+    unseal,
+    write_challenge,
+)
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
 from ptt.challenge.score import judge, remeasure, score
-from ptt.challenge.truth import MICRO, find_truth, off_frame, off_set_up, reading_noise, rms_length, table_of
+from ptt.challenge.truth import MICRO, READINGS, find_truth, off_frame, off_set_up, reading_noise, rms_length, table_of
 from ptt.commands.challenge import app
 from ptt.diagnosis.verdict import diagnose
+from ptt.door.simulating import simulate as simulated
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import InputError
@@ -386,6 +397,27 @@ def test_reveal_on_the_command_line(tmp_path: Path) -> None:
     bare = run.invoke(app, ["reveal", str(tmp_path / "c"), "--model", str(tmp_path / "c" / "machine.toml")]).stdout
     assert "MISSED" in bare and bare.rstrip().endswith("NOT RIGHT")
     assert run.invoke(app, ["reveal", str(tmp_path / "c")]).stdout == bare
+
+
+@pytest.mark.parametrize("case", [("payload", 4), ("warmup", 5), ("slip", 6)])
+def test_the_opened_rig_measures_the_targets_again_as_they_were_measured(case, tmp_path: Path) -> None:
+    """Each visit once, under the load and at the temperature that it had: what was sent for it is right for it."""
+    kind, seed = case
+    names = ["homing-slip", "setup-jump"] if kind == "slip" else []
+    drawn = drawn_with(*names, seed=seed, protocol="payload" if kind == "slip" else kind, rows=90)
+    drawn = replace(drawn, rig=replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update={"datum_every": 20})))
+    folder = write_challenge(tmp_path / "c", drawn, "multi").folder
+    opened = CliRunner().invoke(app, ["reveal", str(folder), "--rig", str(tmp_path / "rig.toml")])
+    assert opened.exit_code == 0, opened.output
+    before = pd.read_csv(folder / "run.csv")
+    again = simulated(tmp_path / "rig.toml", folder / "targets.csv", noise=False).to_frame()
+    conditions = ["name", "role", "run", "repeat", "time_s", "payload_kg", "temp_c", "feed_mm_s", "x_cmd"]
+    pd.testing.assert_frame_equal(again[conditions], before[conditions], rtol=0.0, atol=1e-3)
+    left = before[READINGS].to_numpy() - again[READINGS].to_numpy()
+    if kind == "slip":  # what slipped and what was knocked over in the run lies where it lay at its end
+        assert np.abs(left[-10:]).max() < 0.05 < np.abs(left[:10]).max()
+    else:
+        assert np.abs(left).max() < 0.05
 
 
 # --- the loop: diagnose first, look at the truth afterwards -------------------------------------------------------

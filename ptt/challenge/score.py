@@ -207,18 +207,34 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
 
 
 def as_left(rig: Rig) -> Rig:
-    """The rig after its run: a slider that slipped in the middle of it does not slip back.
+    """The rig after its run: what slipped or was knocked over in the middle of it stays so.
 
     Args:
         rig: before its run.
 
     Returns:
-        The same with what slipped off its place from the first row on.
+        The same with slider or tripod off its place from the first row on.
     """
-    drive = rig.drive
-    if drive.slip_row is None and drive.slip_time_s is None:
-        return rig
-    return replace(rig, drive=drive.model_copy(update={"slip_row": 0, "slip_time_s": None}))
+    for name, what in (("drive", "slip"), ("tracker", "knock")):
+        section = getattr(rig, name)
+        if getattr(section, f"{what}_row") is not None or getattr(section, f"{what}_time_s") is not None:
+            off = section.model_copy(update={f"{what}_row": 0, f"{what}_time_s": None})
+            rig = replace(rig, **{name: off})
+    return rig
+
+
+def to_run_again(rig: Rig) -> Rig:
+    """The rig as its run has left it, for targets that list that run whole: each visit and each cycle's load.
+
+    Args:
+        rig: before its run.
+
+    Returns:
+        The same with nothing that would be visited more often than it is listed.
+    """
+    left = as_left(rig)
+    conditions = left.conditions.model_copy(update={"cycles": 1})
+    return replace(left, conditions=conditions, tracker=left.tracker.model_copy(update={"datum_every": 0}))
 
 
 def _explained(fault: Fault, keys: Sequence[str], truth: Truth) -> bool:

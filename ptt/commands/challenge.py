@@ -68,12 +68,18 @@ def reveal(
         Path | None,
         typer.Option("--model", metavar="M", help="Your solved model; else the drawing as it was handed out."),
     ] = None,
-    rig_out: Annotated[Path | None, typer.Option("--rig", metavar="RIG.toml", help="Write the opened rig.")] = None,
+    rig_out: Annotated[
+        Path | None,
+        typer.Option(
+            "--rig", metavar="RIG.toml", help="Write the opened rig; `ptt simulate` runs DIR/targets.csv on it."
+        ),
+    ] = None,
     effects: Effects = None,
     json: Json = False,
 ) -> None:
     """Open the seal: what was hidden, what the model says, and where its commands put the real tool."""
     from ptt.challenge.challenge import MACHINE
+    from ptt.challenge.score import to_run_again
     from ptt.door.model import load
     from ptt.door.revealing import reveal as open_seal
     from ptt.files import write_text
@@ -83,6 +89,6 @@ def reveal(
         note("no --model: the drawing itself is judged")
     result = open_seal(load(model or folder / MACHINE, effects=effects or ()), folder)
     if rig_out is not None:
-        write_text(rig_out, format_rig(result.sealed.drawn.rig))
+        write_text(rig_out, format_rig(to_run_again(result.sealed.drawn.rig)))
         note(f"opened rig in {rig_out}")
     show(result.to_dict(), str(result), json)

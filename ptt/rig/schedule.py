@@ -24,7 +24,7 @@ class Schedule:
         name: (n,) str.
         role: (n,) str, pose, base or datum.
         run: (n,) int.
-        repeat: (n,) int from 1.
+        repeat: (n,) int from 1, the cycle; as the targets have it where they hold every cycle themselves.
         payload: (n,) kg.
         feed: (n,) mm/s.
         read: (n,) bool, False where the machine passes and the tracker is not looked at.
@@ -57,7 +57,8 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, wh
 
     Args:
         rig: conditions and tracker say how often what is repeated.
-        commands: the targets, columns as in a targets file.
+        commands: the targets, columns as in a targets file; for a rig of one cycle their column repeat says which cycle
+            of a longer run a row is of.
         sliders: columns b1.. or q1.. to send instead, a row per row of `commands` or per row and cycle.
         where: the targets file for messages.
 
@@ -133,6 +134,8 @@ def _tidy(commands: pd.DataFrame, joints: list[str], where: str) -> pd.DataFrame
     for column in ("payload_kg", "feed_mm_s"):
         table[column] = _numbers(table, [column], where)[:, 0] if column in table else np.nan
     table["read"] = _numbers(table, ["read"], where)[:, 0] if "read" in table else 1.0
+    told = _numbers(table, ["repeat"], where)[:, 0] if "repeat" in table else np.ones(len(table))
+    table["repeat"] = np.where(np.isfinite(told), told, 1.0).astype(int)
     numbers = {"target": _numbers(table, TARGET, where), "command": _numbers(table, joints, where)}
     table[TARGET], table[joints] = numbers["target"], numbers["command"]
     known = np.isfinite(numbers["target"]).all(1) | np.isfinite(numbers["command"]).all(1)
@@ -168,21 +171,29 @@ def _layout(rig: Rig, table: pd.DataFrame) -> tuple[Array, Array]:
     base = [HOLD] * len(points) if wanted else []
     origin: list[int] = []
     cycle: list[int] = []
-    cycles = rig.conditions.cycles
-    for number in range(cycles):
-        opens = number == 0 or rig.conditions.run_per_cycle
-        closes = number == cycles - 1 or rig.conditions.run_per_cycle
+    laps = _laps(rig, table)
+    for place, (number, listed) in enumerate(laps):
+        opens = place == 0 or rig.conditions.run_per_cycle
+        closes = place == len(laps) - 1 or rig.conditions.run_per_cycle
         rows = list(base) if opens else []
-        for done in range(len(table)):
+        for done in listed:
             if tracker.datum_every and done and done % tracker.datum_every == 0:
                 rows.append(DATUM)
             if tracker.base_every and done and done % tracker.base_every == 0:
                 rows += base
-            rows.append(done)
+            rows.append(int(done))
         rows += base if closes else []
         origin += rows
         cycle += [number] * len(rows)
     return np.array(origin), np.array(cycle)
+
+
+def _laps(rig: Rig, table: pd.DataFrame) -> list[tuple[int, Array]]:
+    """Cycles from 0 with rows of the targets: all of them in each, or, of a run that is listed whole, its own."""
+    cycles, rows, told = rig.conditions.cycles, np.arange(len(table)), table["repeat"].to_numpy()
+    if cycles > 1 or (np.diff(told) < 0).any():  # repeats of single poses are no cycles
+        return [(number, rows) for number in range(cycles)]
+    return [*enumerate(np.split(rows, np.flatnonzero(np.diff(told)) + 1))]
 
 
 def _name_base(rig: Rig, name: Array, origin: Array, held: Array, where: str) -> Array:
