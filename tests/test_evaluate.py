@@ -177,3 +177,33 @@ def test_few_matches_are_the_first_thing_said(tmp_path):
     assert "warning: only 19 of 40 rows of BEFORE" in result.stderr
     spoken = CliRunner().invoke(app, [*args, "--json"])
     assert json.loads(spoken.stdout)["protocol"]["rows"] == 19 and "only 19 of 40" in spoken.stderr
+
+
+def test_readings_under_other_conditions_are_said_to_be_so(tmp_path):
+    warm, load = np.linspace(20.0, 28.0, 40), np.repeat([0.0, 5.0], 20)
+    before = run(0.2, name=NAMES, temp_c=warm, payload_kg=load)
+    cold = words_of(tmp_path, before, run(0.1, name=NAMES, temp_c=np.full(40, 20.0), payload_kg=load))
+    assert "WARNING: 37 of 40 rows of AFTER were measured at another temperature than in BEFORE, up to 8 K off" in cold
+    assert "another payload" not in cold
+    silent = words_of(tmp_path, before, run(0.1, name=NAMES, temp_c=warm))
+    assert "WARNING: AFTER has no payload_kg, which changes by 5 kg in the other run" in silent
+    assert "WARNING" not in words_of(tmp_path, before, run(0.1, name=NAMES, temp_c=warm + 0.3, payload_kg=load))
+
+
+def test_poses_that_one_run_visits_more_often_are_said_to_be_so(tmp_path):
+    thrice = run(0.1, np.tile(PLACES, (3, 1)))
+    text = words_of(tmp_path, run(0.2), thrice)
+    assert "WARNING: AFTER measures the same poses 3 times as often as the other run" in text
+    assert "as often" not in words_of(tmp_path, thrice, thrice)
+
+
+def test_a_tracker_set_up_anew_for_each_run_is_recognised_without_a_model(tmp_path):
+    runs = {"run": np.repeat([0, 1], 40)}
+    tilted = turned(run(0.0), 1e-3, (0.3, 0.0, 0.0)).measured
+    both = make_table(np.tile(PLACES, (2, 1)), measured=np.concatenate([PLACES, tilted]), **runs)
+    both = both.replace(measured=both.measured + 1e-3 * RANDOM.normal(size=(80, 3)))
+    text = words_of(tmp_path, both, both)
+    assert "WARNING: one tracker frame for all 2 runs of BEFORE leaves" in text and "--frame fitted-per-run" in text
+    assert "WARNING" not in words_of(tmp_path, both, both, "--frame", "fitted-per-run")
+    plain = make_table(both.target, measured=both.target + 1e-3 * RANDOM.normal(size=(80, 3)), **runs)
+    assert "WARNING" not in words_of(tmp_path, plain, plain)

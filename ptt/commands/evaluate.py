@@ -84,8 +84,8 @@ def evaluate(
         loaded, rows = load_both(run, model, reading)
         with progress() as tell:
             result = computed(loaded, rows, z_datum=z_datum.value, goals=goals, anyway=anyway, progress=tell, note=note)
-    if result.warning:
-        note(f"warning: {result.warning}")
+    for warning in result.warnings:
+        note(f"warning: {warning}")
     show(result.to_dict(), str(result), json)
 
 

@@ -14,6 +14,7 @@ from ptt.door.result import Heard, Note, Result, unheard, unwatched
 from ptt.door.run import Rows, RowsLike, Run
 from ptt.door.words import as_run
 from ptt.errors import InputError
+from ptt.judge.alike import hints_on
 from ptt.judge.evaluate import GOALS, Datum, Evaluation, evaluate_pair
 from ptt.progress import Progress
 from ptt.record import plain
@@ -42,26 +43,24 @@ class Evaluated(Result):
         protocols: the same by protocol, where the errors are computed on held-out rows; empty where measured.
         judged: whether goals were set.
         notes: what was found on the way, a line each.
+        warnings: what makes two runs poor to compare: few rows in common, visited more often, measured under another
+            load, at another temperature or speed, or with a tracker set up anew in each.
     """
 
     result: Evaluation
     protocols: Mapping[str, Evaluation]
     judged: bool = False
     notes: tuple[str, ...] = ()
-
-    @property
-    def warning(self) -> str:
-        """What to say where less than half of a run has a counterpart in the other; '' where that is not so."""
-        return _few_matched(self.to_dict())
+    warnings: tuple[str, ...] = ()
 
     def _figures(self) -> Mapping[str, Any]:
         short = {name: _short(one) for name, one in self.protocols.items()}
-        return self.result.to_dict() | ({"protocols": short} if short else {})
+        figures = self.result.to_dict() | {"warnings": list(self.warnings)}
+        return figures | ({"protocols": short} if short else {})
 
     def __str__(self) -> str:
         """What the command prints."""
-        text, warning = _text(self.to_dict(), self.judged), self.warning
-        return f"WARNING: {warning}\n{text}" if warning else text
+        return "\n".join([*(f"WARNING: {one}" for one in self.warnings), _text(self.to_dict(), self.judged)])
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each axis, the total and the length: before and after in um, reduction in percent."""
@@ -137,7 +136,9 @@ def measured(
     """Compare two runs as they were measured; arguments as `evaluate`."""
     file = None if model is None else model.file
     result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
-    return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None)
+    few = _few_matched(result.to_dict())
+    warnings = (*([few] if few else []), *hints_on(before, after, result, told=file is not None or frame is not None))
+    return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None, warnings=warnings)
 
 
 def computed(

@@ -54,6 +54,7 @@ class Evaluation:
         goals: percent by which the error of each axis should fall.
         noise: noise floor of the readings afterwards.
         unmatched: rows of either run without a counterpart.
+        matched: rows of either run that belong together, (m,) each; empty where computed.
     """
 
     before: np.ndarray
@@ -63,6 +64,7 @@ class Evaluation:
     noise: Noise | None = None
     unmatched: dict[str, list[str]] = field(default_factory=dict)
     goals: Mapping[str, float] = field(default_factory=lambda: GOALS)
+    matched: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0, int)))
 
     def to_dict(self) -> dict[str, Any]:
         """Figures for JSON: axes, total, protocol, and beside them length, unaligned, noise_um, unmatched."""
@@ -181,7 +183,7 @@ def evaluate_pair(
         "before": before.source,
         "after": after.source,
     }
-    return Evaluation(pick[0], pick[1], protocol, (pick[2], pick[3]), two.noise, unmatched)
+    return Evaluation(pick[0], pick[1], protocol, (pick[2], pick[3]), two.noise, unmatched, matched=(first, second))
 
 
 def match_rows(

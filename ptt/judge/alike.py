@@ -1,0 +1,92 @@
+"""Whether two runs that are held against each other were measured alike; what to say where they were not."""
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.judge.evaluate import Evaluation, errors_of
+from ptt.run.noise import SAME_FEED, SAME_LOAD, SAME_WARMTH
+from ptt.run.same_pose import same_places
+from ptt.run.table import Table
+
+CONDITIONS = (  # column, what it is called, its unit, and by how much more it is another one
+    ("payload_kg", "payload", "kg", SAME_LOAD),
+    ("temp_c", "temperature", "K", SAME_WARMTH),
+    ("feed_mm_s", "feed", "mm/s", SAME_FEED),
+)
+APART = 0.5  # share of the error that frames of their own may leave of one that runs share, where they are likely meant
+
+
+def hints_on(before: Table, after: Table, result: Evaluation, *, told: bool) -> tuple[str, ...]:
+    """What makes two runs poor to compare.
+
+    Args:
+        before: a run.
+        after: another.
+        result: what was made of them.
+        told: whether anybody said how the tracker stood.
+
+    Returns:
+        A sentence each.
+    """
+    alone = () if told else _frames(before, after)
+    return (*alone, *_visits(before, after, result), *_conditions(before, after, result.matched))
+
+
+def _frames(before: Table, after: Table) -> tuple[str, ...]:
+    """Where runs of one table look as if the tracker had been set up anew for each."""
+    for side, table in (("BEFORE", before), ("AFTER", after)):
+        if not table.run.any():
+            continue
+        try:
+            whole, own = (_size(errors_of(table, None, way).aligned) for way in ("fitted", "fitted-per-run"))
+        except TableError:  # too few poses in one run
+            continue
+        if own < APART * whole:
+            return (
+                f"one tracker frame for all {table.run.max() + 1} runs of {side} leaves {whole:.1f} um, one for each "
+                f"{own:.1f} um; was the tracker set up anew for each run? Then say so: --frame fitted-per-run, or "
+                "--model M of a machine file that does",
+            )
+    return ()
+
+
+def _size(error: np.ndarray) -> float:
+    """Root mean square length, um."""
+    return 1e3 * float(np.sqrt(np.nanmean(np.square(error).sum(axis=1))))
+
+
+def _visits(before: Table, after: Table, result: Evaluation) -> tuple[str, ...]:
+    """Where one run visits the other's poses more often, so that most of its readings go without a counterpart."""
+    words = []
+    for side, table, matched in zip(("BEFORE", "AFTER"), (before, after), result.matched, strict=True):
+        place = same_places(table.target)
+        known = np.isfinite(table.measured).all(axis=1) & np.isfinite(table.target).all(axis=1)
+        seen = known & (table.role != "base") & np.isin(place, place[matched])
+        if seen.sum() >= 2 * len(matched):
+            words.append(
+                f"{side} measures the same poses {seen.sum() / len(matched):.3g} times as often as the other run: "
+                "visits are paired in their order, and the rest does not count"
+            )
+    return tuple(words)
+
+
+def _conditions(before: Table, after: Table, matched: tuple[np.ndarray, np.ndarray]) -> tuple[str, ...]:
+    """What pairs of readings were taken under otherwise, or where only one run tells what changes in it."""
+    words = []
+    for column, name, unit, same in CONDITIONS:
+        own, other = (
+            np.full(len(rows), np.nan) if (values := getattr(table, column)) is None else values[rows]
+            for table, rows in zip((before, after), matched, strict=True)
+        )
+        apart = np.abs(other - own)
+        far = apart > same  # not where one of them is not known
+        if far.any():
+            words.append(
+                f"{far.sum()} of {len(far)} rows of AFTER were measured at another {name} than in BEFORE, up to "
+                f"{apart[far].max():.3g} {unit} off; commands are right for the {name} that they were made for"
+            )
+        for side, silent, telling in (("AFTER", other, own), ("BEFORE", own, other)):
+            known = telling[np.isfinite(telling)]
+            if np.isnan(silent).all() and len(known) and np.ptp(known) > same:
+                words.append(f"{side} has no {column}, which changes by {np.ptp(known):.3g} {unit} in the other run")
+    return tuple(words)
