@@ -11,8 +11,9 @@ import torch
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.laws import _arrivals, laws_of
+from ptt.diagnosis.laws import _arrivals, by_laws, laws_of
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.probability import near_sets, weigh_sets
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.verdict import Diagnosis, diagnose
@@ -113,6 +114,21 @@ def test_where_a_slip_and_a_step_are_the_same_readings_nobody_is_sure(slips: boo
     """The slip comes just as the tool goes up to the next circle, where the slider goes beyond all heights before."""
     found = learned(0.4, slips=slips)
     assert all(candidate.probability < 0.6 for candidate in found.candidates)
+
+
+def test_what_is_scored_beside_laws_is_no_set_of_the_system_without_them() -> None:
+    """The explanation without laws may be the one that is told: all its sets are weighed then."""
+    problem = replace(on_circles(0.55, slips=False), noise=None)
+    noise = Noise(np.eye(3) * 1.6e-5, "machine file")
+    fitted = fit(Model(MACHINE), problem, noise=noise, robust=False)
+    candidates, _ = present_candidates(fitted, problem, library())
+    scorer = Scorer(build_system(fitted, problem, candidates, noise, 100.0, problem.used))
+    state = scorer.score(("slider 1 on b1", "rail 2 on b2"), WHITE)
+    wider, best = by_laws(scorer, state)
+    assert any(key.startswith("law ") for key in best.keys)
+    assert scorer.scored.keys() < wider.scored.keys()
+    assert weigh_sets(scorer).verdict["unknown"] > 0.9
+    assert all(key in scorer.system.atoms for _, other in near_sets(scorer, state) for key in other.keys)
 
 
 def test_rows_that_are_hidden_tell_nothing_not_even_how_large_a_curve_is() -> None:

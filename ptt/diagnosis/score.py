@@ -133,9 +133,13 @@ class Scorer:
         self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
 
     def widened(self, system: System) -> "Scorer":
-        """The same for a system with atoms beside those that it has: what was scored and screened stays known."""
+        """The same for a system with atoms beside those that it has: what was scored and screened stays known to both.
+
+        What the wider one learns it keeps to itself, for this one would not know the atoms of its sets.
+        """
         wider = Scorer(system, self.given, self.steps, self.barred)
-        wider.scored, wider.whole, wider.begun, wider.suiting = self.scored, self.whole, self.begun, self.suiting
+        wider.scored, wider.whole = dict(self.scored), deque(self.whole)
+        wider.begun, wider.suiting = dict(self.begun), dict(self.suiting)
         wider.known = self.known | {where: screen.gains for where, screen in self.screened.items()}
         return wider
 
