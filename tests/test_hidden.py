@@ -28,7 +28,9 @@ def test_a_block_counts_as_far_as_the_shown_rows_tell_it() -> None:
     hidden = hide_rows(columns.T.reshape(5, 3, 2), readings.reshape(3, 2), np.eye(3))
     left = readings - columns @ values
     spread = np.eye(6) + columns @ np.linalg.solve(known, columns.T)
-    assert hidden.misfit(values, known) == pytest.approx(left @ np.linalg.solve(spread, left), rel=1e-9)
+    assert hidden.misfits(np.stack([values, 0.0 * values], axis=1), known) == pytest.approx(
+        [left @ np.linalg.solve(spread, left), readings @ np.linalg.solve(spread, readings)], rel=1e-9
+    )
     assert hidden.left(values) == pytest.approx(left @ left, rel=1e-9)
 
 

@@ -70,7 +70,8 @@ def test_kept_sums_are_those_of_the_whole_covariance() -> None:
     random = np.random.default_rng(4)
     pose = np.array([0, 0, 1, 2, 2, 2, 3, 0])
     values = random.normal(size=(len(pose), 3))
-    sums = FewSums(values.T[None], np.zeros((1, 1)), Clock(np.arange(8.0), np.arange(8) == 0), poses_of(pose))
+    rows = values.T[None]
+    sums = FewSums(lambda: rows, np.zeros((1, 1)), Clock(np.arange(8.0), np.arange(8) == 0), poses_of(pose))
     for size in (0.0, 0.5, 40.0):
         found = sums.of(Memory(None, size))
         covariance = np.eye(len(pose)) + size * (pose[:, None] == pose)

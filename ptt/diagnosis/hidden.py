@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.memory import WHITE, Hidden
 from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.search import without
+from ptt.fitting.evidence import Posterior
 
 FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
 
@@ -73,18 +75,25 @@ def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
         The trial.
     """
     whole = scorer.score(keys, WHITE)
-    fewer = scorer.score([other for other in whole.keys if other != key], WHITE)
+    where = whole.keys, key
+    if where not in scorer.trials:
+        scorer.trials[where] = _hide(scorer, whole, scorer.score(without(whole, key), WHITE))
+    return scorer.trials[where]
+
+
+def _hide(scorer: Scorer, whole: State, fewer: State) -> Trial:
+    """A set against the same less an atom."""
     place = {column: number for number, column in enumerate(whole.columns)}
     among = [place[column] for column in fewer.columns]
     plain = np.zeros(len(whole.columns))
     plain[among] = fewer.posterior.values
-    pairs, plainly, shown, count = list[tuple[float, float]](), list[float](), 0.0, 0
-    blocks = zip(scorer.system.hidden(whole.columns), scorer.system.hidden(fewer.columns), strict=True)
-    for hidden, same in blocks:
-        told, values = scorer.without_rows(whole, hidden), np.zeros(len(whole.columns))
-        values[among] = scorer.without_rows(fewer, same).values
-        known = told.precision
-        pairs.append((hidden.misfit(told.values, known), hidden.misfit(values, known)))
+    pairs, plainly, shown, count = list[np.ndarray](), list[float](), 0.0, 0
+    blocks = _foretold(scorer, whole)
+    lesser = scorer.without_rows(fewer, [hidden for hidden, _ in blocks], among)
+    for (hidden, told), less in zip(blocks, lesser, strict=True):
+        values = np.zeros(len(whole.columns))
+        values[among] = less.values
+        pairs.append(hidden.misfits(np.stack([told.values, values], axis=1), told.precision))
         plainly.append(hidden.left(values) - hidden.left(told.values))
         shown += hidden.left(plain) - hidden.left(whole.posterior.values)
         count += 3 * hidden.rows
@@ -92,6 +101,14 @@ def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
     squares = np.array(pairs).reshape(-1, 2) / phi
     everywhere = left_of(scorer, fewer) - left_of(scorer, whole)
     return Trial(squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count, np.array(plainly) / phi)
+
+
+def _foretold(scorer: Scorer, state: State) -> list[tuple[Hidden, Posterior]]:
+    """Each block of travel, and what a set would be without it; those of the last set, which is asked for again."""
+    if state.keys not in scorer.foretold:
+        blocks = list(scorer.system.hidden(state.columns))
+        scorer.foretold = {state.keys: list(zip(blocks, scorer.without_rows(state, blocks), strict=True))}
+    return scorer.foretold[state.keys]
 
 
 def left_of(scorer: Scorer, state: State) -> float:
@@ -111,9 +128,9 @@ def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:
         Root mean square of the error's length. Hidden rows tell nothing, not even how large a curve may be: one that
         bends to a dent that few rows saw would foretell it where they are.
     """
-    system, state = scorer.system, scorer.score(keys, WHITE)
-    squares, count = 0.0, 0
-    for hidden in system.hidden(state.columns):
-        squares += hidden.square(scorer.without_rows(state, hidden).values)
-        count += hidden.rows
-    return float(np.sqrt(squares / max(count, 1)))
+    state = scorer.score(keys, WHITE)
+    if state.keys not in scorer.held_out:
+        blocks = _foretold(scorer, state)
+        square = sum(hidden.square(told.values) for hidden, told in blocks)
+        scorer.held_out[state.keys] = float(np.sqrt(square / max(sum(hidden.rows for hidden, _ in blocks), 1)))
+    return scorer.held_out[state.keys]

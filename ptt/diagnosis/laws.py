@@ -122,7 +122,7 @@ def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
     for law in laws:
         own[law.key] = replace(law, columns=np.arange(first, first + len(law.columns)))
         first += len(law.columns)
-    columns = np.concatenate([whitened(block, system.noise)[system.rows] for block in blocks], axis=2)
+    columns = whitened(blocks, system.noise, system.rows)
     return scorer.widened(system.widened(own, columns, np.ones(columns.shape[2])))
 
 

@@ -26,6 +26,11 @@ class Memory:
 WHITE = Memory()
 
 
+def entries(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Some rows and columns of a matrix, (r, c): one after the other, which is twice as fast as both at once."""
+    return np.asarray(matrix[rows].take(columns, axis=1))
+
+
 @dataclass(frozen=True)
 class Sums:
     """Normal sums of columns under one memory of the noise.
@@ -45,11 +50,11 @@ class Sums:
 
     def across(self, chosen: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Entries of the gram, (p, o)."""
-        return np.asarray(self.gram[np.ix_(chosen, others)])
+        return entries(self.gram, chosen, others)
 
     def of(self, chosen: np.ndarray) -> "Sums":
         """Normal sums of chosen columns."""
-        return Sums(self.gram[np.ix_(chosen, chosen)], self.side[chosen], self.square, self.log_noise)
+        return Sums(entries(self.gram, chosen, chosen), self.side[chosen], self.square, self.log_noise)
 
     def own(self, columns: np.ndarray) -> np.ndarray:
         """Each atom's own gram, (a, w, w), of the columns of atoms (a, w); they are kept."""
@@ -86,20 +91,23 @@ class Hidden(ABC):
         """Sum of squares that a solution leaves in the block, in units of noise."""
         return self.energy - float(values @ (2.0 * self.side - self.gram @ values))
 
-    def misfit(self, values: np.ndarray, known: np.ndarray) -> float:
-        """Sum of squares that a solution leaves in the block, each way counted as far as other rows can tell it.
+    def misfits(self, values: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """Sums of squares that solutions leave in the block, each way counted as far as other rows can tell it.
 
         The readings have the covariance I + X K^-1 X^T where K is what the other rows know of the columns: what hangs
         on something that no other row shows, as the few rows of an approach do, says nothing of who foretells better.
 
         Args:
-            values: (p,) the solution.
+            values: (p, s) the solutions.
             known: K, (p, p), in units of noise.
+
+        Returns:
+            (s,).
         """
-        side = self.side - self.gram @ values
+        side = self.side[:, None] - self.gram @ values
         factor = linalg.cholesky(known + self.gram, lower=True, check_finite=False)
         along = linalg.solve_triangular(factor, side, lower=True, check_finite=False)
-        return self.left(values) - float(along @ along)
+        return np.array([self.left(one) for one in values.T]) - np.square(along).sum(axis=0)
 
 
 @dataclass(frozen=True)
@@ -170,6 +178,11 @@ def base_sums(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
 def as_sums(gram: np.ndarray, log_noise: float) -> Sums:
     """Joined sums of columns and readings, apart."""
     return Sums(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]), log_noise)
+
+
+def as_joined(sums: Sums) -> np.ndarray:
+    """The other way round, (P + 1, P + 1)."""
+    return np.block([[sums.gram, sums.side[:, None]], [sums.side, np.full(1, sums.square)]])
 
 
 PoseParts = list[tuple[int, int, np.ndarray]]  # visits of a pose, poses of so many visits, sums of their totals

@@ -8,11 +8,12 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
-from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, base_sums
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_joined, base_sums
 from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.row_sums import (
     FewSums,
     Poses,
+    SumsOfPoses,
     SumsOfRows,
     flattened,
     hide_rows,
@@ -111,13 +112,22 @@ class RowSystem(System):
         return Sums(white @ white.T, white @ values, float(values @ values), log_noise)
 
     def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
-        """Normal sums of combinations of chosen columns, under any memory; what memories of poses share is kept."""
-        rows = self.flat[chosen]
-        columns = (ways.T @ flattened(rows)).reshape(ways.shape[1], *rows.shape[1:])
-        joined = np.concatenate([columns, self.values.T[None]])
+        """Normal sums of combinations of chosen columns, under any memory; what is there already is used."""
+
+        def joined() -> np.ndarray:
+            rows = self.flat[chosen]
+            columns = (ways.T @ flattened(rows)).reshape(ways.shape[1], *rows.shape[1:])
+            return np.concatenate([columns, self.values.T[None]])
+
         base = self.base_columns[:, :, chosen] @ ways
         more = base_sums(base, self.base_values) if len(self.base_values) else np.zeros((1, 1))
-        return FewSums(joined, more, self.clock, self.poses).of
+        white = means = None
+        if WHITE in self._sums:
+            white = as_joined(super().among(chosen, ways)(WHITE))
+        if "_means" in self.__dict__:
+            columns = (ways.T @ self._means[chosen]).reshape(ways.shape[1], 3, -1)
+            means = np.concatenate([columns, self.poses.means(self.values.T)[None]])
+        return FewSums(joined, more, self.clock, self.poses, white, means).of
 
     def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
         """What a solution of chosen columns leaves, (m, 3) whitened."""
@@ -146,10 +156,16 @@ class RowSystem(System):
             self, atoms=self.atoms | atoms, columns=flat.transpose(2, 1, 0), scale=np.concatenate([self.scale, scale]),
             base_columns=base, _sums={},
         )  # fmt: skip
-        for memory, sums in self._sums.items():
+        if "_means" in self.__dict__:
+            wider.__dict__["_means"] = np.concatenate([self._means, flattened(self.poses.means(more))])
+        for memory, sums in sorted(self._sums.items(), key=lambda item: item[0].pose > 0.0):  # those rest on the others
             if isinstance(sums, SumsOfRows):
                 white, values, _ = wider._white(np.arange(len(self.flat), len(flat)), memory)
                 wider._sums[memory] = sums.widened(white, values)
+            elif isinstance(sums, SumsOfPoses):
+                wider._sums[memory] = sums.widened(
+                    wider.sums(WHITE), wider._means, self.poses.means(self.values.T).ravel()
+                )
         return wider
 
     def only(self, keys: Sequence[str]) -> "RowSystem":
@@ -233,9 +249,8 @@ def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows
     place, width = known.shape[2], sum(block.width for block in blocks)
     flat = np.empty((place + width, 3, int(rows.sum())))
     flat[:place] = known[some].transpose(2, 1, 0)
-    for block in blocks:
-        flat[place : place + block.width] = whitened(block, noise)[some].transpose(2, 1, 0)
-        place += block.width
+    if blocks:
+        flat[place:] = whitened(blocks, noise, some).transpose(2, 1, 0)
     return flat.transpose(2, 1, 0)
 
 

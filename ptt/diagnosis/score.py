@@ -1,9 +1,10 @@
 """Score of a set of atoms: log evidence at the learned variances, and log prior odds."""
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
@@ -18,6 +19,9 @@ from ptt.diagnosis.wander import SHARES, Wander, likelihoods
 from ptt.fitting.evidence import WIDTH, Posterior, learn
 from ptt.model.model import rival
 
+if TYPE_CHECKING:
+    from ptt.diagnosis.hidden import Trial
+
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
@@ -26,6 +30,7 @@ REPEATED = 30  # visits beyond the first from which errors of a pose can be told
 ONE_CAUSE = ("tracker-scale", "tracker-frame")
 UNSEEN = 0.02  # variance over noise of all that is left out where memories of the noise are compared
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
+NO_WANDER = -7.0  # nats, its atoms held, from which a wander is worth an exact look: sets that hid one were at -6
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
 
@@ -131,6 +136,10 @@ class Scorer:
         self.begun: dict[str, np.ndarray] = {}
         self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
         self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
+        # What hidden rows say of sets under white noise.
+        self.trials: dict[tuple[tuple[str, ...], str], Trial] = {}
+        self.foretold: dict[tuple[str, ...], list[tuple[Hidden, Posterior]]] = {}
+        self.held_out: dict[tuple[str, ...], float] = {}
 
     def widened(self, system: System) -> "Scorer":
         """The same for a system with atoms beside those that it has: what was scored and screened stays known to both.
@@ -216,20 +225,25 @@ class Scorer:
             least=least,
         )  # fmt: skip
 
-    def without_rows(self, state: State, hidden: Hidden) -> Posterior:
+    def without_rows(
+        self, state: State, hidden: Iterable[Hidden], among: Sequence[int] | None = None
+    ) -> Iterator[Posterior]:
         """What a state would be had some rows never been read: how wide its columns are is learned anew as well.
 
         Args:
             state: of white noise.
-            hidden: the rows.
+            hidden: some rows, and some others.
+            among: places of its columns among those of the hidden sums; None where these are of the same.
 
-        Returns:
-            The posterior of its columns.
+        Yields:
+            The posterior of its columns without each of them.
         """
-        sums = self.system.sums_of(state.columns, state.memory)
-        less = Sums(sums.gram - hidden.gram, sums.side - hidden.side, sums.square - hidden.energy, 0.0)
-        atoms, count = [self.system.atoms[key] for key in state.keys], self.system.spare - 3.0 * hidden.rows
-        return self._learned(atoms, less, max(count, 1.0), state.posterior.scales)
+        sums, atoms = self.system.sums_of(state.columns, state.memory), [self.system.atoms[key] for key in state.keys]
+        place = np.arange(len(state.columns)) if among is None else np.asarray(among, dtype=int)
+        for part in hidden:
+            gram, side = sums.gram - part.gram[np.ix_(place, place)], sums.side - part.side[place]
+            less, count = Sums(gram, side, sums.square - part.energy, 0.0), self.system.spare - 3.0 * part.rows
+            yield self._learned(atoms, less, max(count, 1.0), state.posterior.scales)
 
     def _absurd(self, state: State) -> bool:
         """Whether a value that physics does not let be negative is clearly so."""
@@ -309,28 +323,34 @@ class Scorer:
         return -half - 0.5 * known * float(np.log((self.system.freedom + left) / known))
 
     def _neighbours(self, state: State, value: Callable[[Memory], float]) -> list[Memory]:
-        """The best wander by coordinate steps over a grid, and the best errors of poses without one."""
+        """The best wander where one may be, and all errors of poses without one."""
         found = list[Memory]()
         constants = self.system.clock.constants
         if len(constants):
             left = self.system.left(state.columns, state.posterior.values)
-            share, slow = self._rough_wander(left, constants)
-            for _ in range(3):
-                before = share, slow
-                share = _uphill(share, len(SHARES), partial(_at_share, value, float(constants[slow])))
-                slow = _uphill(slow, len(constants), partial(_at_constant, value, share, constants))
-                if (share, slow) == before:
-                    break
-            found.append(_wandering(share, float(constants[slow])))
+            share, slow, more = self._rough_wander(left, constants)
+            if state.memory.wander is not None or more > NO_WANDER:
+                found.append(self._wander_near(share, slow, constants, value))
         if self.system.repeats >= REPEATED:
             found += [Memory(None, float(size)) for size in POSES]
         return found
 
-    def _rough_wander(self, left: np.ndarray, constants: np.ndarray) -> tuple[int, int]:
-        """Where on the grid the wander of a state's residual lies, its atoms held."""
+    def _wander_near(self, share: int, slow: int, constants: np.ndarray, value: Callable[[Memory], float]) -> Memory:
+        """The best wander by coordinate steps over the grid."""
+        for _ in range(3):
+            before = share, slow
+            share = _uphill(share, len(SHARES), partial(_at_share, value, float(constants[slow])))
+            slow = _uphill(slow, len(constants), partial(_at_constant, value, share, constants))
+            if (share, slow) == before:
+                break
+        return _wandering(share, float(constants[slow]))
+
+    def _rough_wander(self, left: np.ndarray, constants: np.ndarray) -> tuple[int, int, float]:
+        """Where on the grid the wander of a state's residual lies, and nats that it brings, its atoms held."""
         grid = [(i, j) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
-        wanders = [Wander(float(SHARES[i]), float(constants[j])) for i, j in grid]
-        return grid[int(np.argmax(likelihoods(left, wanders, self.system.clock)))]
+        likely = likelihoods(left, [Wander(float(SHARES[i]), float(constants[j])) for i, j in grid], self.system.clock)
+        best = int(np.argmax(likely))
+        return *grid[best], float(likely[best] - MEMORY_ODDS + 0.5 * left.size * np.log(np.square(left).sum()))
 
 
 def _odds_against(atoms: Sequence[Atom]) -> float:

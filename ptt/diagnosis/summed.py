@@ -261,7 +261,7 @@ def columns_of(
         return linear, linear.columns
     assert linear.at is not None
     blocks = unknown_blocks(chunk, linear.at.chain, at.periods, run.span, wanted)
-    return linear, np.concatenate([linear.columns, *(whitened(block, at.noise) for block in blocks)], axis=2)
+    return linear, np.concatenate([linear.columns, whitened(blocks, at.noise)], axis=2)
 
 
 def left_of(

@@ -1,19 +1,18 @@
 """The linearised problem: whitened columns of everything that may explain the readings, and their normal sums."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom, straight_sizes
-from ptt.diagnosis.blocks import Block
+from ptt.diagnosis.blocks import SIZE, Block
 from ptt.diagnosis.memory import Hidden, Memory, Sums
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
-from ptt.fitting.whitened import whiten
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -160,7 +159,23 @@ def clock_of(problem: Problem, rows: np.ndarray) -> Clock:
     return Clock(time[rows], np.diff(run, prepend=run[:1] - 1) != 0)
 
 
-def whitened(block: Block, noise: Noise) -> np.ndarray:
-    """Columns of a block in units of noise, (n, 3, m)."""
-    features = block.features
-    return whiten([features], noise.whitener, np.ones(features.shape[2]))
+def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+    """Columns of blocks side by side in units of noise.
+
+    Args:
+        blocks: the blocks.
+        noise: to whiten with.
+        rows: which rows, m of them.
+
+    Returns:
+        (m, 3, sum of their widths); in memory they lie one behind the other, as a system keeps them.
+    """
+    ways, found = dict[int, np.ndarray](), list[np.ndarray]()
+    for block in blocks:
+        if id(block.place) not in ways:  # many act at one place
+            slopes = SIZE * (noise.whitener @ block.place.slopes[rows])
+            ways[id(block.place)] = np.ascontiguousarray(slopes.transpose(2, 1, 0))  # shape: (w, 3, m)
+        shapes = np.ascontiguousarray(block.shapes[rows].T)
+        own = ways[id(block.place)][:, None] * shapes[None, :, None]
+        found.append(own.reshape(-1, *own.shape[2:]))
+    return np.concatenate(found).transpose(2, 1, 0)

@@ -51,7 +51,8 @@ def fit(
         robust: leave out gross errors; they are named in the result.
         noise: the noise floor; None takes the problem's, or a first guess where it has none.
         lean: skip the confirmation that the set of outliers is stable.
-        coarse: stop a hundredth of chi-squared from the end, which is near enough to compare models.
+        coarse: stop a hundredth of chi-squared from the end, which is near enough to compare models; errors are stated
+            as if no rows erred alike.
         hopeless: chi-squared, prior and all, above which the fit is of no use and ends where it is.
 
     Returns:
@@ -80,7 +81,7 @@ def fit(
         again = inside(evaluate(unknowns).residual, problem.used, problem, noise) if sifting else kept
         settled = bool((again == kept).all())
         kept = again if attempt < ROUNDS else kept
-    return _result(model, problem, evaluate, unknowns, prior, kept, status)
+    return _result(model, problem, evaluate, unknowns, prior, kept, status, coarse)
 
 
 def residual_of(model: Model, problem: Problem, noise: Noise | None = None) -> FitResult:
@@ -195,7 +196,7 @@ def _without_outliers(system: System, problem: Problem, layout: Layout, noise: N
 
 def _result(
     model: Model, problem: Problem, evaluate: Evaluator | LongEvaluator, unknowns: np.ndarray, prior: Prior,
-    kept: np.ndarray, status: str,
+    kept: np.ndarray, status: str, coarse: bool,
 ) -> FitResult:  # fmt: skip
     layout, noise, system = evaluate.layout, evaluate.noise, evaluate(unknowns)
     information, _, chi2, count = system.sums(kept)
@@ -204,7 +205,7 @@ def _result(
         model, layout, unknowns, empty, empty, system.prediction, system.residual @ np.linalg.inv(noise.whitener).T,
         problem.used & ~kept, noise, 0.0, 1, 0, empty, prior, evaluate.calls, status,
     )  # fmt: skip
-    return conclude(result, unknowns, information, chi2, count, _witness(system, problem, kept))
+    return conclude(result, unknowns, information, chi2, count, None if coarse else _witness(system, problem, kept))
 
 
 def _witness(system: System | LongSystem, problem: Problem, kept: np.ndarray) -> Witness | None:

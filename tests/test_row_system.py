@@ -1,0 +1,128 @@
+"""What is worked out once is not again: sums that are there, what hidden rows say, wanders that nobody asks for."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ptt.diagnosis import hidden as hidden_module
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.blocks import Block, Place
+from ptt.diagnosis.hidden import held_out, hide
+from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.system import whitened
+from ptt.diagnosis.wander import Clock, Wander
+from ptt.run.noise import Noise
+
+ROWS, WIDTH, POSES = 40, 36, 8  # columns enough that sums are only worked out as they are asked for
+MEMORIES = (WHITE, Memory(None, 3.0), Memory(Wander(2.0, 12.0)), Memory(Wander(0.5, 6.0), 1.0))
+
+
+def system_of(values: np.ndarray | None = None) -> RowSystem:
+    """Rows of eight poses in blocks of ten, a frame of three columns, three atoms of two."""
+    random, rows = np.random.default_rng(3), ROWS if values is None else len(values)
+    columns = random.normal(size=(rows, 3, WIDTH))
+    base, told = random.normal(size=(2, 3, WIDTH)), random.normal(size=(2, 3))
+    atoms = {name: _atom(name, np.arange(3 + 2 * i, 5 + 2 * i)) for i, name in enumerate("abc")}
+    clock = Clock(np.arange(rows, dtype=float), np.arange(rows) == 0)
+    read = columns @ random.normal(size=WIDTH) + random.normal(size=(rows, 3)) if values is None else values
+    return RowSystem(
+        np.arange(rows), np.arange(3), atoms, clock, Noise(np.eye(3), "first guess"), 0.0, np.ones(WIDTH), columns,
+        read, np.arange(rows) % POSES, np.arange(rows) // 10, {}, SimpleNamespace(), base, told,
+    )  # fmt: skip
+
+
+def _atom(name: str, columns: np.ndarray) -> Atom:
+    return Atom(name, name, columns, np.zeros(2, int), np.full(1, 1e4), 5.0, np.zeros(2, bool), block=SimpleNamespace())
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_combinations_of_columns_have_the_sums_of_their_rows_whatever_is_known_before(known: bool) -> None:
+    system, random = system_of(), np.random.default_rng(4)
+    chosen, ways = np.array([1, 4, 8, 6]), random.normal(size=(4, 3))
+    if known:
+        system.sums(MEMORIES[1])  # with the means of poses, and white sums
+    of = system.among(chosen, ways)
+    for memory in MEMORIES:
+        white, values, log_noise = system_of()._white(chosen, memory)
+        sums = of(memory)
+        np.testing.assert_allclose(sums.gram, ways.T @ white @ white.T @ ways, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(sums.side, ways.T @ white @ values, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose((sums.square, sums.log_noise), (values @ values, log_noise), rtol=1e-10)
+
+
+def test_sums_beside_errors_of_poses_stay_when_columns_come() -> None:
+    system, more = system_of(), np.random.default_rng(5).normal(size=(ROWS, 3, 2))
+    some, every = np.array([0, 5, 7]), np.arange(WIDTH + 2)
+    for memory in MEMORIES[:3]:
+        system.sums(memory).across(some, np.arange(WIDTH))
+    wider = system.widened({"d": _atom("d", np.array([WIDTH, WIDTH + 1]))}, more, np.ones(2))
+    assert set(wider._sums) == set(MEMORIES[:3])
+    assert np.array_equal(np.flatnonzero(wider._sums[MEMORIES[1]].there), some)
+    anew = system_of().widened({}, more, np.ones(2))
+    for memory in MEMORIES[:3]:
+        mine, theirs = wider.sums(memory), anew.sums(memory)
+        for chosen in (some, np.array([WIDTH + 1, 2, 5])):
+            np.testing.assert_allclose(mine.across(chosen, every), theirs.across(chosen, every), rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(mine.of(chosen).gram, theirs.of(chosen).gram, rtol=1e-9, atol=1e-9)
+        pair = np.array([[3, 4], [WIDTH, 10]])
+        np.testing.assert_allclose(mine.own(pair), theirs.own(pair), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(mine.side, theirs.side, rtol=1e-9, atol=1e-9)
+
+
+def test_columns_of_blocks_are_their_features_in_units_of_noise() -> None:
+    random = np.random.default_rng(6)
+    noise = Noise(np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 2.0], [0.0, 2.0, 1.0]]) * 1e-5, "machine file")
+    tool, rail = (Place(name, random.normal(size=(ROWS, 3, ways))) for name, ways in (("tool", 3), ("rail 1", 2)))
+    blocks = [
+        Block(str(n), place, ("x",), random.normal(size=(ROWS, n))) for n, place in ((4, tool), (1, rail), (3, rail))
+    ]
+    rows = np.arange(ROWS) % 3 > 0
+    found = whitened(blocks, noise, rows)
+    assert found.transpose(2, 1, 0).flags.c_contiguous
+    wanted = np.concatenate([noise.whitener @ block.features for block in blocks], axis=2)[rows]
+    np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-12)
+
+
+def test_what_hidden_rows_say_is_asked_of_them_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    scorer = Scorer(system_of())
+    first, error = hide(scorer, ("a", "b"), "a"), held_out(scorer, ("a", "b"))
+    told = np.array([_left_out(("a", "b"), block) for block in range(4)])
+    np.testing.assert_allclose(error, np.sqrt(told.sum() / ROWS), rtol=1e-6)
+    fewer = hide(scorer, ("a", "b"), "b")
+    monkeypatch.setattr(hidden_module, "_foretold", None)
+    assert hide(scorer, ("b", "a"), "a") is first and held_out(scorer, ("b", "a")) == error
+    np.testing.assert_allclose(fewer.with_it, first.with_it, rtol=1e-12)  # of the same set
+    assert not np.allclose(fewer.without, first.without)
+
+
+def _left_out(keys: tuple[str, ...], block: int) -> float:
+    """Sum of squares on one block of travel that a set leaves which never saw it."""
+    system = system_of()
+    scorer, here = Scorer(system), system.block == block
+    state = scorer.score(keys, WHITE)
+    values = next(scorer.without_rows(state, [list(system.hidden(state.columns))[block]])).values
+    return float(np.square(system.values[here] - system.columns[here][:, :, state.columns] @ values).sum())
+
+
+def test_a_wander_is_only_looked_for_where_something_may_wander(monkeypatch: pytest.MonkeyPatch) -> None:
+    random, asked = np.random.default_rng(8), []
+    plain = Scorer._wander_near
+
+    def looked(self: Scorer, *rest: object) -> Memory:
+        asked.append(self)
+        return plain(self, *rest)
+
+    monkeypatch.setattr(Scorer, "_wander_near", looked)
+    steady = np.diff(random.normal(size=(301, 3)), axis=0)  # neighbours are as unlike as can be
+    slow = np.cumsum(random.normal(size=(300, 3)), axis=0)
+    for values, wanders in ((steady, False), (steady + slow, True)):
+        scorer = Scorer(system_of(values))
+        memory, gained = scorer.best_memory(scorer.score((), WHITE))
+        assert (len(asked) > 0, memory.wander is not None, gained > 0.0) == (wanders,) * 3
+    there = Scorer(system_of(steady))
+    asked.clear()
+    there.best_memory(there.score((), MEMORIES[2]))  # what is there already is always asked whether it is the best
+    assert asked
