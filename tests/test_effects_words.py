@@ -378,7 +378,7 @@ def candidate(**values):
 
 def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3, **on):
     found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
-    found = SimpleNamespace(**{**found, "with_": None, "acts_on": None, **on})
+    found = SimpleNamespace(**{**found, "with_": None, "acts_on": None, "unit": "mm", "words": "It is large.", **on})
     return SimpleNamespace(
         verdict=verdict,
         suggested=[(f"effect-{number}", *ties) for number in range(steps)],
@@ -427,9 +427,9 @@ def test_an_unknown_takes_five_lines_at_the_most(steps, depends):
 def test_a_jump_is_said_by_its_place_and_a_slow_rest_by_its_wander():
     """A range 'between 16 and 16' tells nobody anything; that noise is understated is no news where it wanders."""
     jump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="step", place=(15.98, 16.02)))
-    assert "What is left of slider 2 jumps where b2 passes 16.00 (40% of its variance)." in jump
+    assert "What is left of slider 2 jumps where b2 passes 16.00 mm (40% of its variance). It is large." in jump
     bump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="local", place=(41.0, 62.0)))
-    assert "follows b2 near 52 (40%" in bump
+    assert "follows b2 near 52 mm (40%" in bump
     floor = NOISE.total * 1e3
     slow = explain_verdict(diagnosis("nothing-missing", after=3.0 * floor, wander=Wander(4.0, 317.0)))
     assert f"the readings wander by {2.0 * floor:.1f} um, over about 317 s" in slow and "understate" not in slow

@@ -187,6 +187,27 @@ def path_views(problem: "Problem") -> dict[str, np.ndarray]:
     return context_views(problem) | {name: way for name, way in named.items() if _varies(name, way[problem.used])}
 
 
+def unit_of(problem: "Problem", name: str) -> str:
+    """The unit of a variable that a residual may depend on.
+
+    Args:
+        problem: the run.
+        name: as `path_views` has it.
+
+    Returns:
+        'mm', 'rad', 'mm/s', 'rad/s', 'kg', 'C', 's'; '' of directions, runs, rows without a clock and columns that a
+        person wants watched.
+    """
+    if name in problem.table.watched:
+        return ""
+    angle = "rad" if problem.file.machine.kind == "serial" else "mm"
+    own = {"payload": "kg", "temperature": "C", "feed": "mm/s", **dict.fromkeys(COORDINATES, "mm")}
+    own["time"] = "s" if "time" in problem.view.varies else ""
+    if name in own:
+        return own[name]
+    return angle if is_joint(name) else f"{angle}/s" if name.startswith("speed") else ""
+
+
 def is_joint(name: str) -> bool:
     """Whether a variable is a slider height or a joint angle: 'b2', 'q5'."""
     return name[:1] in ("b", "q") and name[1:].isdigit()

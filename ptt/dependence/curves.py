@@ -251,13 +251,27 @@ def binned_curve(values: np.ndarray, residual: np.ndarray, count: int = BINS) ->
     Returns:
         (m, 3) centres, means, half-widths of the 95 % confidence band of each mean.
     """
-    levels = np.unique(values)
-    cuts = levels[1:] if len(levels) <= count else np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
-    number = np.unique(np.searchsorted(cuts, values, side="right"), return_inverse=True)[1].reshape(-1)
+    number, centre = bins_of(values, count)
     size = np.bincount(number).astype(float)
     mean = np.bincount(number, residual) / size
     spread = np.bincount(number, np.square(residual - mean[number])) / np.maximum(size - 1.0, 1.0)
     pooled = np.square(residual - mean[number]).sum() / max(len(residual) - len(size), 1)
     # Few rows tell little about their own scatter.
     spread = (spread * (size - 1.0) + 4.0 * pooled) / (size + 3.0)
-    return np.column_stack([np.bincount(number, values) / size, mean, HALF * np.sqrt(spread / size)])
+    return np.column_stack([centre, mean, HALF * np.sqrt(spread / size)])
+
+
+def bins_of(values: np.ndarray, count: int = BINS) -> tuple[np.ndarray, np.ndarray]:
+    """Put values in bins.
+
+    Args:
+        values: (n,).
+        count: bins of equal count; a variable with fewer levels has one for each.
+
+    Returns:
+        (n,) int number of each, and (m,) mean of the values in each.
+    """
+    levels = np.unique(values)
+    cuts = levels[1:] if len(levels) <= count else np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
+    number = np.unique(np.searchsorted(cuts, values, side="right"), return_inverse=True)[1].reshape(-1)
+    return number, np.bincount(number, values) / np.bincount(number)

@@ -7,9 +7,11 @@ import numpy as np
 
 from ptt.dependence.causes import position_explains_more, varies_with
 from ptt.dependence.chance import gumbel_tail
-from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
+from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views, unit_of
 from ptt.dependence.curves import LOCAL, FittedCurve, describe
+from ptt.dependence.said import between, say_size
 from ptt.dependence.scores import Score, Variable, build_scores
+from ptt.dependence.size import Size
 from ptt.dependence.strata import FEWEST, Poses, find_poses
 from ptt.record import Record
 from ptt.run.holdout import blocks as travel_blocks
@@ -46,11 +48,13 @@ class Dependence(Record):
         rivals: variables that explain about as much but are the less likely cause.
         acts_on: where an unknown that follows it acts: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways',
             'link 2', or 'x', 'y', 'z' of the tool; None where that is open.
+        unit: of the variable; '' where it has none, or nobody knows it.
+        size: of an unknown, how large it is and which way it goes; None where nobody knows it.
     """
 
     keys: ClassVar[str] = (
-        "residual, on, share, p_value, period_mm, shape, place, with: with_, rivals, acts_on, curve.at: curve.T.0, "
-        "curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
+        "residual, on, unit, share, p_value, period_mm, shape, place, with: with_, rivals, acts_on, size, words, "
+        "curve.at: curve.T.0, curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
 
     residual: str
@@ -64,19 +68,26 @@ class Dependence(Record):
     with_: str | None = None
     rivals: tuple[str, ...] = ()
     acts_on: str | None = None
+    unit: str = ""
+    size: Size | None = None
+
+    @property
+    def words(self) -> str:
+        """How large it is and which way it goes, in a sentence; '' where nobody knows it."""
+        return "" if self.size is None else say_size(self.size)
 
     def how(self, second: str | None = None) -> str:
-        """The shape in a word or two, for example 'period 5 mm' or 'step at 12 to 14'.
+        """The shape in a word or two, for example 'period 5 mm' or 'step at 12.1 to 13.9 mm'.
 
         Args:
             second: a name for the second variable; None for its own.
         """
         if self.period_mm is not None:
-            return f"period {self.period_mm:.4g} {'rad' if self.on.startswith('q') else 'mm'}"
+            return f"period {self.period_mm:.4g} {self.unit or 'mm'}"
         if self.with_ is not None:
             return f"varies with {second or self.with_}"
         if self.place is not None:
-            return f"{self.shape} at {self.place[0]:.4g} to {self.place[1]:.4g}"
+            return f"{self.shape} at {between(*self.place, self.unit)}"
         return self.shape
 
 
@@ -99,9 +110,20 @@ def dependence_of(
     noise = None
     if problem.noise is not None:
         noise = dict(zip(("x", "y", "z"), map(float, problem.noise.sigma), strict=True))
-    return depends_on(
+    found = depends_on(
         views, context_views(problem), pose_groups(problem.table), travel_blocks(problem.table), noise=noise, seed=seed
     )
+    return tuple(with_unit(item, problem) for item in found)
+
+
+def with_unit(item: Dependence, problem: "Problem") -> Dependence:
+    """The same with the unit of its variable.
+
+    Args:
+        item: a dependence.
+        problem: the run that it was found on.
+    """
+    return replace(item, unit=unit_of(problem, item.on))
 
 
 def depends_on(

@@ -64,6 +64,10 @@ class Block:
         """(n, 3, m) mm, one learned variance for all of them."""
         return self.place.times(self.shapes)
 
+    def is_like(self, other: "Block") -> bool:
+        """Whether another acts where this one does and follows the same variable first."""
+        return self.place.residual == other.place.residual and self.on[0] == other.on[0]
+
     @property
     def width(self) -> int:
         """Number m of its features."""

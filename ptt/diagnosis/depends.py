@@ -1,18 +1,19 @@
 """What the unknown depends on: the blocks of an explanation, the largest first, as curves of one variable."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views
 from ptt.dependence.curves import binned_curve
-from ptt.dependence.dependence import Dependence, depends_on
+from ptt.dependence.dependence import Dependence, depends_on, with_unit
 from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.blocks import Block
-from ptt.diagnosis.found import parts_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import without
+from ptt.diagnosis.sizes import size_of_unknown
+from ptt.diagnosis.unknowns import Unknown
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
@@ -20,59 +21,6 @@ from ptt.run.problem import Problem
 MOST = 5  # lines that anybody reads
 AS_MUCH = 0.95  # share of what the best variable takes from which another says the same: bins tell no finer
 SECOND = ("temperature", "payload", "time")  # variables that a reversal may vary with, as a curve can show them
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """One block of an explanation.
-
-    Attributes:
-        block: the block.
-        nats: that the explanation loses without it.
-        energy: variance that it takes beside those before it, over that of what the named effects leave.
-        part: what it puts into the readings, (n, 3) mm.
-    """
-
-    block: Block
-    nats: float
-    energy: float
-    part: np.ndarray
-
-
-def unknowns_of(scorer: Scorer, state: State, rest: np.ndarray) -> tuple[Unknown, ...]:
-    """The blocks of a state, the one that takes most of what the names leave first.
-
-    Two blocks that make good for each other are each as large as they please. So the one that the readings would have
-    alone is taken first, then the one that they would have beside it, and each has the share that it adds.
-
-    Args:
-        scorer: of the system.
-        state: the best set.
-        rest: what the named effects leave of the rows that the blocks know, (n, 3) mm, NaN where they do not count.
-
-    Returns:
-        One for each block.
-    """
-    parts = parts_of(state, scorer.system)
-    chosen, left, found = without(state, *parts), _spread(rest), list[Unknown]()
-    whole = max(left, 1e-300)
-    for _ in parts:
-        others = [key for key in parts if key not in chosen]
-        ways = {key: scorer.score((*chosen, key), state.memory, state.scales) for key in others}
-        key = max(ways, key=lambda key: ways[key].total)
-        chosen = (*chosen, key)
-        beside = _spread(rest - sum(parts_of(ways[key], scorer.system).values()))
-        nats = state.total - scorer.score(without(state, key), state.memory, state.scales).total
-        block = scorer.system.atoms[key].block
-        assert block is not None
-        found.append(Unknown(block, nats, max(left - beside, 0.0) / whole, parts[key]))
-        left = min(left, beside)
-    return tuple(sorted(found, key=lambda item: -item.energy))
-
-
-def _spread(readings: np.ndarray) -> float:
-    """Mean square about the mean, mm^2: a level is another's to take, the frame's, an offset's."""
-    return float(np.nanmean(np.square(readings - np.nanmean(readings, axis=0))))
 
 
 def with_suspect(scorer: Scorer, state: State) -> State:
@@ -117,18 +65,18 @@ def dependences(unknowns: tuple[Unknown, ...], rest: np.ndarray, problem: Proble
     """
     contexts, found = path_views(problem), list[Dependence]()
     for item in unknowns:
-        others = sum((other.part for other in unknowns if other is not item), np.zeros_like(rest))
-        one = _dependence(item, rest - others, contexts, problem)
+        one = _dependence(item, unknowns, rest, contexts, problem)
         if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
             found.append(one)
     return tuple(found[:MOST])
 
 
 def _dependence(
-    item: Unknown, rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
+    item: Unknown, unknowns: Sequence[Unknown], rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
 ) -> Dependence | None:
-    """One block: where it shows most, and the variable that it follows most."""
-    parts, rests = residual_views(problem, item.part), residual_views(problem, rest)
+    """One block: where it shows most, the variable that it follows most, and how large it is."""
+    others = sum((other.part for other in unknowns if other is not item), np.zeros_like(rest))
+    parts, rests = residual_views(problem, item.part), residual_views(problem, rest - others)
     residuals = _residuals(item, parts)
     choices = [name for name in _variables(item, problem) if name in contexts]
     if not choices:
@@ -145,10 +93,13 @@ def _dependence(
     share = min(item.energy, 1.0)
     if tested:
         best = next((d for d in tested if d.with_ == second), tested[0])
-        return replace(best, share=share, p_value=chance, rivals=(), acts_on=_acts_on(item.block))
-    rows = np.isfinite(rests[residual]) & np.isfinite(contexts[on])
-    curve = binned_curve(contexts[on][rows], rests[residual][rows])
-    return Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
+        found = replace(best, share=share, p_value=chance, rivals=(), acts_on=_acts_on(item.block))
+    else:
+        rows = np.isfinite(rests[residual]) & np.isfinite(contexts[on])
+        curve = binned_curve(contexts[on][rows], rests[residual][rows])
+        found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
+    alike = [other for other in unknowns if other.block.is_like(item.block)]
+    return with_unit(replace(found, size=size_of_unknown(item, alike, found, rest, problem, contexts)), problem)
 
 
 def _acts_on(block: Block) -> str | None:

@@ -174,7 +174,7 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
         ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
         called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
         for name, way in zip(called, ways, strict=True):
-            yield Place(name, way, place.joint)
+            yield Place(name, way, place.joint, place.lever)
     if problem.file.machine.kind == "three-ptt":
         by_slot = chain.by_slot.numpy()
         for leg in range(problem.view.joints):

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence, dependence_of
-from ptt.diagnosis.depends import MOST, dependences, rest_of, unknowns_of, with_suspect
+from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find, opening_rows
 from ptt.diagnosis.found import Found
@@ -15,7 +15,9 @@ from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few,
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.search import without
+from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.steps import name_steps
+from ptt.diagnosis.unknowns import unknowns_of
 from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_verdict, held_to_base
 from ptt.effects import Library, library
@@ -198,8 +200,9 @@ def conclude(
     verdict: Verdict = _verdict(found, bool(named), rest, problem) if sound else "unknown"
     depends = dependences(unknowns, left, shown)
     if not depends and wanders_beyond(found.system, state):  # the memory has taken it: what it took tells what it is
-        depends = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
-    depends = depends or rest.depends_on
+        found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
+        depends = sized(found_in, left, shown)
+    depends = depends or sized(rest.depends_on, left, shown)
     if verdict == "unknown" and not depends:
         suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
         left = rest_of(scorer, suspect, problem)[rows]

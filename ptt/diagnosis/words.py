@@ -6,6 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
+from ptt.dependence.said import middle
 from ptt.diagnosis.wander import Wander
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, doubt, listed, remedies
@@ -32,6 +33,8 @@ class Strongest(Protocol):
     place: tuple[float, float] | None
     with_: str | None
     acts_on: str | None
+    unit: str
+    words: str
 
 
 def sentence(told: Told, view: View) -> str:
@@ -257,17 +260,16 @@ def tell_verdict(
 
 
 def depends(strongest: Strongest) -> str:
-    """What the leading unknown follows, in one line."""
-    unit = "rad" if strongest.on.startswith("q") else "mm"
-    period = f" with a period of {strongest.period_mm:.3g} {unit}" if strongest.period_mm else ""
+    """What the leading unknown follows, how large it is and which way it goes, in one line."""
+    period = f" with a period of {strongest.period_mm:.3g} {strongest.unit}".rstrip() if strongest.period_mm else ""
     share = f"({strongest.share:.0%} of its variance){acting(strongest.acts_on, strongest.residual)}"
+    size = f" {strongest.words}" if strongest.words else ""
     if strongest.place and strongest.shape == "step" and not strongest.with_:
-        return (
-            f"What is left of {strongest.residual} jumps where {strongest.on} passes {_near(strongest.place)} {share}."
-        )
-    place = f" near {_near(strongest.place)}" if strongest.place else ""
+        where = middle(*strongest.place, strongest.unit)
+        return f"What is left of {strongest.residual} jumps where {strongest.on} passes {where} {share}.{size}"
+    place = f" near {middle(*strongest.place, strongest.unit)}" if strongest.place else ""
     place = f", in a measure that varies with {strongest.with_}" if strongest.with_ else place
-    return f"What is left of {strongest.residual} follows {_spoken(strongest.on)}{period}{place} {share}."
+    return f"What is left of {strongest.residual} follows {_spoken(strongest.on)}{period}{place} {share}.{size}"
 
 
 def acting(place: str | None, residual: str) -> str:
@@ -292,13 +294,6 @@ def _spoken(on: str) -> str:
     word, _, axis = on.partition(" ")
     spoken = {"way": f"the way along {axis} that the tool came", "turn": f"how the tool turns along {axis}"}
     return f"{spoken[word]} ({on})" if axis in ("x", "y", "z") and word in spoken else on
-
-
-def _near(place: tuple[float, float]) -> str:
-    """The middle of a place, with as many digits as its width is worth."""
-    low, high = place
-    digits = max(0, int(np.ceil(-np.log10(max(high - low, 1e-3)))))
-    return f"{0.5 * (low + high):.{digits}f}"
 
 
 def _excess(after_um: float, noise: Noise, wander: Wander | None) -> str:

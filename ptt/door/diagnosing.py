@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ptt.dependence.said import between
 from ptt.diagnosis.find import STEPS
 from ptt.diagnosis.long import choose_diagnosis
 from ptt.diagnosis.verdict import Diagnosis
@@ -185,13 +186,12 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
     if result.depends_on:
         lines.append("what is left depends on:")
         for item in result.depends_on:
-            unit = "rad" if item.on.startswith("q") else "mm"
-            period = f", period {item.period_mm:.3g} {unit}" if item.period_mm else ""
-            place = f", {item.shape} between {item.place[0]:.4g} and {item.place[1]:.4g}" if item.place else ""
+            period = f", period {item.period_mm:.3g} {item.unit}" if item.period_mm else ""
+            place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""
             place = f", varying with {item.with_}" if item.with_ else place
             acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
             share = f"{item.share:.0%} (p = {item.p_value:.1g}{period}{place})"
-            lines.append(f"  {item.residual} on {item.on}: {share}{acts}")
+            lines += [f"  {item.residual} on {item.on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]
         lines.append("")
     if result.verdict == "unknown" and any(is_variable(item.on) for item in result.depends_on[:1]):
         lines += [

@@ -160,7 +160,7 @@ def _words(found: Diagnosis, problem: Problem) -> str:
         own = first.on == f"direction{first.residual.split()[-1]}"
         on = "the way from which it comes" if own else spoken(first.on, serial)
         share = f"{percent(first.share)} of its variance{acting(first.acts_on, first.residual)}"
-        return f"What is left of {first.residual} follows {on}{with_}: {share}."
+        return f"What is left of {first.residual} follows {on}{with_}: {share}. {first.words}".rstrip()
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
 

@@ -1,0 +1,131 @@
+"""Places, values and sizes of a dependence in words, with their units."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ptt.dependence.size import Size
+from ptt.effects.phrases import SIGNIFICANT, figure, scaled
+
+NOTHING = 0.01  # of a size: what beside it is none
+FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
+SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero, where it is largest
+    "slider": ("higher", "lower", "highest"),
+    "joint": ("further forward", "further back", "furthest forward"),
+    "link": ("longer", "shorter", "longest"),
+    "outward": ("further outward", "further inward", "furthest outward"),
+    "sideways": (
+        "further counter-clockwise (seen from above)",
+        "further clockwise (seen from above)",
+        "furthest counter-clockwise (seen from above)",
+    ),
+    **{axis: (f"further toward +{axis}", f"further toward -{axis}", f"furthest toward +{axis}") for axis in "xyz"},
+}
+
+
+def between(low: float, high: float, unit: str) -> str:
+    """A place with as many digits as tell its ends apart, as one value where nobody could tell them.
+
+    Args:
+        low: its lower end.
+        high: its upper end.
+        unit: of both; '' for none.
+
+    Returns:
+        For example '15.9 to 62.1 mm', or '16.01 mm'.
+    """
+    digits = int(np.clip(1 - np.floor(np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, 2)))
+    one, two = (f"{value:.{digits}f}" for value in (low, high))
+    return f"{one if one == two else f'{one} to {two}'} {unit}".strip()
+
+
+def middle(low: float, high: float, unit: str) -> str:
+    """The middle of a place, with as many digits as its width is worth and its unit."""
+    digits = int(np.clip(np.ceil(-np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, 2)))
+    return f"{0.5 * (low + high):.{digits}f} {unit}".strip()
+
+
+def say_size(size: Size) -> str:
+    """How large a dependence is and which way it goes.
+
+    Args:
+        size: the size.
+
+    Returns:
+        One sentence, for example 'Slider 1 comes out 38 +- 2 um higher when slider 1 arrives upward than downward.'
+    """
+    who, (more, less, most) = _subject(size.of), SIDES[size.of.split()[-1 if size.of[-1].isalpha() else 0]]
+    side = more if size.value >= 0.0 or not size.known else less
+    at_most = f"no more than {_amount(size, _bound(size), 0.0)}"
+    what = _amount(size, size.value, size.std) if size.known else f"{at_most} {less} or"
+    low, high = (f"{size.along} = {value}" for value in _values(size.low, size.high, size.unit))
+    far, ways = f"{who} comes out {what} {side}", _arrival(size)
+    match size.kind:
+        case "side":
+            told = f"{far} {ways}"
+        case "varying":
+            told = f"{far} {ways} at {high}, and {_then(size, more, less)} at {low.partition(' = ')[2]}"
+        case "step":
+            told = f"{far} above {size.on} = {middle(size.low, size.high, size.unit)} than below it"
+        case "bump":
+            told = f"{far} about {size.on} = {middle(size.low, size.high, size.unit)} than beside it"
+        case "period" if size.known:
+            each = f"{size.high - size.low:.4g} {size.unit}".strip()
+            told = f"{who} swings by {what} to either side, {most} at {low} and every {each} on"
+        case "period":
+            told = f"{who} swings by {at_most} to either side"
+        case _:
+            told = f"{far} at {high} than at {low.partition(' = ')[2]}"
+    told = f"{told[:1].upper()}{told[1:]}{'' if size.known else ': this run does not tell which'}"
+    return f"{told}." if size.rms is None else f"{told}; {_in_um(1e3 * size.rms)} rms at the tool."
+
+
+def _then(size: Size, more: str, less: str) -> str:
+    """The value at the other end of what varies."""
+    value, std = size.other or 0.0, size.other_std or 0.0
+    if abs(value) <= SIGNIFICANT * std or abs(value) < NOTHING * abs(size.value):
+        bound = abs(value) + 2.0 * std
+        return "alike" if bound < NOTHING * abs(size.value) else f"no more than {_amount(size, bound, 0.0)} either way"
+    return f"{_amount(size, value, std)} {more if value > 0.0 else less}"
+
+
+def _bound(size: Size) -> float:
+    """What a size that is not known stays within."""
+    return abs(size.value) + 2.0 * size.std
+
+
+def _subject(of: str) -> str:
+    """Who is off, in words."""
+    return "the tool" if of in ("x", "y", "z") else of.removesuffix(" outward").removesuffix(" sideways")
+
+
+def _arrival(size: Size) -> str:
+    """The two ways of a joint's arrival."""
+    who = f"{size.noun} {size.on.removeprefix('direction')}"
+    ways = "forward than back" if size.noun == "joint" else "upward than downward"
+    return f"when {'it' if who == size.of else who} arrives {ways}"
+
+
+def _values(low: float, high: float, unit: str) -> tuple[str, str]:
+    """Two values of a variable that are told apart by their digits, each with its unit."""
+    digits = int(np.clip(1 - np.floor(np.log10(max(abs(high - low), 1e-9))), 0, FINEST.get(unit, 2)))
+    one, two = (f"{value:.{digits}f}" for value in (low, high))
+    return f"{one} {unit}".strip(), f"{two} {unit}".strip()
+
+
+def _amount(size: Size, value: float, std: float) -> str:
+    """A size with its standard error, as '38 +- 2 um'."""
+    fine, micro = (1e6, "urad") if size.of.startswith("joint") else (1e3, "um")
+    factor, unit = scaled([fine * abs(value)], micro)
+    shown, error = factor * fine * abs(value), factor * fine * std
+    if not error > 0.0:
+        return f"{figure(shown)} {unit}"
+    power = int(np.floor(np.log10(error)))
+    digits = int(np.clip((error < 3.0 * 10.0**power) - power, 0, 2 if shown < 10.0 else 1))
+    return f"{shown:.{digits}f} +- {max(error, 10.0**-digits):.{digits}f} {unit}"
+
+
+def _in_um(size: float) -> str:
+    """A length in um with the prefix that suits it."""
+    factor, unit = scaled([size], "um")
+    return f"{figure(factor * size)} {unit}"
