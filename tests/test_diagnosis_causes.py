@@ -16,7 +16,7 @@ from ptt.diagnosis import noise as noises
 from ptt.diagnosis.depends import _followed
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.verdict import Diagnosis, diagnose
-from ptt.diagnosis.wander import Clock, Wander, innovations
+from ptt.diagnosis.wander import Clock, Wander, innovations, kinds_of_wander
 from ptt.effects import library
 from ptt.machine import BasePoint, TrackerSpec
 from ptt.model.model import Model, Term
@@ -45,6 +45,10 @@ def told(level: str, seed: int) -> tuple[Truth, Diagnosis]:
         ("multi", 612005),  # a slip whose place two curves had taken, which left nothing to date it by
         ("multi", 840000),  # gross errors that a wander followed, so that nobody saw them
         ("none", 840012),  # four set-ups of ten readings each, whose freedom a wander took for calm
+        ("none", 1030020),  # a stand that moves the sharp axis of a tracker as far as its blunt ones
+        ("none", 1030009),  # half a minute of a wander of ten, in a frame that the file trusts
+        ("none", 1100236),  # a wander of which knocks had taken so much that nothing of it was left to see
+        ("multi", 1100058),  # a drift that a slow wander follows as well
     ],
 )
 def test_the_names_are_those_of_what_is_hidden(level, seed):
@@ -164,6 +168,18 @@ def test_a_tracker_that_drifts_between_visits_to_the_base_is_no_fault_of_the_mac
     found = diagnose(Model(file), problem)
     assert found.suggested == ((("tracker-drift",),) if drift else ())
     assert found.verdict == ("missing" if drift else "nothing-missing")
+
+
+def test_a_stand_moves_a_sharp_axis_as_far_as_a_blunt_one():
+    """The noise's own axes; beside a wander in units of noise one in mm, where the axes are not alike."""
+    turned = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    noise = Noise(turned @ np.diag([0.25, 16.0, 9.0]) @ turned.T * 1e-6, "std columns")
+    steady, stand = kinds_of_wander(noise)
+    own = noise.whitener @ noise.covariance @ noise.whitener.T
+    np.testing.assert_allclose(own, np.eye(3), atol=1e-12)
+    in_mm = np.linalg.inv(noise.whitener) @ np.diag(stand) @ np.linalg.inv(noise.whitener).T
+    np.testing.assert_allclose(in_mm, np.trace(noise.covariance) / 3.0 * np.eye(3), rtol=1e-9, atol=1e-15)
+    assert steady == (1.0, 1.0, 1.0) and kinds_of_wander(Noise(np.diag([2.0, 3.0, 3.5]) * 1e-6, "")) == (steady,)
 
 
 def test_one_figure_for_all_axes_says_how_wide_and_the_rows_say_along_which(monkeypatch):

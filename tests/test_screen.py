@@ -72,19 +72,22 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
 
 
 @pytest.mark.parametrize("width", [1, MANY])
-@pytest.mark.parametrize("memory", [WHITE, Memory(None, 3.0), Memory(Wander(2.0, 6.0))])
+@pytest.mark.parametrize(
+    "memory", [WHITE, Memory(None, 3.0), Memory(Wander(2.0, 6.0)), Memory(Wander(2.0, 6.0, (9.0, 0.4, 1.0)))]
+)
 def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, width: int) -> None:
     random = np.random.default_rng(6)
     pose, time = np.array([0, 0, 1, 2, 2, 2, 3, 0]), np.array([0.0, 1.0, 3.0, 4.0, 9.0, 10.0, 0.0, 2.0])
     starts = np.isin(np.arange(8), [0, 6])
     values = random.normal(size=(8, 3, width))
     white, log_noise = white_rows(values.T, memory, Clock(time, starts), poses_of(pose))
-    covariance = np.eye(8) + memory.pose * (pose[:, None] == pose)
-    if memory.wander is not None:
-        run = np.cumsum(starts)
-        apart = np.exp(-np.abs(time[:, None] - time) / memory.wander.constant)
-        covariance += memory.wander.share * apart * (run[:, None] == run)
-    density = sum(multivariate_normal(cov=covariance).logpdf(column) for column in values[:, :, -1].T)
+    run, density = np.cumsum(starts), 0.0
+    for axis, column in enumerate(values[:, :, -1].T):
+        covariance = np.eye(8) + memory.pose * (pose[:, None] == pose)
+        if memory.wander is not None:
+            apart = np.exp(-np.abs(time[:, None] - time) / memory.wander.constant)
+            covariance += memory.wander.share * memory.wander.axes[axis] * apart * (run[:, None] == run)
+        density += multivariate_normal(cov=covariance).logpdf(column)
     mine = -0.5 * np.square(white[-1]).sum() - log_noise - 12.0 * np.log(2.0 * np.pi)
     np.testing.assert_allclose(mine, density, rtol=1e-10)
 
@@ -92,13 +95,17 @@ def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, wid
 def test_wanders_are_told_apart_as_their_whole_covariances_do() -> None:
     random = np.random.default_rng(8)
     time, starts = np.cumsum(random.uniform(1.0, 4.0, 30)), np.isin(np.arange(30), [0, 17])
-    left, wanders = random.normal(size=(30, 3)), [Wander(0.4, 5.0), Wander(6.0, 5.0), Wander(6.0, 40.0)]
+    left, uneven = random.normal(size=(30, 3)), (0.3, 8.0, 1.0)
+    wanders = [Wander(0.4, 5.0), Wander(6.0, 5.0), Wander(6.0, 40.0), Wander(0.4, 5.0, uneven)]
     run, truth = np.cumsum(starts), []
     for wander in wanders:
         apart = np.exp(-np.abs(time[:, None] - time) / wander.constant)
-        covariance = np.eye(30) + wander.share * apart * (run[:, None] == run)
-        square = np.trace(left.T @ np.linalg.solve(covariance, left))  # the white variance at its best is square / 90
-        truth.append(wander.log_prior - 1.5 * np.linalg.slogdet(covariance)[1] - 45.0 * np.log(square))
+        square, half = 0.0, 0.0  # the white variance at its best is square / 90
+        for axis, column in zip(wander.axes, left.T, strict=True):
+            covariance = np.eye(30) + axis * wander.share * apart * (run[:, None] == run)
+            square += column @ np.linalg.solve(covariance, column)
+            half += 0.5 * np.linalg.slogdet(covariance)[1]
+        truth.append(wander.log_prior - half - 45.0 * np.log(square))
     np.testing.assert_allclose(likelihoods(left, wanders, Clock(time, starts)), truth, rtol=1e-10)
 
 
@@ -159,11 +166,12 @@ def test_sums_beside_errors_of_poses_are_those_of_the_whole_covariance_and_stay_
 def test_rows_behind_each_other_and_columns_behind_each_other_are_filtered_alike() -> None:
     random, rows = np.random.default_rng(12), 3 * STRETCH + 7
     clock = Clock(np.cumsum(random.uniform(1.0, 4.0, rows)), np.isin(np.arange(rows), [0, 17, 2 * STRETCH]))
-    values, wander = random.normal(size=(rows, 3)), Wander(2.0, 30.0)
-    mine, log_noise = filtered(values.T, wander, clock)
-    theirs, other = innovations(values, wander, clock)
-    np.testing.assert_allclose(mine.T, theirs, rtol=1e-9, atol=1e-12)
-    assert log_noise == other
+    for wander in (Wander(2.0, 30.0), Wander(2.0, 30.0, (9.0, 0.4, 1.0))):
+        values = random.normal(size=(rows, 3))
+        mine, log_noise = filtered(values.T, wander, clock)
+        theirs, other = innovations(values, wander, clock)
+        np.testing.assert_allclose(mine.T, theirs, rtol=1e-9, atol=1e-12)
+        assert log_noise == other
 
 
 def test_no_atom_does_more_in_the_place_of_another_than_it_is_foretold() -> None:

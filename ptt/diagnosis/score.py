@@ -15,7 +15,7 @@ from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums
 from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
-from ptt.diagnosis.wander import SHARES, Wander, likelihoods
+from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
 from ptt.fitting.evidence import WIDTH, Posterior, learn
 from ptt.model.model import rival
 
@@ -323,32 +323,36 @@ class Scorer:
         return -half - 0.5 * known * float(np.log((self.system.freedom + left) / known))
 
     def _neighbours(self, state: State, value: Callable[[Memory], float]) -> list[Memory]:
-        """The best wander where one may be, and all errors of poses without one."""
+        """The best wander of each kind where one may be, and all errors of poses without one."""
         found = list[Memory]()
         constants = self.system.clock.constants
         if len(constants):
             left = self.system.left(state.columns, state.posterior.values)
-            share, slow, more = self._rough_wander(left, constants)
-            if state.memory.wander is not None or more > NO_WANDER:
-                found.append(self._wander_near(share, slow, constants, value))
+            for axes in kinds_of_wander(self.system.noise):
+                share, slow, more = self._rough_wander(left, constants, axes)
+                if state.memory.wander is not None or more > NO_WANDER:
+                    found.append(self._wander_near(share, slow, constants, axes, value))
         if self.system.repeats >= REPEATED:
             found += [Memory(None, float(size)) for size in POSES]
         return found
 
-    def _wander_near(self, share: int, slow: int, constants: np.ndarray, value: Callable[[Memory], float]) -> Memory:
-        """The best wander by coordinate steps over the grid."""
+    def _wander_near(
+        self, share: int, slow: int, constants: np.ndarray, axes: Axes, value: Callable[[Memory], float]
+    ) -> Memory:
+        """The best wander of a kind by coordinate steps over the grid."""
         for _ in range(3):
             before = share, slow
-            share = _uphill(share, len(SHARES), partial(_at_share, value, float(constants[slow])))
-            slow = _uphill(slow, len(constants), partial(_at_constant, value, share, constants))
+            share = _uphill(share, len(SHARES), partial(_at_share, value, float(constants[slow]), axes))
+            slow = _uphill(slow, len(constants), partial(_at_constant, value, share, constants, axes))
             if (share, slow) == before:
                 break
-        return _wandering(share, float(constants[slow]))
+        return _wandering(share, float(constants[slow]), axes)
 
-    def _rough_wander(self, left: np.ndarray, constants: np.ndarray) -> tuple[int, int, float]:
+    def _rough_wander(self, left: np.ndarray, constants: np.ndarray, axes: Axes) -> tuple[int, int, float]:
         """Where on the grid the wander of a state's residual lies, and nats that it brings, its atoms held."""
         grid = [(i, j) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
-        likely = likelihoods(left, [Wander(float(SHARES[i]), float(constants[j])) for i, j in grid], self.system.clock)
+        wanders = [Wander(float(SHARES[i]), float(constants[j]), axes) for i, j in grid]
+        likely = likelihoods(left, wanders, self.system.clock)
         best = int(np.argmax(likely))
         return *grid[best], float(likely[best] - MEMORY_ODDS + 0.5 * left.size * np.log(np.square(left).sum()))
 
@@ -365,16 +369,16 @@ def prior_of(memory: Memory) -> float:
     return wander - (MEMORY_ODDS if memory.pose else 0.0)
 
 
-def _wandering(share: int, constant: float) -> Memory:
-    return Memory(Wander(float(SHARES[share]), float(constant)))
+def _wandering(share: int, constant: float, axes: Axes) -> Memory:
+    return Memory(Wander(float(SHARES[share]), constant, axes))
 
 
-def _at_share(value: Callable[[Memory], float], constant: float, share: int) -> float:
-    return value(_wandering(share, constant))
+def _at_share(value: Callable[[Memory], float], constant: float, axes: Axes, share: int) -> float:
+    return value(_wandering(share, constant, axes))
 
 
-def _at_constant(value: Callable[[Memory], float], share: int, constants: np.ndarray, slow: int) -> float:
-    return value(_wandering(share, float(constants[slow])))
+def _at_constant(value: Callable[[Memory], float], share: int, constants: np.ndarray, axes: Axes, slow: int) -> float:
+    return value(_wandering(share, float(constants[slow]), axes))
 
 
 def _uphill(index: int, count: int, value: Callable[[int], float]) -> int:

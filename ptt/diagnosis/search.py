@@ -38,7 +38,8 @@ def search(scorer: Scorer) -> State:
 def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
     """The sets that adding and dropping lead to.
 
-    What effects explain by themselves, blocks are added to, and the other way round; and both at once.
+    What effects explain by themselves, blocks are added to, and the other way round; both at once; and what the noise
+    remembers by itself, where that is not far behind: of what effects have taken of a wander little is left to see.
 
     Args:
         scorer: of the system.
@@ -48,7 +49,9 @@ def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
         The ends of the ways.
     """
     first = scorer.score(start, WHITE)
-    return [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, is_any)]
+    ends = [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, is_any)]
+    alone = scorer.score(start, scorer.best_memory(first)[0])
+    return [*ends, climb(scorer, alone)] if alone.total > max(end.total for end in ends) - HOPEFUL else ends
 
 
 def best_of(scorer: Scorer, ends: Sequence[State]) -> State:
@@ -237,9 +240,26 @@ def _remembering(scorer: Scorer, state: State, key: str) -> State:
     A wander beside a jump that imitates it says little more, and the jump without it too much: one has to go for the
     other.
     """
-    fewer = scorer.score(without(state, key), state.memory, state.scales)
-    memory, _ = scorer.best_memory(fewer)
-    return scorer.score(fewer.keys, memory, fewer.scales)
+    return _again_remembering(scorer, scorer.score(without(state, key), state.memory, state.scales))
+
+
+def _again_remembering(scorer: Scorer, state: State) -> State:
+    """The same atoms with the memory of the noise that suits them."""
+    return scorer.score(state.keys, scorer.best_memory(state)[0], state.scales)
+
+
+def _less_remembering(scorer: Scorer, white: State, allowed: Allowed) -> list[State]:
+    """What does most where nothing is remembered, and beside it what is left to remember.
+
+    A slow wander follows all that changes slowly, and leaves nothing for what really did.
+
+    Args:
+        scorer: of the system.
+        white: a set without a memory of the noise.
+        allowed: atoms that may be added.
+    """
+    leaders = scorer.screen(white, lambda atom: allowed(atom) and _wanders(atom))[:1]
+    return [_again_remembering(scorer, added(scorer, white, gain)) for gain in leaders if gain.nats > SEEN]
 
 
 def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
@@ -258,6 +278,7 @@ def _slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     if state.memory != WHITE:
         moves.append(scorer.score(state.keys, WHITE, state.scales))
         less.append((moves[-1], None))
+        moves += _less_remembering(scorer, moves[-1], allowed)
     else:
         moves += [_remembering(scorer, state, key) for key in may_go if _wanders(scorer.system.atoms[key])]
     for fewer, few in less:

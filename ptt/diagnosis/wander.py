@@ -7,32 +7,59 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lapack
 
+from ptt.run.noise import Noise
+
 SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the white noise
-CONSTANTS = 7  # time constants between the shortest that is told from white noise and half the run
+CONSTANTS = 9  # time constants between the shortest that is told from white noise and the longest
+LONGEST = 4.0  # times a run: a stand that warms for an hour is a random walk in a run of minutes, wherever it began
 SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
 LEAST_STEPS = 12
 STRETCH = 32  # rows whose innovations are worked out at once where columns lie one behind the other
 MANY = 200  # columns from which a row of them is worth a step of its own
 USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
+Axes = tuple[float, float, float]
+AS_NOISE: Axes = (1.0, 1.0, 1.0)
+UNEVEN = 2.0  # of variances of the noise's axes, from which a stand and the air are two things: one step of the shares
 FAULT = 10.0  # variance over that of the white noise from which a wander is no tracker's: air and stand do three sigma
 
 
 @dataclass(frozen=True)
 class Wander:
-    """An Ornstein-Uhlenbeck wander under white noise, alike in all coordinates.
+    """An Ornstein-Uhlenbeck wander under white noise.
+
+    Air bends a beam and so moves readings as the noise does, most of all across the beam; a stand that leans moves
+    them along every axis alike.
 
     Attributes:
-        share: its variance over that of the white noise.
+        share: its variance over that of the white noise, the mean of all axes of both.
         constant: its time constant, s (rows where there is no clock).
+        axes: by which the share is larger along each axis of the noise.
     """
 
     share: float
     constant: float
+    axes: Axes = AS_NOISE
+
+    @property
+    def parts(self) -> tuple[tuple[slice, float], ...]:
+        """Axes of the noise that wander alike, and their share."""
+        if len(set(self.axes)) == 1:
+            return ((slice(None), self.share * self.axes[0]),)
+        return tuple((slice(k, k + 1), self.share * times) for k, times in enumerate(self.axes))
 
     @property
     def log_prior(self) -> float:
         """Log prior density of the share, up to a constant."""
         return -0.5 * (np.log(self.share / USUAL_SHARE) / SPREAD) ** 2
+
+
+def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
+    """By which a wander's share is larger along each axis of the noise: of the air, and of a stand."""
+    squares = 1.0 / np.square(noise.whitener).sum(axis=1)
+    if squares.max() < UNEVEN * squares.min():
+        return (AS_NOISE,)
+    first, second, third = (squares.mean() / squares).tolist()
+    return AS_NOISE, (first, second, third)
 
 
 @dataclass(frozen=True)
@@ -46,7 +73,7 @@ class Clock:
 
     time: np.ndarray
     starts: np.ndarray
-    _gains: dict[Wander, "Gains"] = field(default_factory=dict, compare=False, repr=False)
+    _gains: dict[tuple[float, float], "Gains"] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
     def step(self) -> float:
@@ -65,13 +92,13 @@ class Clock:
         if len(self.time) < LEAST_STEPS or not self.step:
             return np.zeros(0)
         shortest = SHORTEST * self.step
-        return np.geomspace(shortest, max(float(np.ptp(self.time)) / 2.0, 2.0 * shortest), CONSTANTS)
+        return np.geomspace(shortest, max(LONGEST * float(np.ptp(self.time)), 2.0 * shortest), CONSTANTS)
 
-    def gains(self, wander: Wander) -> "Gains":
-        """How a filter of the wander weighs the rows; what was worked out once is kept."""
-        if wander not in self._gains:
-            self._gains[wander] = _gains_of(wander, self)
-        return self._gains[wander]
+    def gains(self, share: float, constant: float) -> "Gains":
+        """How a filter of a wander along one axis weighs the rows; what was worked out once is kept."""
+        if (share, constant) not in self._gains:
+            self._gains[share, constant] = _gains_of(share, constant, self)
+        return self._gains[share, constant]
 
     def is_fault(self, wander: Wander | None) -> bool:
         """Whether a wander is more than a tracker does by itself."""
@@ -90,7 +117,7 @@ class Gains:
         keep: (n - 1,).
         take: (n - 1,).
         root: of the variance of each innovation, (n,).
-        log_noise: half the log-determinant of the noise's covariance.
+        log_noise: half the log-determinant of the noise's covariance along one axis.
     """
 
     keep: np.ndarray
@@ -131,11 +158,15 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
     """
     if wander is None:
         return values, 0.0
-    gains = clock.gains(wander)
-    flat = values.reshape(len(values), -1)
-    foretold = _row_by_row if flat.shape[1] > MANY else _all_rows
-    white = (flat - foretold(flat, gains.keep, gains.take)) / gains.root[:, None]
-    return white.reshape(values.shape), gains.log_noise
+    white, log_noise = np.empty_like(values), 0.0
+    for axes, share in wander.parts:
+        own, gains = values[:, axes], clock.gains(share, wander.constant)
+        flat = own.reshape(len(own), -1)
+        foretold = _row_by_row if flat.shape[1] > MANY else _all_rows
+        flat = (flat - foretold(flat, gains.keep, gains.take)) / gains.root[:, None]
+        white[:, axes] = flat.reshape(own.shape)
+        log_noise += gains.log_noise * own.shape[1]
+    return white, log_noise
 
 
 def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
@@ -145,7 +176,7 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
     goes on into each of them.
 
     Args:
-        rows: (.., n) in noise units.
+        rows: (.., 3, n) in noise units.
         wander: None for white noise.
         clock: of the rows.
 
@@ -154,8 +185,16 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
     """
     if wander is None:
         return rows, 0.0
-    gains = clock.gains(wander)
-    flat = rows.reshape(-1, rows.shape[-1])
+    white, log_noise = np.empty_like(rows), 0.0
+    for axes, share in wander.parts:
+        own, gains = rows[..., axes, :], clock.gains(share, wander.constant)
+        white[..., axes, :] = _filtered(own.reshape(-1, rows.shape[-1]), gains).reshape(own.shape)
+        log_noise += gains.log_noise * own.shape[-2]
+    return white, log_noise
+
+
+def _filtered(flat: np.ndarray, gains: Gains) -> np.ndarray:
+    """Rows (r, n) of one axis, or of axes that wander alike."""
     white, state = np.empty_like(flat), np.zeros(len(flat))
     for first, (taken, kept) in zip(range(0, flat.shape[1], STRETCH), gains.stretches, strict=True):
         own = flat[:, first : first + STRETCH]
@@ -166,7 +205,7 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
         np.subtract(own, foretold[:, :width], out=part)
         part /= gains.root[first : first + width]
         state = foretold[:, width]
-    return white.reshape(rows.shape), gains.log_noise
+    return white
 
 
 def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np.ndarray:
@@ -177,16 +216,19 @@ def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np
         wanders: to be compared.
         clock: of the rows.
     """
-    gains, count = [clock.gains(wander) for wander in wanders], len(left)
-    # The rows behind each other for every wander: nothing is foretold from one to the next.
-    keep, take = np.zeros((2, len(wanders), count))
+    shares = [[share for axes, share in wander.parts for _ in range(3)[axes]] for wander in wanders]
+    gains = [clock.gains(share, one.constant) for one, own in zip(wanders, shares, strict=True) for share in own]
+    # The axes behind each other for every wander: nothing is foretold from one to the next.
+    keep, take = np.zeros((2, len(gains), len(left)))
     for index, each in enumerate(gains):
         keep[index, :-1], take[index, :-1] = each.keep, each.take
-    every = np.broadcast_to(left, (len(wanders), *left.shape))
-    foretold = _all_rows(every.reshape(-1, 3), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
-    square = np.square((every - foretold) / np.array([each.root for each in gains])[:, :, None]).sum(axis=(1, 2))
+    every = np.tile(left.T, (len(wanders), 1))
+    foretold = _all_rows(every.reshape(-1, 1), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
+    white = (every - foretold) / np.array([each.root for each in gains])
+    square = np.square(white).reshape(len(wanders), -1).sum(axis=1)
+    log_noise = np.array([each.log_noise for each in gains]).reshape(-1, 3).sum(axis=1)
     prior = np.array([wander.log_prior for wander in wanders])
-    return prior - np.array([each.log_noise for each in gains]) - 0.5 * left.size * np.log(square)
+    return prior - log_noise - 0.5 * left.size * np.log(square)
 
 
 def _all_rows(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
@@ -208,11 +250,11 @@ def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndar
     return state
 
 
-def _gains_of(wander: Wander, clock: Clock) -> Gains:
+def _gains_of(share: float, constant: float, clock: Clock) -> Gains:
     """Gains and variances of the innovations, which depend on the clock alone."""
     step = np.maximum(np.diff(clock.time, prepend=clock.time[:1]), 0.0)
-    decay = np.where(clock.starts, 0.0, np.exp(-step / wander.constant))
-    gains, widths, variance, share = list[float](), list[float](), wander.share, wander.share
+    decay = np.where(clock.starts, 0.0, np.exp(-step / constant))
+    gains, widths, variance = list[float](), list[float](), share
     for keep in np.square(decay).tolist():
         variance = keep * variance + (1.0 - keep) * share
         wide = variance + 1.0
@@ -221,4 +263,4 @@ def _gains_of(wander: Wander, clock: Clock) -> Gains:
         widths.append(wide)
     gain, width = np.array(gains), np.array(widths)
     keeps, takes = decay[1:] * (1.0 - gain[:-1]), decay[1:] * gain[:-1]
-    return Gains(keeps, takes, np.sqrt(width), 1.5 * float(np.log(width).sum()))
+    return Gains(keeps, takes, np.sqrt(width), 0.5 * float(np.log(width).sum()))

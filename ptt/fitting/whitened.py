@@ -118,7 +118,7 @@ def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) ->
 
     Args:
         blocks: (n, 3, P) each, mm per unit.
-        whitener: (3, 3) upper triangular, 1/mm.
+        whitener: (3, 3) 1/mm.
         scale: usual size of each column.
 
     Returns:

@@ -55,9 +55,10 @@ class Noise(Record):
 
     @cached_property
     def whitener(self) -> np.ndarray:
-        """W with W^T W the inverse covariance, (3, 3) 1/mm."""
+        """W with W^T W the inverse covariance and W W^T diagonal, (3, 3) 1/mm: its rows are the noise's own axes."""
         least = max(ROUNDING * float(np.trace(self.covariance)), NOTHING)
-        return np.linalg.cholesky(np.linalg.inv(at_least(self.covariance, least))).T
+        squares, ways = np.linalg.eigh(at_least(self.covariance, least))
+        return np.asarray(ways.T / np.sqrt(squares)[:, None])
 
 
 def repeat_groups(table: "Table", direction: np.ndarray) -> np.ndarray:
