@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,10 +29,12 @@ from ptt.effects import library
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.fitting.moment import place_own_moments
 from ptt.fitting.solve import fit
+from ptt.machine import load_machine
 from ptt.model.model import Model, Term
 from ptt.rig.draw import DrawnRig, draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import Problem, build_problem
+from ptt.run.table import read_table
 
 MACHINE = bench_machine()
 
@@ -394,3 +397,11 @@ def test_a_set_that_was_only_told_to_be_far_is_scored_when_it_is_asked_for():
         assert hasty.score([key], WHITE).total == pytest.approx(exact.total, abs=0.1)
         assert not hasty.score([key], WHITE).posterior.ended
     assert far > 5
+
+
+def test_what_is_needless_is_asked_beside_the_unknowns_of_now():
+    """A run in which a wind-up and an unknown take turns: the play alone says it all, once neither is carried along."""
+    folder = Path(__file__).parent.parent / "data" / "sealed_one"
+    machine = load_machine(folder / "machine.toml")
+    found = diagnose(Model(machine), build_problem(machine, read_table(folder / "run.csv")))
+    assert found.suggested == (("backlash",),) and not found.outliers.any()

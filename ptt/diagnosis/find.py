@@ -91,10 +91,10 @@ def find(
             steady = again.state.keys == state.keys
             found = again if steady else found
         if steady or turn == TURNS - 2:
-            needless = find_needless(found, problem)
+            needless = find_needless(found if steady else _fitted_beside(found, problem), problem)
             if needless:
-                barred, kept = barred | set(needless), tuple(key for key in kept or () if key not in needless)
                 current, memory, before = _without(fitted.model, needless), state.memory, found
+                barred, kept = barred | set(needless), (*current.keys, *blocks)
                 system.forget()
                 continue
         if steady:
@@ -163,6 +163,13 @@ def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
     scorer, system = with_shapes(found.scorer, moments)
     state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
     return replace(found, system=system, scorer=scorer, state=state)
+
+
+def _fitted_beside(found: Found, problem: Problem) -> Found:
+    """The same fitted beside the unknowns that it has now: those of the turn before may be gone."""
+    carried = carried_by(found.state, found.system, problem)
+    fitted = fit_less(found.fitted.model, problem, carried, found.gross, found.noise)
+    return replace(found, fitted=fitted, carried=carried)
 
 
 def _search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
