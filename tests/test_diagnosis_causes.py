@@ -48,6 +48,8 @@ def told(level: str, seed: int) -> tuple[Truth, Diagnosis]:
         ("none", 1030020),  # a stand that moves the sharp axis of a tracker as far as its blunt ones
         ("none", 1030009),  # half a minute of a wander of ten, in a frame that the file trusts
         ("none", 1100236),  # a wander of which knocks had taken so much that nothing of it was left to see
+        ("none", 1100194),  # a sharp axis into which the noise of blunt ones was carried, and told as following z
+        ("none", 1100488),  # four gross errors of 32 readings, where chance would spoil three
         ("multi", 1100058),  # a drift that a slow wander follows as well
     ],
 )

@@ -108,7 +108,13 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         company[near] += alike
         company[before] += alike
     lone = far & (company < COMPANY) & ~_crowded(far, used, places) & ~_again(far, left, used, places)
-    return lone if lone.sum() <= MOST * used.sum() else np.zeros_like(far)
+    return lone if are_exceptions(lone, used) else np.zeros_like(far)
+
+
+def are_exceptions(far: np.ndarray, used: np.ndarray) -> bool:
+    """Whether some of the used rows, (n,) bool each, are few enough to be gross errors: chance may spoil some more."""
+    most = MOST * float(used.sum())
+    return bool(far.sum() <= most + np.sqrt(most))
 
 
 def places_of(problem: Problem) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom, is_sudden
-from ptt.diagnosis.gross import MOST, alone, places_of, stand_out
+from ptt.diagnosis.gross import alone, are_exceptions, places_of, stand_out
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.row_system import RowSystem
@@ -38,7 +38,7 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarr
     for white in left:
         white = white * np.sqrt(system.count / max(system.count - state.decided, 1.0))
         found[system.rows[alone(stand_out(white, here, least=0.0), white, here, places)]] = True
-    return found if found.sum() <= MOST * problem.used.sum() else gross
+    return found if are_exceptions(found, problem.used) else gross
 
 
 def best_moments(
