@@ -14,6 +14,7 @@ from ptt.dependence.periods import periodogram, refine_frequency, trial_frequenc
 from ptt.dependence.strata import find_poses, whiten
 from ptt.dependence.where import by_level, part_of, where_it_fails, worst_region
 from ptt.machine import parse_machine
+from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
@@ -418,3 +419,22 @@ def test_regions_need_readings_and_levels_need_variety() -> None:
     assert worst_region(np.eye(3), np.ones(3)) is None
     assert by_level(np.full(5, 2.0), np.ones(5), "kg") == ()
     assert sum(part.rows for part in by_level(np.arange(40.0), np.ones(40), "kg")) == 40
+
+
+def test_the_noise_of_loud_coordinates_is_not_carried_into_a_quiet_one() -> None:
+    """A frame fitted by weights to sound readings that scatter by 0.5 um along y and by 7 um across it."""
+    problem, _, bench = _problem()
+    sigma = 1e-3 * np.array([7.0, 0.5, 7.0])
+    sharp = problem.with_noise(Noise(np.diag(np.square(sigma)), "std columns"))
+    turns = np.stack([np.cross(axis, bench.place - bench.place.mean(axis=0)) for axis in np.eye(3)], axis=2)
+    rigid = np.concatenate([np.tile(np.eye(3), (200, 1, 1)), turns], axis=2) / sigma[:, None]
+    wrong = 0
+    for seed in range(8):
+        white = np.random.default_rng(seed).normal(size=(200, 3))
+        solved = np.linalg.lstsq(rigid.reshape(-1, 6), white.ravel(), rcond=None)[0]
+        sound = (white - rigid @ solved) * sigma
+        np.testing.assert_array_equal(level(sharp, sound), sound)
+        wrong += bool(dependence_of(sharp, sound))
+    assert wrong <= 1
+    bent = sound + 0.03 * rigid[:, :, 5] * sigma  # what is lacking holds the frame off by 30 urad
+    np.testing.assert_allclose(level(sharp, bent), level(problem, sound), atol=2e-4)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.dependence.way import ways_of
 from ptt.run.mounts import mount_slopes
+from ptt.run.tails import chi2_sf
 from ptt.run.watched import watched_values
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 ENOUGH = 12  # rows beyond the number of slopes before anything is taken out
 FAR = 6.0  # robust standard deviations
+CHANCE = 1e-3  # of a sound run that its frame is levelled
 FEWEST = 3  # rows that each direction, level or run needs
 COORDINATES = ("x", "y", "z")
 SHORT = 0.05  # lever, as a share of the usual one (of the longest), below which a joint hardly moves the tool
@@ -44,7 +46,8 @@ def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = 
     """Take out of a residual what the tracker's frame and the fitted effects could take, all coordinates alike.
 
     A fit weighs coordinates by their noise and leaves out far-off rows; what the model lacks then bends the frame and
-    the fitted effects for the sake of the quiet coordinates, and the bend would hide where the error comes from.
+    the fitted effects for the sake of the quiet coordinates, and the bend would hide where the error comes from. Where
+    nothing is lacking that would only carry the noise of loud coordinates into the quiet ones.
 
     Args:
         problem: n rows.
@@ -52,7 +55,8 @@ def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = 
         slopes: (n, 3, P) derivative of the readings by the fitted parameters, None for a model as given.
 
     Returns:
-        (n, 3) mm; a frame that is trusted or held by base reflectors takes nothing. Reflector mounts take theirs.
+        (n, 3) mm; a frame that is trusted or held by base reflectors takes nothing. Reflector mounts take theirs. As it
+        is where it would take no more than noise has it take.
     """
     seen = problem.used & np.isfinite(residual).all(axis=1)
     columns = [] if slopes is None else [slopes[seen]]
@@ -65,8 +69,12 @@ def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = 
     together = np.concatenate(columns, axis=2) if columns else np.zeros((int(seen.sum()), 3, 0))
     if not together.shape[2] or seen.sum() < together.shape[2] + ENOUGH:
         return residual
+    basis = orthonormal(together.reshape(-1, together.shape[2]))
+    taken, noise = taken_part(basis, residual[seen]), problem.noise
+    if noise is not None and is_by_chance(basis, taken, noise.covariance):
+        return residual
     levelled = residual.copy()
-    levelled[seen] -= taken_part(together.reshape(-1, together.shape[2]), residual[seen])
+    levelled[seen] -= taken
     return levelled
 
 
@@ -77,19 +85,45 @@ def rigid_slopes(place: np.ndarray) -> np.ndarray:
     return np.concatenate([np.tile(np.eye(3), (len(arm), 1, 1)), turn], axis=2)
 
 
-def taken_part(columns: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """What columns can take of an error by least squares; far-off rows are cut down first.
+def orthonormal(columns: np.ndarray) -> np.ndarray:
+    """Directions that columns (3 n, m) span, (3 n, r)."""
+    scale = np.sqrt(np.square(columns).sum(axis=0))
+    basis, size, _ = np.linalg.svd(columns / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    return np.asarray(basis[:, size > 1e-6 * size.max()])
+
+
+def is_by_chance(basis: np.ndarray, taken: np.ndarray, covariance: np.ndarray) -> bool:
+    """Whether equal weights take no more of what a fit by the noise has left than noise alone has them take.
+
+    Both fits are right where nothing is lacking; then they differ by what the noise makes of it.
+
+    Source: Hausman, Econometrica 46 (1978); the sum of squares by Satterthwaite's approximation.
 
     Args:
-        columns: (3 n, m).
+        basis: orthonormal directions of frame and fitted effects, (3 n, r).
+        taken: what equal weights take, (n, 3) mm.
+        covariance: of one reading, (3, 3) mm^2.
+    """
+    rows = basis.reshape(-1, 3, basis.shape[1])
+    plain = np.einsum("nip,ij,njq->pq", rows, covariance, rows, optimize=True)
+    weighed = np.einsum("nip,ij,njq->pq", rows, np.linalg.pinv(covariance), rows, optimize=True)
+    apart = plain - np.linalg.pinv(weighed)
+    total, squares = float(np.trace(apart)), float(np.square(apart).sum())
+    if total <= 1e-9 * float(np.trace(plain)):
+        return False
+    return bool(chi2_sf(float(np.square(taken).sum()) * total / squares, total**2 / squares) > CHANCE)
+
+
+def taken_part(basis: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """What orthonormal directions can take of an error by least squares; far-off rows are cut down first.
+
+    Args:
+        basis: (3 n, r).
         error: (n, 3) mm.
 
     Returns:
         (n, 3) mm.
     """
-    scale = np.sqrt(np.square(columns).sum(axis=0))
-    basis, size, _ = np.linalg.svd(columns / np.where(scale > 0, scale, 1.0), full_matrices=False)
-    basis = basis[:, size > 1e-6 * size.max()]
     taken = np.zeros_like(error)
     for _ in range(2):
         left = error - taken
