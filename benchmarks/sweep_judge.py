@@ -211,9 +211,10 @@ def scatter(drawn: DrawnRig) -> float:
 
 
 def printed_heldout(result: Mapping[str, Any]) -> float | None:
-    """The held-out error that a reader is shown last, um."""
+    """The error that a reader is told to expect, um: held out, and with it what no reading shows of the tool."""
     steps = len(result["suggested"])
     if not steps:
         return None
-    value = result["candidates"][steps - 1]["heldout_rms_um"]["after"]
-    return None if value is None else float(value)
+    last = result["candidates"][steps - 1]
+    value = last["heldout_rms_um"]["after"]
+    return None if value is None else float(np.hypot(value, last.get("tool_doubt_um") or 0.0))

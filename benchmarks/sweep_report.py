@@ -15,7 +15,7 @@ LEVELS = ("none", "single", "multi", "unknown")
 NOISE_FREE = "bench"  # name of the bench's own noise
 GOOD = ("exact", "declared", "fair")
 SURE = 0.9  # probability from which a statement has to be right in 95 of 100
-ROSY = 1.5  # times the printed held-out error that the re-measured one may be
+ROSY = 1.5  # times the printed expectation, held-out error and doubt of the tool together, that re-measured may be
 
 
 def judged(rows: Rows) -> Rows:
@@ -143,7 +143,9 @@ def trust(rows: Rows) -> list[str]:
         lines.append(f"  {len(pulls)} pulls: within 2 sigma {np.mean(np.abs(pulls) <= 2.0):.1%}; beyond 5: {far}")
     if rosy:
         worst = f"median {np.median(rosy):.2f}, worst {max(rosy):.2f}"
-        lines.append(f"  re-measured / printed held-out: {worst}; above {ROSY}: {sum(one > ROSY for one in rosy)}")
+        lines.append(
+            f"  re-measured / printed held-out and doubt: {worst}; above {ROSY}: {sum(one > ROSY for one in rosy)}"
+        )
     after = [row["tool"]["after"] for row in rows if row.get("tool") and row["tool"]["after"] is not None]
     if after:
         quarter = np.percentile(after, [50, 90, 100])

@@ -11,10 +11,12 @@ from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.find import find
 from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.verdict import diagnose
+from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import build_problem
+from ptt.show.card.result import card_of_diagnosis
 
 
 def test_towers_that_one_run_tells_leave_no_doubt_where_the_tool_is():
@@ -36,9 +38,12 @@ def test_a_slip_that_may_be_a_knock_is_a_doubt_of_what_commands_of_it_reach(monk
     assert result.suggested == (("homing-slip", "setup-jump"),)
     found, last = seen["found"], result.candidates[0]
     plain, doubt = held_out(found.scorer, found.state.keys), tool_doubt(found.scorer, found.state)
-    assert last.heldout_after == pytest.approx(1e3 * np.hypot(plain, doubt))
-    assert doubt > plain and "have the machine stand elsewhere" in last.words
-    assert remeasure(result.model, drawn).to_dict()["after"]["total"] < 1.5 * last.heldout_after
+    assert last.heldout_after == pytest.approx(1e3 * plain) and last.tool_doubt == pytest.approx(1e3 * doubt)
+    assert last.to_dict()["heldout_rms_um"]["after"] == pytest.approx(1e3 * plain)
+    words = f"what the readings cannot show of the tool may add up to {1e3 * doubt:.1f} um"
+    assert doubt > plain and words in last.words and words in format_diagnosis(result)
+    assert words[1:].replace("um", "\N{MICRO SIGN}m") in card_of_diagnosis(result, problem).words.replace("\xa0", " ")
+    assert remeasure(result.model, drawn).to_dict()["after"]["total"] < 1.5e3 * np.hypot(plain, doubt)
 
 
 def test_beside_an_unknown_commands_are_of_the_values_that_the_held_out_error_is_of():
@@ -50,4 +55,5 @@ def test_beside_an_unknown_commands_are_of_the_values_that_the_held_out_error_is
     own, (term,) = [one.value for one in result.candidates[0].parameters], result.model.terms
     assert not np.allclose(own, term.theta.numpy(), rtol=0.1)
     tool = remeasure(result.model, drawn).to_dict()
+    assert all(one.tool_doubt is None for one in result.candidates[1:])
     assert tool["after"]["total"] < 1.2 * result.candidates[0].heldout_after < 0.7 * tool["before"]["total"]

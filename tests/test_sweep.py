@@ -104,6 +104,15 @@ def test_names_are_right_kin_or_wrong(hidden) -> None:
     assert sweep_judge.judge_names([], truth, drawn)["outcome"] == "missed"
 
 
+def test_what_a_reader_is_told_to_expect_is_the_held_out_error_and_what_no_reading_shows() -> None:
+    last = {"heldout_rms_um": {"before": 9.0, "after": 3.0}, "tool_doubt_um": 4.0}
+    first = {"heldout_rms_um": {"before": 20.0, "after": 9.0}, "tool_doubt_um": None}
+    said = {"suggested": [["a"], ["b"]], "candidates": [first, last, first]}
+    assert sweep_judge.printed_heldout(said) == pytest.approx(5.0)
+    assert sweep_judge.printed_heldout({**said, "candidates": [last, first]}) == pytest.approx(9.0)
+    assert sweep_judge.printed_heldout({"suggested": [], "candidates": [first]}) is None
+
+
 def test_verdicts(hidden) -> None:
     _, both = hidden
     known = replace(both, faults=tuple(fault for fault in both.faults if fault.known))

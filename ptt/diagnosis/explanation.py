@@ -46,16 +46,19 @@ class Candidate(Record):
             (Ville's inequality), every candidate and shape counted.
         explained_share: of the residual's variance after the frame that it takes by itself.
         heldout_before: error on hidden blocks without it, um.
-        heldout_after: error on hidden blocks with it, um; of the last step with what they cannot show of the tool.
+        heldout_after: error on hidden blocks with it, um.
         parameters: its values; of what is no step, only those that the data tell.
         indistinguishable_from: effects that would do as well.
         sum_of: two or more effects that would do the same together.
         words: why, for a machinist.
+        tool_doubt: of the last step, root mean square by which the machine may have the tool elsewhere while the
+            readings stay, um, which hidden blocks cannot show; None of the others.
     """
 
     keys: ClassVar[str] = (
         "effect, probability, p_value, explained_share, heldout_rms_um.before: heldout_before, "
-        "heldout_rms_um.after: heldout_after, parameters, indistinguishable_from, sum_of, words"
+        "heldout_rms_um.after: heldout_after, tool_doubt_um: tool_doubt, parameters, indistinguishable_from, sum_of, "
+        "words"
     )
 
     effect: str
@@ -68,6 +71,7 @@ class Candidate(Record):
     indistinguishable_from: tuple[str, ...]
     sum_of: tuple[str, ...]
     words: str
+    tool_doubt: float | None = None
 
 
 def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Problem) -> tuple[Term, ...]:
@@ -161,8 +165,8 @@ def candidates_of_steps(
         if term is None:
             continue
         together = find_sum(found.system, found.state, step.key)
-        own = told.doubt * 1e3 if index == len(named) - 1 else 0.0
-        errors = step.before * 1e3, float(np.hypot(step.after * 1e3, own))
+        own = told.doubt * 1e3 if index == len(named) - 1 else None
+        errors = step.before * 1e3, step.after * 1e3
         result.append(
             Candidate(
                 name,
@@ -174,6 +178,7 @@ def candidates_of_steps(
                 step.others,
                 together,
                 explain_step(term, step.others, together, errors, noise, problem, before, own),
+                own,
             )
         )
     return result

@@ -9,7 +9,8 @@ import torch
 from ptt.dependence.said import middle
 from ptt.diagnosis.wander import Wander
 from ptt.effects.base import family
-from ptt.effects.phrases import Said, compose, doubt, listed, remedies
+from ptt.effects.phrases import Said, compose, listed, remedies
+from ptt.effects.phrases import doubt as far_off
 from ptt.fitting.gauge import Told, sparsest
 from ptt.model.model import Term
 from ptt.run.noise import Noise
@@ -17,7 +18,7 @@ from ptt.run.problem import Problem
 from ptt.run.view import View
 
 MISSING = "Something is missing that no known effect describes"
-DOUBTED = 0.5  # of an error from which it is worth a word what is no reading's
+DOUBTED = 0.5  # of an error from which it is worth a word what no reading shows
 NOTED = 1.5  # times the noise that are worth a word
 LINES = 5  # that anybody reads
 
@@ -52,7 +53,7 @@ def sentence(told: Told, view: View) -> str:
     body = compose(parts, noun)
     if not body:
         return f"{told.term.effect.key} explains a part"
-    return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}{doubt(parts)}"
+    return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}{far_off(parts)}"
 
 
 def _gauge(told: Told, noun: str) -> str:
@@ -112,7 +113,7 @@ def explain_step(
     noise: Noise,
     problem: Problem,
     after: Sequence[str] = (),
-    doubt_um: float = 0.0,
+    doubt_um: float | None = None,
 ) -> str:
     """One step in two or three sentences; what cannot be told apart comes first.
 
@@ -124,7 +125,7 @@ def explain_step(
         noise: the noise floor.
         problem: the readings; their frames tell in which gauge values are said.
         after: steps that were taken before this one, to which the held-out error belongs.
-        doubt_um: what of the error after it is no reading's, but how else the machine may stand.
+        doubt_um: how far the machine may have the tool elsewhere beside the error after it; None where nobody asks.
 
     Returns:
         For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
@@ -136,12 +137,28 @@ def explain_step(
     moved = "falls" if now < before else "goes"
     on_top = f"after {listed(list(after))} " if after else ""
     fall = f"the held-out error {on_top}{moved} from {before:.1f} to {now:.1f} um, noise is {noise.total * 1e3:.1f} um"
-    if doubt_um > DOUBTED * now:
-        fall += f"; {doubt_um:.1f} um of it because others that fit as well have the machine stand elsewhere"
+    if doubt := doubt_in_words(now, doubt_um):
+        fall += f"; {doubt}"
     if tie:
         return f"{tie} As {term.effect.key}: {head}; {fall}."
     alone = "" if told.alike else "Nothing else explains it as well; "
     return f"{_upper(head)}. {_upper(alone + fall)}."
+
+
+def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBTED) -> str:
+    """What readings cannot show of the tool, beside the error that they show.
+
+    Args:
+        error_um: on hidden blocks.
+        doubt_um: how far the machine may have the tool elsewhere while the readings stay; None where nobody asks.
+        least: share of the error from which it is worth a word.
+
+    Returns:
+        A clause; '' where it is not worth one.
+    """
+    if doubt_um is None or not doubt_um > least * error_um:
+        return ""
+    return f"what the readings cannot show of the tool may add up to {doubt_um:.1f} um"
 
 
 def headline(key: str, others: Sequence[str], together: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ from ptt.diagnosis.find import STEPS
 from ptt.diagnosis.long import choose_diagnosis
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.diagnosis.verdict import diagnose as learn_whole
+from ptt.diagnosis.words import doubt_in_words
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+SHOWN = 0.1  # of a held-out error: with less the sum of both squares is the same
 USAGE = "diagnose(model, run)"
 
 
@@ -181,8 +183,11 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
             lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
         lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given"]
         lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
-        lines += ["step anew, so that its held-out figures differ somewhat; the last step has with it what hidden rows"]
-        lines += ["cannot show: how far the machine may stand elsewhere while the readings stay", ""]
+        lines += ["step anew, so that its held-out figures differ somewhat"]
+        last = result.candidates[len(result.suggested) - 1] if result.suggested else None
+        if last is not None and (doubt := doubt_in_words(last.heldout_after, last.tool_doubt, SHOWN)):
+            lines += [f"{doubt}: others that fit as well have the machine stand elsewhere"]
+        lines.append("")
     if result.depends_on:
         lines.append("what is left depends on:")
         for item in result.depends_on:

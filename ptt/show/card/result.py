@@ -7,7 +7,7 @@ import torch
 
 from ptt.diagnosis.explanation import Candidate
 from ptt.diagnosis.verdict import Diagnosis
-from ptt.diagnosis.words import acting, headline, remedy, sentence
+from ptt.diagnosis.words import acting, doubt_in_words, headline, remedy, sentence
 from ptt.effects.base import family
 from ptt.effects.cards import card_of
 from ptt.effects.phrases import Said, sizes_in_words, worth_saying
@@ -122,7 +122,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
         verdict=found.verdict,
         probability=float(found.verdict_probability.get(found.verdict, 0.0)),
         title=_title(found, findings),
-        words=pretty(_words(found, problem)),
+        words=pretty(f"{_words(found, problem)}{_doubt(steps)}"),
         error_um=float(found.rms_um["before"]["total"]),
         left_um=float(found.rms_um["after"]["total"]),
         noise_um=float(noise["total"]),
@@ -163,6 +163,12 @@ def _words(found: Diagnosis, problem: Problem) -> str:
         return f"What is left of {first.residual} follows {on}{with_}: {share}. {first.words}".rstrip()
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
+
+
+def _doubt(steps: Sequence[Candidate]) -> str:
+    """What no reading shows beside the error of the last step, as a sentence more."""
+    words = doubt_in_words(steps[-1].heldout_after, steps[-1].tool_doubt) if steps else ""
+    return f" W{words[1:]}." if words else ""
 
 
 def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Problem) -> Cause:
