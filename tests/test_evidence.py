@@ -194,3 +194,19 @@ def test_what_ends_before_the_total_that_was_asked_for_would_not_have_reached_it
         ended, spared = ended + found.ended, spared + whole.steps - found.steps
         assert whole.total < least if found.ended else found.total == whole.total
     assert ended > 40 and spared > ended / 2
+
+
+def test_evidence_of_unknowns_that_are_zero_is_that_of_a_problem_without_them() -> None:
+    random = np.random.default_rng(3)
+    rows, values = random.normal(size=(40, 6)), random.normal(size=40)
+    group, held = np.array([-1, 0, 1, 0, 1, 0]), np.array([2.0, 0.3])
+
+    def known(chosen: np.ndarray) -> Posterior:
+        some = rows[:, chosen]
+        return learn(
+            some.T @ some, some.T @ values, float(values @ values), 40.0, group[chosen],
+            freedom=np.inf, start=held, floor=held, ceiling=held,
+        )  # fmt: skip
+
+    gained = known(np.array([0, 1, 2, 5])).log_evidence - known(np.arange(6)).log_evidence
+    np.testing.assert_allclose(known(np.arange(6)).zeroed(np.array([3, 4])), gained, rtol=1e-9)

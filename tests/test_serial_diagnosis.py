@@ -180,3 +180,14 @@ def test_uneven_joints_are_found_harmonic_by_harmonic() -> None:
     found = fitted.model.terms[0].theta[: 2 * 32 * 6].reshape(2, 6, 32)[:, :, :20]
     assert np.abs(found[0].numpy() - wobble[..., 0])[:5].max() < 3e-5
     assert np.abs(found[1].numpy() - wobble[..., 1])[:5].max() < 3e-5
+
+
+@pytest.mark.parametrize(("law", "name"), [("zero", "homing-offset"), ("play", "backlash")])
+def test_a_fault_of_one_joint_alone_has_its_name_and_is_no_unknown_of_that_joint(law: str, name: str) -> None:
+    file, random, joint, size = load_machine(MACHINES / "ur10.toml"), np.random.default_rng(3), 4, 1e-3
+    q = random.uniform(-1.4, 1.4, (240, 6))
+    came, there = np.sign(np.diff(q[:, joint], prepend=2 * q[0, joint] - q[1, joint])), q.copy()
+    there[:, joint] += size if law == "zero" else -size * came / 2
+    measured = build_mechanism(file.machine).forward(torch.as_tensor(there)).numpy() + random.normal(0, 0.02, (240, 3))
+    found = diagnose(Model(file), build_problem(file, make_table(None, q, measured=measured)))
+    assert (found.verdict, found.suggested) == ("missing", ((name,),))

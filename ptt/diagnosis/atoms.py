@@ -16,6 +16,7 @@ from ptt.run.problem import Problem
 EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise
 LARGEST_BLOCK = 1e4  # variance: 2 mm, more than a machine that runs is off by
 LARGEST_EFFECT = 1e5  # three hundred usual sizes: drawings are off by that much
+LEGS = 3  # joints of which two sound ones cost no more than other names that fit as well are worth
 SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
 
 
@@ -50,6 +51,8 @@ class Atom:
         shape: its searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
         turn: from its columns to its values; None where each column is one.
+        joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
+            and where joints are few.
         tested: whether the readings hold what tells it from an offset: play that no reversal shows is never plainest.
     """
 
@@ -64,6 +67,7 @@ class Atom:
     shape: Mapping[str, Tensor] | None = None
     block: Block | None = None
     turn: Turn | None = None
+    joint: np.ndarray | None = None
     tested: bool = True
 
     @property
@@ -193,29 +197,30 @@ def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[st
 def _effect_atom(
     key: str,
     columns: np.ndarray,
-    kinds: tuple[np.ndarray, np.ndarray, np.ndarray],
+    kinds: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     odds: float,
     effect: Effect,
     shape: Mapping[str, Tensor] | None,
 ) -> Atom:
-    group, bounded, held = kinds
+    group, bounded, held, joint = kinds
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
     most[group[held]] = 1.0
-    return Atom(key, effect.key, columns, group, most, odds, bounded, effect, shape)
+    alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
+    return Atom(key, effect.key, columns, group, most, odds, bounded, effect, shape, joint=joint if alike else None)
 
 
 def _kinds_of_values(
     effect: Effect, problem: Problem, chosen: np.ndarray | slice
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each value: its learned variance, whether it cannot be negative, whether it is near zero by definition.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of each value: its variance, whether it cannot be negative, whether it is near zero by definition, whose it is.
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
     and so does their straight part. What is kept near zero has one a joint altogether: where zero lies divides cosines
     from sines, which nature does not.
     """
-    joints, group, bounded, held, first, curves = problem.view.joints, [], [], [], 1, 0
+    joints, group, bounded, held, joint, first, curves = problem.view.joints, [], [], [], [], 1, 0
     for parameter in effect.parameters:
         size = parameter.size(joints)
         if parameter.role == "linear" and parameter.per_joint and parameter.count > 1:
@@ -227,7 +232,9 @@ def _kinds_of_values(
             first += 1
         bounded.append(np.full(size, parameter.lower >= 0.0))
         held.append(np.full(size, parameter.held and not parameter.lent))
-    return np.concatenate(group)[chosen], np.concatenate(bounded)[chosen], np.concatenate(held)[chosen]
+        joint.append(np.arange(joints) if parameter.per_joint and size == joints else np.full(size, -1))
+    kinds = [np.concatenate(each)[chosen] for each in (group, bounded, held, joint)]
+    return kinds[0], kinds[1], kinds[2], kinds[3]
 
 
 def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:

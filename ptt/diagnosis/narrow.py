@@ -79,7 +79,8 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
         ways, group = _seen(behind.reshape(len(behind), behind[0].size), atom.group, atom.most)
         own = np.arange(first, first + len(group))
         turn = Turn(ways, atom.group, scale[atom.columns])
-        found[key] = replace(atom, columns=own, group=group, bounded=np.zeros(len(own), dtype=bool), turn=turn)
+        free = np.zeros(len(own), dtype=bool)
+        found[key] = replace(atom, columns=own, group=group, bounded=free, turn=turn, joint=None)
         first += len(group)
     return Narrowed(found, place, tuple(wide), {key: atoms[key].columns for key in wide})
 

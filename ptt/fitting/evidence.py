@@ -71,6 +71,23 @@ class Posterior:
         place = np.argsort(self.order)
         return np.asarray((self.cholesky @ self.cholesky.T)[np.ix_(place, place)])
 
+    def zeroed(self, some: np.ndarray) -> float:
+        """Log evidence that is gained where some of the unknowns are zero, at these scales, nats.
+
+        What they are believed to be at zero after the data over what they were before (Savage and Dickey).
+
+        Args:
+            some: (m,) which.
+        """
+        place = np.argsort(self.order)[some]
+        unit = np.zeros((len(self.order), len(some)))
+        unit[place, np.arange(len(some))] = 1.0
+        along = lapack.dtrtrs(self.cholesky, unit, lower=1)[0]
+        factor, values = _factor(along.T @ along, 0.0), self.values[some]
+        sure = lapack.dpotrs(factor, values, lower=1)[0]
+        width = 0.5 * float(np.log(self.prior[some]).sum()) - float(np.log(factor.diagonal()).sum())
+        return width - 0.5 * float(values @ sure) / self.phi
+
     @property
     def covariance(self) -> np.ndarray:
         """Of the unknowns given the scales, (P, P)."""
