@@ -125,8 +125,8 @@ class RowSystem(System):
         if WHITE in self._sums:
             white = as_joined(super().among(chosen, ways)(WHITE))
         if "_means" in self.__dict__:
-            columns = (ways.T @ self._means[chosen]).reshape(ways.shape[1], 3, -1)
-            means = np.concatenate([columns, self.poses.means(self.values.T)[None]])
+            own = self.poses.means(self.values.T)[None]  # shape: (1, 3, poses)
+            means = np.concatenate([(ways.T @ self._means[chosen]).reshape(ways.shape[1], *own.shape[1:]), own])
         return FewSums(joined, more, self.clock, self.poses, white, means).of
 
     def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
