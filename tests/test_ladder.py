@@ -45,6 +45,25 @@ def test_an_addition_that_does_not_help_is_told_plainly() -> None:
     assert ladder.to_dict()["steps"][2]["helped"] is False
 
 
+@pytest.mark.parametrize(
+    ("error", "fall", "words"),
+    [
+        (12.0, 5.0, "backlash helped: held-out error falls from 20.00 to 12.00 um"),
+        (18.0, 0.9, "not sure to help: held-out error falls from 20.00 to 18.00 um, by 0.9 standard errors"),
+        (21.0, -3.0, "backlash did not help: the held-out error did not fall (20.00 to 21.00 um)"),
+    ],
+)
+def test_a_fall_that_few_poses_make_is_not_called_chance_nor_no_help(error, fall, words) -> None:
+    problem, _ = hidden_backlash(100)
+    ladder = climb(Model(problem.file), problem, effects("backlash"))
+    given, added = ladder.steps
+    steps = (
+        replace(given, heldout_rms_um={**given.heldout_rms_um, "total": 20.0}),
+        replace(added, heldout_rms_um={**added.heldout_rms_um, "total": error}, fall=fall),
+    )
+    assert words in verdicts(replace(ladder, steps=steps))[0]
+
+
 def test_effects_that_are_not_there_rarely_seem_to_help() -> None:
     seemed = 0
     for seed in range(12):

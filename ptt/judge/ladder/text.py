@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from ptt.judge.ladder.climb import Ladder, Step
+from ptt.judge.ladder.climb import CHANCE, Ladder, Step
 
 _AXES = ("x", "y", "z", "total")
 
@@ -45,5 +45,6 @@ def _verdict(before: Step, step: Step) -> str:
     if step.helped:
         return f"{step.effect} helped: {change}"
     if new < old:
-        return f"{step.effect} did not help: {change}, no more than chance would make it"
+        sure = f"by {step.fall:.1f} standard errors of what single poses gain, and {CHANCE:g} would count"
+        return f"{step.effect} is not sure to help: {change}, {sure}"
     return f"{step.effect} did not help: the held-out error did not fall ({old:.2f} to {new:.2f} um)"

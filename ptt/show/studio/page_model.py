@@ -207,7 +207,7 @@ def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: 
         return together(f"Now {last.rms_um[axis]:.2f} {micro} over all rows (plain RMS; {after}); {noise}{left}")
     if now.fitted != now.active:
         return f"{_switched(now)}: the figures of that are being worked out"
-    helped = "" if last.helped else " (this step did not help beyond chance)"
+    helped = "" if last.helped else " (this step is not sure to have helped)"
     return together(
         f"Now {last.rms_um[axis]:.2f} {micro} on training rows, {last.heldout_rms_um[axis]:.2f} {micro} held out; "
         f"noise {noise_um[axis]:.2f} {micro}{helped}{left}"
