@@ -35,14 +35,14 @@ def between(low: float, high: float, unit: str) -> str:
         For example '15.9 to 62.1 mm', or '16.01 mm'.
     """
     digits = int(np.clip(1 - np.floor(np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, 2)))
-    one, two = (f"{value:.{digits}f}" for value in (low, high))
+    one, two = (f"{value:z.{digits}f}" for value in (low, high))
     return f"{one if one == two else f'{one} to {two}'} {unit}".strip()
 
 
 def middle(low: float, high: float, unit: str) -> str:
     """The middle of a place, with as many digits as its width is worth and its unit."""
     digits = int(np.clip(np.ceil(-np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, 2)))
-    return f"{0.5 * (low + high):.{digits}f} {unit}".strip()
+    return f"{0.5 * (low + high):z.{digits}f} {unit}".strip()
 
 
 def say_size(size: Size) -> str:
@@ -109,7 +109,7 @@ def _arrival(size: Size) -> str:
 def _values(low: float, high: float, unit: str) -> tuple[str, str]:
     """Two values of a variable that are told apart by their digits, each with its unit."""
     digits = int(np.clip(1 - np.floor(np.log10(max(abs(high - low), 1e-9))), 0, FINEST.get(unit, 2)))
-    one, two = (f"{value:.{digits}f}" for value in (low, high))
+    one, two = (f"{value:z.{digits}f}" for value in (low, high))
     return f"{one} {unit}".strip(), f"{two} {unit}".strip()
 
 
