@@ -388,3 +388,18 @@ def test_fahrenheit_is_turned_and_below_absolute_zero_is_no_temperature(tmp_path
             assert read_table(path).temp_c[1] == -40.0
     with pytest.raises(TableError, match="less than there can be"):
         read_table(path, set_values={"temp_c": -300.0})
+
+
+@pytest.mark.parametrize(("column", "wrong", "fine"), [("payload_kg", "-2", "-0.004"), ("feed_mm_s", "-50", "0")])
+def test_no_load_and_no_feed_is_below_zero(tmp_path: Path, column: str, wrong: str, fine: str) -> None:
+    """An empty scale may show some grams below zero, and a machine may stand."""
+    path, rows = tmp_path / "t.csv", ["0,0,0,", "1,0,0,", "2,0,0,"]
+    for value in (wrong, fine):
+        path.write_text("\n".join([f"x_cmd,y_cmd,z_cmd,{column}", rows[0] + "3", rows[1] + value, rows[2] + "3"]))
+        if value == fine:
+            assert getattr(read_table(path, purpose="targets"), column)[1] == float(fine)
+            continue
+        with pytest.raises(TableError, match=f"row 3, column {column}: {wrong} is less than there can be"):
+            read_table(path, purpose="targets")
+    with pytest.raises(TableError, match=f"{column} = {wrong} is less than there can be"):
+        read_table(path, set_values={column: float(wrong)}, purpose="targets")

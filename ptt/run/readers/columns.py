@@ -32,8 +32,9 @@ GREATEST = {
 }
 """Per dimension: what no machine and no mistake of units goes beyond, in the standard unit. Below, sums stay finite."""
 
-LEAST = {"temp": -273.15}
-"""Per quantity: what it cannot be less than; -999 is a mark of other programs. A tared load may be below zero."""
+LEAST = {"temp": -273.15, "payload": -0.01, "feed": 0.0}
+"""Per quantity: what it cannot be less than; -999 is a mark of other programs, and an empty scale may read some grams
+below zero. A load that was tared away is a part of the payload: every effect of a load begins with none."""
 
 UNSTATED_IS_ASKED = ("angle", "speed")
 """Dimensions whose unit must be written: rad and deg, mm/s and mm/min are equally common in the field."""

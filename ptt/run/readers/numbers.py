@@ -118,7 +118,11 @@ def refuse_beyond(raw: RawText, column: Column, values: np.ndarray) -> None:
     Raises:
         TableError: one beyond the bound of its dimension, by row and column.
     """
-    most, low, unit = greatest(column.quantity), least(column.quantity), standard_unit(column.quantity)
+    most, low, unit = (
+        greatest(column.quantity),
+        least(column.quantity),
+        standard_unit(column.quantity).replace("_", "/"),
+    )
     empty = "mark it with an empty cell"
     for wrong, why, fix in (
         (np.abs(values) > most, f"is beyond any machine (at most {most:g} {unit})", f"correct it, or {empty}"),
