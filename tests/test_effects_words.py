@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
-from ptt.diagnosis.wander import Wander
+from ptt.diagnosis.wander import Slow, Wander
 from ptt.diagnosis.words import explain_step, explain_verdict, sentence, sentences
 from ptt.effects import library
 from ptt.effects.base import family
@@ -431,8 +431,11 @@ def test_a_jump_is_said_by_its_place_and_a_slow_rest_by_its_wander():
     bump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="local", place=(41.0, 62.0)))
     assert "follows b2 near 52 mm (40%" in bump
     floor = NOISE.total * 1e3
-    slow = explain_verdict(diagnosis("nothing-missing", after=3.0 * floor, wander=Wander(4.0, 317.0)))
-    assert f"the readings wander by {2.0 * floor:.1f} um, over about 317 s" in slow and "understate" not in slow
+    for span, unit, lasts in ((900.0, "s", "about 320 s"), (40.0, "readings", "longer than the run")):
+        wander = Slow(Wander(4.0, 317.0), span, unit)
+        slow = explain_verdict(diagnosis("nothing-missing", after=3.0 * floor, wander=wander))
+        assert f"the readings wander by {2.0 * floor:.1f} um, over {lasts}." in slow and "understate" not in slow
+    assert wander.to_dict() == {"share": 4.0, "constant_s": None, "constant_rows": 317.0}
     assert "understate" in explain_verdict(diagnosis("nothing-missing", after=3.0 * floor))
 
 

@@ -18,7 +18,7 @@ from ptt.diagnosis.search import without
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.steps import name_steps
 from ptt.diagnosis.unknowns import unknowns_of
-from ptt.diagnosis.wander import Wander
+from ptt.diagnosis.wander import SECONDS, Slow
 from ptt.diagnosis.words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError
@@ -50,7 +50,7 @@ class Diagnosis:
         rest: tests of what the whole explanation leaves.
         separation: what to measure to part what cannot be told apart; None where nothing is confused.
         noise: the noise floor.
-        wander: memory of the noise, if it has one.
+        wander: of the noise, if it has a memory.
         rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
@@ -69,7 +69,7 @@ class Diagnosis:
     rest: Rest
     separation: Separation | None
     noise: Noise
-    wander: Wander | None
+    wander: Slow | None
     rms_um: dict[str, dict[str, float]]
     rows: int
     outliers: np.ndarray
@@ -95,9 +95,7 @@ class Diagnosis:
             "measure_next": list(self.measure_next),
             "separation": self.separation and self.separation.to_dict(),
             "noise_um": self.noise.to_dict(),
-            "noise_wanders": None
-            if self.wander is None
-            else {"share": self.wander.share, "constant_s": self.wander.constant},
+            "noise_wanders": self.wander and self.wander.to_dict(),
             "rms_um": self.rms_um,
             "rows": self.rows,
             "outlier_rows": [int(row) for row in np.flatnonzero(self.outliers)],
@@ -225,7 +223,7 @@ def conclude(
         rest=rest,
         separation=separation,
         noise=noise,
-        wander=state.memory.wander,
+        wander=_slow(found, problem),
         rms_um=rms_um,
         rows=int(clean.used.sum()),
         outliers=found.gross,
@@ -234,6 +232,12 @@ def conclude(
         words="",
     )
     return replace(result, words=explain_verdict(result, steps) + held_to_base(_error_by_base(model, problem)))
+
+
+def _slow(found: Found, problem: Problem) -> Slow | None:
+    wander = found.state.memory.wander
+    unit = SECONDS if "time" in problem.view.varies else "readings"
+    return None if wander is None else Slow(wander, found.system.clock.span, unit)
 
 
 def _error_by_base(model: Model, problem: Problem) -> float | None:

@@ -17,6 +17,7 @@ LEAST_STEPS = 12
 STRETCH = 32  # rows whose innovations are worked out at once where columns lie one behind the other
 MANY = 200  # columns from which a row of them is worth a step of its own
 USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
+SECONDS = "s"
 Axes = tuple[float, float, float]
 AS_NOISE: Axes = (1.0, 1.0, 1.0)
 UNEVEN = 2.0  # of variances of the noise's axes, from which a stand and the air are two things: one step of the shares
@@ -60,6 +61,37 @@ def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
         return (AS_NOISE,)
     first, second, third = (squares.mean() / squares).tolist()
     return AS_NOISE, (first, second, third)
+
+
+@dataclass(frozen=True)
+class Slow:
+    """A wander as it is told.
+
+    Attributes:
+        wander: the wander.
+        span: how long the run lasts, in the unit of its time constant.
+        unit: 's', or 'readings' where there is no clock.
+    """
+
+    wander: Wander
+    span: float
+    unit: str
+
+    @property
+    def lasts(self) -> str:
+        """How long it lasts: what outlasts the run has no length that the run could tell."""
+        if self.wander.constant > self.span:
+            return "over longer than the run"
+        return f"over about {float(f'{self.wander.constant:.2g}'):g} {self.unit}"
+
+    def to_dict(self) -> dict[str, float | None]:
+        """For JSON."""
+        timed = self.unit == SECONDS
+        return {
+            "share": self.wander.share,
+            "constant_s": self.wander.constant if timed else None,
+            "constant_rows": None if timed else self.wander.constant,
+        }
 
 
 @dataclass(frozen=True)

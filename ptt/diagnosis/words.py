@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ptt.dependence.said import middle
-from ptt.diagnosis.wander import Wander
+from ptt.diagnosis.wander import Slow
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
@@ -234,7 +234,7 @@ def tell_verdict(
     strongest: Strongest | None = None,
     reasons: Sequence[str] = (),
     cut_short: bool = False,
-    wander: Wander | None = None,
+    wander: Slow | None = None,
 ) -> list[str]:
     """The verdict line by line, each line one thing, what cannot be told apart first.
 
@@ -313,14 +313,14 @@ def _spoken(on: str) -> str:
     return f"{spoken[word]} ({on})" if axis in ("x", "y", "z") and word in spoken else on
 
 
-def _excess(after_um: float, noise: Noise, wander: Wander | None) -> str:
+def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:
     """A word where much more is left than the noise is said to be, though it follows nothing that was recorded."""
     times = after_um / max(noise.total * 1e3, 1e-12)
     if times < NOTED:
         return ""
     if wander is not None:
-        size = np.sqrt(wander.share) * noise.total * 1e3
-        return f" The rest is slow: the readings wander by {size:.1f} um, over about {wander.constant:.0f} s."
+        size = np.sqrt(wander.wander.share) * noise.total * 1e3
+        return f" The rest is slow: the readings wander by {size:.1f} um, {wander.lasts}."
     return (
         f" That is {times:.1f} x the noise by the {noise.source}: they understate the scatter of a reading, or "
         "something is missing that follows nothing recorded here."
