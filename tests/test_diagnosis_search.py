@@ -79,9 +79,12 @@ class Scored:
     def system(self) -> SimpleNamespace:
         atoms = {
             key: SimpleNamespace(
-                block="b" if key in self.blocks else None, columns=range(30 if key == "b" else 3), tested=key != "p"
+                block="b" if key in self.blocks else None,
+                columns=range(30 if key == "b" else 3),
+                tested=key != "p",
+                shape=None if key in "abcpu" else {},
             )
-            for key in "abcpu"
+            for key in "abcpun"
         }
         return SimpleNamespace(atoms=atoms, clock=SimpleNamespace(is_fault=lambda wander: False))
 
@@ -110,6 +113,10 @@ def test_of_sets_that_do_alike_the_one_with_the_fewest_parts_is_said():
     assert plainest(scorer, best) is plain  # a name before an unknown
     scorer.add("a", 99.0, Memory(pose=1.0))
     assert plainest(scorer, best) is plain  # errors of each pose to itself are an unknown, too
+    scorer.add("an", 96.9)
+    assert plainest(scorer, best) is plain  # what the model has comes before what does as well
+    other = scorer.add("an", 97.1)
+    assert plainest(scorer, best) is other
 
 
 def test_gross_errors_do_not_hide_in_a_noise_that_they_have_widened():

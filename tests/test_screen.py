@@ -1,6 +1,7 @@
 """A screen says the whole evidence of an atom; rows are white under any memory; sums come as they are asked for."""
 
 from functools import partial
+from math import comb
 from types import SimpleNamespace
 
 import numpy as np
@@ -56,7 +57,9 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
     posterior = learn(part.gram, part.side, part.square, len(values), group, freedom=FREEDOM, start=fixed, floor=fixed,
                       ceiling=fixed)  # fmt: skip
     atoms = tuple(
-        SimpleNamespace(key=str(i), name=str(i), groups=1, effect=None, odds=0.0, columns=np.arange(i, i + width))
+        SimpleNamespace(
+            key=str(i), name=str(i), groups=1, effect=None, odds=0.0, columns=np.arange(i, i + width), joint=None
+        )
         for i in (8, 10, 12)
     )
     families = [(atoms, np.array([atom.columns for atom in atoms]))]
@@ -69,6 +72,28 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
         both = np.concatenate([own, np.arange(int(gain.key), int(gain.key) + width)])
         prior = np.concatenate([fixed[group], np.full(width, gain.scales[0])])
         np.testing.assert_allclose(gain.nats, evidence(columns[:, both], prior, values) - alone, atol=1e-7)
+
+
+@pytest.mark.parametrize("busy", [1, 2, 7])
+def test_an_effect_of_one_joint_of_seven_adds_no_less_than_that_joint_alone(busy: int) -> None:
+    random = np.random.default_rng(8)
+    columns = 20.0 * random.normal(size=(3 * ROWS, 7))
+    values = columns[:, :busy] @ np.full(busy, 0.03) + random.normal(size=3 * ROWS)
+    sums = sums_of_rows(columns.T, values, 0.0)
+    none = np.zeros(0, dtype=int)
+    posterior = learn(np.zeros((0, 0)), np.zeros(0), float(values @ values), len(values), none, freedom=FREEDOM)
+    part = {"groups": 1, "effect": object(), "odds": 0.0}
+    every, few = np.arange(7), np.arange(busy)
+    kinds = [("all", every, None), ("joints", every, every), ("few", few, None)]
+    atoms = [SimpleNamespace(key=key, name=key, columns=chosen, joint=joint, **part) for key, chosen, joint in kinds]
+    families = [((atom,), atom.columns[None]) for atom in atoms]
+    system = SimpleNamespace(freedom=FREEDOM, spare=float(len(values)), families=families, sums=partial(_same, sums))
+    screen = Screen(system, Basis(none, posterior, WHITE), lambda atom: True, {})
+    nats = {gain.key: gain.nats for gain in screen.best(lambda atom: True)}
+    if busy == 7:
+        assert nats["joints"] == nats["all"]
+    else:
+        assert nats["joints"] == pytest.approx(nats["few"] - np.log(comb(7, busy) * 7)) and nats["joints"] > nats["all"]
 
 
 @pytest.mark.parametrize("width", [1, MANY])
@@ -265,7 +290,7 @@ def test_what_a_set_spans_already_has_nothing_left_but_rounding_of_either_sign()
         given = {"freedom": FREEDOM, "start": fixed, "floor": fixed, "ceiling": fixed}
         posterior = learn(part.gram, part.side, part.square, len(values), group, **given)
         atom = SimpleNamespace(key="a", name="a", groups=2, effect=None, odds=0.0, columns=np.arange(6, 14),
-                               group=np.arange(8) // 4, most=np.full(2, 1e5))  # fmt: skip
+                               group=np.arange(8) // 4, most=np.full(2, 1e5), joint=None)  # fmt: skip
         system = SimpleNamespace(freedom=FREEDOM, spare=float(len(values)), families=[((atom,), atom.columns[None])],
                                  sums=partial(_same, sums))  # fmt: skip
         (gain,) = Screen(system, Basis(own, posterior, WHITE), lambda atom: True, {}).best(lambda atom: True)

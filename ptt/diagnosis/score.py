@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from scipy import linalg
 from scipy.linalg import lapack
 
 from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
+from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums
 from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.swap import replacements
@@ -32,7 +32,6 @@ ONE_CAUSE = ("tracker-scale", "tracker-frame")
 UNSEEN = 0.02  # variance over noise of all that is left out where memories of the noise are compared
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 NO_WANDER = -7.0  # nats, its atoms held, from which a wander is worth an exact look: sets that hid one were at -6
-SHOWN = 9.0  # three standard errors, squared: of a joint where an effect shows less it may not be at all
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
 
@@ -225,16 +224,14 @@ class Scorer:
 
         Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971), at held widths.
         """
-        energy, off, odds = posterior.values**2 * strength, list[int](), 0.0
+        energy, off, odds = posterior.values**2 * strength / posterior.phi, list[int](), 0.0
         for index, atom in enumerate(atoms):
             if atom.joint is None or atom.key in self.given:
                 continue
             own = np.flatnonzero(owner == index)
-            shows = np.bincount(atom.joint, energy[own]) > SHOWN * posterior.phi
-            joints, on = len(np.unique(atom.joint)), int(shows.sum())
-            if 0 < on < joints:
-                off += own[~shows[atom.joint]].tolist()
-                odds += float(np.log(comb(joints, on) * joints))
+            idle, more = idle_columns(atom.joint, energy[own])
+            off += own[idle].tolist()
+            odds += more
         return max(posterior.zeroed(np.array(off)) - odds, 0.0) if off else 0.0
 
     def _learned(

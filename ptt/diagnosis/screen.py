@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.system import System
 from ptt.fitting.evidence import WIDTH, Posterior, learn
@@ -133,12 +134,33 @@ class Screen:
         if single.any():
             nats = self._noise_gain(*_at_ratios(gram[single], side[single]))
             self._keep([atom for atom in atoms if atom.groups == 1], nats)
+        for atom, own, along in zip(atoms, gram, side, strict=True):
+            if atom.joint is not None:
+                self._at_few_joints(atom, atom.joint, own, along)
 
     def _keep(self, atoms: list[Atom], nats: np.ndarray) -> None:
         """Keep the best ratio of each atom, from the evidence at each, (atoms, ratios)."""
         nats = nats - np.outer([atom.effect is not None for atom in atoms], USUAL)
         for atom, index, most in zip(atoms, nats.argmax(axis=1).tolist(), nats.max(axis=1).tolist(), strict=True):
             self.gains[atom.key] = Gain(most - atom.odds, atom.key, RATIOS[index : index + 1])
+
+    def _at_few_joints(self, atom: Atom, joint: np.ndarray, gram: np.ndarray, side: np.ndarray) -> None:
+        """Keep what an atom adds at no more joints than show it, if that is more.
+
+        Args:
+            atom: of one value for each joint.
+            joint: of its columns, (w,) int.
+            gram: of what the set leaves of them, (w, w).
+            side: (w,).
+        """
+        values = np.linalg.solve(gram + np.eye(len(gram)) / self.gains[atom.key].scales[0], side)
+        idle, odds = idle_columns(joint, values**2 * gram.diagonal() / self.basis.posterior.phi)
+        if idle.any():
+            few = gram[np.ix_(~idle, ~idle)][None], side[~idle][None]
+            nats = self._noise_gain(*_at_ratios(*few))[0] - USUAL - odds - atom.odds
+            best = int(nats.argmax())
+            if nats[best] > self.gains[atom.key].nats:
+                self.gains[atom.key] = Gain(float(nats[best]), atom.key, RATIOS[best : best + 1])
 
     def _noise_gain(self, taken: np.ndarray, spread: np.ndarray) -> np.ndarray:
         """Nats that a smaller sum of squares is worth, the white variance being learned, less half of the spread."""

@@ -170,10 +170,16 @@ def plainest(scorer: Scorer, best: State) -> State:
 
     Returns:
         The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
-        to anything says little; then the best.
+        to anything says little; then the best, what the model has by a nat before what it has not: of two that do alike
+        each would be the better one where it is linearised at the other.
     """
+
+    def plain(state: State) -> tuple[float, int, float]:
+        known = all(scorer.system.atoms[key].shape is None for key in state.keys)
+        return _parts(scorer, state), _bends(scorer, state), -state.total - SEEN * known
+
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
-    first = min([best, *near], key=lambda state: (_parts(scorer, state), _bends(scorer, state), -state.total))
+    first = min([best, *near], key=plain)
     return scorer.score(first.keys, first.memory)
 
 
