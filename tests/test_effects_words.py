@@ -439,6 +439,13 @@ def test_a_jump_is_said_by_its_place_and_a_slow_rest_by_its_wander():
     assert "understate" in explain_verdict(diagnosis("nothing-missing", after=3.0 * floor))
 
 
+def test_a_noise_that_only_the_rest_tells_is_said_to_hide_what_is_rough():
+    told = diagnosis("nothing-missing")
+    told.noise = replace(NOISE, source="saturated model")
+    assert "would hide in it; repeats of some poses" in explain_verdict(told)
+    assert "hide" not in explain_verdict(diagnosis("nothing-missing"))
+
+
 def test_other_verdicts_say_what_they_have_and_how_well():
     words = explain_verdict(diagnosis("missing", steps=2))
     assert words.startswith("Words of 0.\nWords of 1.\nWith that the error is 0.3 um, down from 90.0 um")

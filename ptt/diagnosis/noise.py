@@ -15,7 +15,7 @@ from ptt.effects import Library
 from ptt.errors import TableError
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
-from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.noise import DEFAULT_SIGMA, SATURATED, Noise
 from ptt.run.problem import Problem
 from ptt.run.tails import f_cdf, f_sf
 
@@ -58,7 +58,7 @@ def noise_left(system: System, state: State) -> Noise:
     left = system.innovation(state.columns, state.posterior.values, state.memory)
     freedom = max(system.count - state.decided, 1.0)
     scatter = system.in_mm(left)
-    return Noise(scatter.T @ scatter * (3.0 / freedom), "saturated model", freedom)
+    return Noise(scatter.T @ scatter * (3.0 / freedom), SATURATED, freedom)
 
 
 def wanders_beyond(system: System, state: State) -> bool:
@@ -152,7 +152,7 @@ def outdone(given: Noise, left: Noise) -> bool:
 
 
 def _after_a_knock(left: Noise) -> Noise:
-    return replace(left, source="saturated model; repeats scatter by more, as after a knock")
+    return replace(left, source=f"{SATURATED}; repeats scatter by more, as after a knock")
 
 
 def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:

@@ -13,7 +13,7 @@ from ptt.effects.phrases import Said, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
 from ptt.fitting.gauge import Told, sparsest
 from ptt.model.model import Term
-from ptt.run.noise import Noise
+from ptt.run.noise import SATURATED, Noise
 from ptt.run.problem import Problem
 from ptt.run.view import View
 
@@ -259,7 +259,7 @@ def tell_verdict(
     excess = _excess(after, noise, wander)
     if verdict == "nothing-missing":
         sound = f"Nothing is missing that these {rows} readings could show"
-        return [f"{sound}: the error is {after:.1f} um, {floor}.{excess}"]
+        return [f"{sound}: the error is {after:.1f} um, {floor}.{excess}{_unstated(noise)}"]
     fall = f"the error is {after:.1f} um, down from {before:.1f} um; {floor}."
     if verdict == "missing":
         # A tie stands at the head of its step's words; a later one has to be heard of first, too.
@@ -311,6 +311,16 @@ def _spoken(on: str) -> str:
     word, _, axis = on.partition(" ")
     spoken = {"way": f"the way along {axis} that the tool came", "turn": f"how the tool turns along {axis}"}
     return f"{spoken[word]} ({on})" if axis in ("x", "y", "z") and word in spoken else on
+
+
+def _unstated(noise: Noise) -> str:
+    """A word where only the rest tells the noise: what changes from reading to reading counts as noise then."""
+    if noise.source != SATURATED:
+        return ""
+    return (
+        " Only what is left tells the noise: an error that changes from each reading to the next would hide in it; "
+        "repeats of some poses, or sigma_mm in the machine file, would show it."
+    )
 
 
 def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:

@@ -23,6 +23,7 @@ ON_STEP = 1e-5  # of a step: how near a reading lies to a whole number of them
 SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
+SATURATED = "saturated model"  # source of a noise that nothing tells but what everything at once leaves
 DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: used only to start with, never reported
 
 
