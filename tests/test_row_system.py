@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ptt.diagnosis import hidden as hidden_module
+from ptt.diagnosis import score as score_module
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.blocks import Block, Place
 from ptt.diagnosis.hidden import held_out, hide
@@ -126,3 +127,14 @@ def test_a_wander_is_only_looked_for_where_something_may_wander(monkeypatch: pyt
     asked.clear()
     there.best_memory(there.score((), MEMORIES[2]))  # what is there already is always asked whether it is the best
     assert asked
+
+
+def test_no_step_is_taken_from_a_wander_that_lies_far_behind_errors_of_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    random, pose = np.random.default_rng(9), np.arange(300) % POSES
+    slow = 0.3 * np.cumsum(random.normal(size=(300, 3)), axis=0)
+    scorer = Scorer(system_of(random.normal(size=(300, 3)) + slow + 30.0 * random.normal(size=(POSES, 3))[pose]))
+    found, _ = scorer.best_memory(scorer.score((), WHITE))
+    assert found.pose  # beside which a wander is told, but explains next to nothing of the poses
+    monkeypatch.setattr(score_module, "_uphill", None)
+    memory, _ = scorer.best_memory(scorer.score((), found))
+    assert memory == found

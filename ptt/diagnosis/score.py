@@ -29,9 +29,10 @@ REPEATED = 30  # visits beyond the first from which errors of a pose can be told
 # A wrong unit of length stretches about where the tracker stands; in a trusted frame the readings shift with it. The
 # unit is what it costs: that the frame is not what the file says it is needs no reason of its own then.
 ONE_CAUSE = ("tracker-scale", "tracker-frame")
-UNSEEN = 0.02  # variance over noise of all that is left out where memories of the noise are compared
+UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 NO_WANDER = -7.0  # nats, its atoms held, from which a wander is worth an exact look: sets that hid one were at -6
+FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
 
@@ -331,7 +332,7 @@ class Scorer:
         return best, value(best) - value(at)
 
     def _ways(self, state: State) -> np.ndarray:
-        """Combinations of a state's columns of unit variance that say all but a few hundredths of a nat, (p, r)."""
+        """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
         size, gram = np.sqrt(state.posterior.prior), self.system.sums_of(state.columns, state.memory).gram
         strength, ways = np.linalg.eigh(gram * size[:, None] * size)
         kept = np.cumsum(np.maximum(strength, 0.0)) > UNSEEN
@@ -355,15 +356,18 @@ class Scorer:
             for axes in kinds_of_wander(self.system.noise):
                 share, slow, more = self._rough_wander(left, constants, axes)
                 if state.memory.wander is not None or more > NO_WANDER:
-                    found.append(self._wander_near(share, slow, constants, axes, value))
+                    found.append(self._wander_near(state.memory, (share, slow), constants, axes, value))
         if self.system.repeats >= REPEATED:
             found += [Memory(None, float(size)) for size in POSES]
         return found
 
     def _wander_near(
-        self, share: int, slow: int, constants: np.ndarray, axes: Axes, value: Callable[[Memory], float]
+        self, at: Memory, rough: tuple[int, int], constants: np.ndarray, axes: Axes, value: Callable[[Memory], float]
     ) -> Memory:
-        """The best wander of a kind by coordinate steps over the grid."""
+        """The best wander of a kind by coordinate steps over the grid; what there is already, if that is far better."""
+        share, slow = rough
+        if value(_wandering(share, float(constants[slow]), axes)) < value(at) - FAR_BEHIND:
+            return at
         for _ in range(3):
             before = share, slow
             share = _uphill(share, len(SHARES), partial(_at_share, value, float(constants[slow]), axes))

@@ -163,17 +163,22 @@ class Gains:
 
         In each of its rows, and in the next one.
         """
-        keep, take = np.append(self.keep, 0.0), np.append(self.take, 0.0)  # behind the last row nothing is foretold
-        return [_triangle(keep[i : i + STRETCH], take[i : i + STRETCH]) for i in range(0, len(keep), STRETCH)]
+        count = len(self.keep) + 1
+        keep, take = np.zeros((2, -(-count // STRETCH) * STRETCH))  # behind the last row nothing is foretold
+        keep[: count - 1], take[: count - 1] = self.keep, self.take
+        taken, kept = _triangles(keep.reshape(-1, STRETCH), take.reshape(-1, STRETCH))
+        widths = [min(STRETCH, count - first) for first in range(0, count, STRETCH)]
+        return [(own[:w, : w + 1], all_[: w + 1]) for own, all_, w in zip(taken, kept, widths, strict=True)]
 
 
-def _triangle(keep: np.ndarray, take: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    width = len(keep)
-    taken, kept = np.zeros((width, width + 1)), np.ones(width + 1)
+def _triangles(keep: np.ndarray, take: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of all stretches at once, gains (s, w): (s, w, w + 1) and (s, w + 1)."""
+    count, width = keep.shape
+    taken, kept = np.zeros((count, width, width + 1)), np.ones((count, width + 1))
     for row in range(width):
-        taken[:, row + 1] = keep[row] * taken[:, row]
-        taken[row, row + 1] = take[row]
-        kept[row + 1] = keep[row] * kept[row]
+        taken[:, :row, row + 1] = keep[:, row, None] * taken[:, :row, row]
+        taken[:, row, row + 1] = take[:, row]
+        kept[:, row + 1] = keep[:, row] * kept[:, row]
     return taken, kept
 
 
@@ -217,6 +222,9 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
     """
     if wander is None:
         return rows, 0.0
+    if len(wander.parts) == 1:  # all axes alike: nothing has to be put together
+        gains = clock.gains(wander.parts[0][1], wander.constant)
+        return _filtered(rows.reshape(-1, rows.shape[-1]), gains).reshape(rows.shape), gains.log_noise * rows.shape[-2]
     white, log_noise = np.empty_like(rows), 0.0
     for axes, share in wander.parts:
         own, gains = rows[..., axes, :], clock.gains(share, wander.constant)
