@@ -9,6 +9,7 @@ import pytest
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
+from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import between, middle, say_size
 from ptt.dependence.size import Size, estimate_of, size_of, size_of_side
 from ptt.diagnosis.verdict import diagnose
@@ -50,6 +51,10 @@ def test_size_and_sign_are_those_of_the_fault(name) -> None:
     assert 1e3 * first.size.value == pytest.approx(um, rel=0.05)
     assert 0.0 < 1e3 * first.size.std < 0.05 * abs(um)
     assert words in first.words and first.words in found.words
+    at, reading = first.points.T  # the picture's readings lie about the picture's curve
+    near = np.abs(at[:, None] - first.curve[:, 0]).argmin(axis=1)
+    beside = np.abs(reading - first.curve[near, 1])
+    assert np.median(beside) < 0.3 * np.ptp(first.curve[:, 1])
     told = first.to_dict()
     assert told["words"] == first.words and told["size"]["value_um"] == pytest.approx(1e3 * first.size.value)
 
@@ -97,6 +102,14 @@ def test_each_kind_keeps_its_sign_and_its_error(sign) -> None:
     more = size_of_side("slider 2", estimate_of(opening + noise, 1e-3), side, values)
     assert more.kind == "varying" and sign * more.value == pytest.approx(0.019, abs=0.002)
     assert abs(more.other) < 0.002 and more.high > 280.0
+
+
+def test_a_joint_that_turns_is_told_in_microradians() -> None:
+    turn = Size("joint 3", "side", -4e-5, 2e-6, -1.0, 1.0, on="direction3", along="direction3", noun="joint", rms=0.02)
+    assert turn.to_dict()["value_um"] == pytest.approx(-40.0) and turn.to_dict()["rms_um"] == pytest.approx(20.0)
+    curve = np.array([[-1.0, 2e-5, 1e-6], [1.0, -2e-5, 1e-6]])
+    found = Dependence("joint 3", "direction3", 0.9, 1e-9, None, "levels", curve, size=turn).to_dict()
+    assert found["curve"]["mean_um"] == pytest.approx([20.0, -20.0])
 
 
 def test_what_the_readings_do_not_show_is_said_to_be_so() -> None:

@@ -1,7 +1,7 @@
 """What an error depends on: the share of its variance that a free function of one variable explains, and its test."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -50,6 +50,7 @@ class Dependence(Record):
             'link 2', or 'x', 'y', 'z' of the tool; None where that is open.
         unit: of the variable; '' where it has none, or nobody knows it.
         size: of an unknown, how large it is and which way it goes; None where nobody knows it.
+        points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
     """
 
     keys: ClassVar[str] = (
@@ -70,6 +71,15 @@ class Dependence(Record):
     acts_on: str | None = None
     unit: str = ""
     size: Size | None = None
+    points: np.ndarray | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its figures for JSON; the error of a joint that turns is in urad."""
+        told = super().to_dict()
+        if self.residual.startswith("joint"):
+            for key in ("mean_um", "half_width_um"):
+                told["curve"][key] = [1e3 * value for value in told["curve"][key]]
+        return told
 
     @property
     def words(self) -> str:

@@ -54,7 +54,7 @@ def say_size(size: Size) -> str:
     Returns:
         One sentence, for example 'Slider 1 comes out 38 +- 2 um higher when slider 1 arrives upward than downward.'
     """
-    who, (more, less, most) = _subject(size.of), SIDES[size.of.split()[-1 if size.of[-1].isalpha() else 0]]
+    who, (more, less, most) = part_of(size.of), SIDES[size.of.split()[-1 if size.of[-1].isalpha() else 0]]
     side = more if size.value >= 0.0 or not size.known else less
     at_most = f"no more than {_amount(size, _bound(size), 0.0)}"
     what = _amount(size, size.value, size.std) if size.known else f"{at_most} {less} or"
@@ -94,8 +94,8 @@ def _bound(size: Size) -> float:
     return abs(size.value) + 2.0 * size.std
 
 
-def _subject(of: str) -> str:
-    """Who is off, in words."""
+def part_of(of: str) -> str:
+    """Who is off, in words: 'rail 2' of 'rail 2 outward', 'the tool' of its 'x'."""
     return "the tool" if of in ("x", "y", "z") else of.removesuffix(" outward").removesuffix(" sideways")
 
 

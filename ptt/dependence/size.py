@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -57,6 +57,14 @@ class Size(Record):
     unit: str = ""
     noun: str = "slider"
     rms: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its figures for JSON; those of a joint that turns are in urad."""
+        told = super().to_dict()
+        if self.of.startswith("joint"):
+            for key in ("value_um", "std_um", "at_low_um", "at_low_std_um"):
+                told[key] = None if told[key] is None else 1e3 * told[key]
+        return told
 
     @property
     def known(self) -> bool:

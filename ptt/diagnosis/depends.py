@@ -12,7 +12,7 @@ from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.sizes import size_of_unknown
+from ptt.diagnosis.sizes import points_of, size_of_unknown
 from ptt.diagnosis.unknowns import Unknown
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
@@ -75,7 +75,8 @@ def _dependence(
     item: Unknown, unknowns: Sequence[Unknown], rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
 ) -> Dependence | None:
     """One block: where it shows most, the variable that it follows most, and how large it is."""
-    others = sum((other.part for other in unknowns if other is not item), np.zeros_like(rest))
+    alike = [other for other in unknowns if other.block.is_like(item.block)]
+    others = sum((other.part for other in unknowns if not any(other is own for own in alike)), np.zeros_like(rest))
     parts, rests = residual_views(problem, item.part), residual_views(problem, rest - others)
     residuals = _residuals(item, parts)
     choices = [name for name in _variables(item, problem) if name in contexts]
@@ -96,10 +97,11 @@ def _dependence(
         found = replace(best, share=share, p_value=chance, rivals=(), acts_on=_acts_on(item.block))
     else:
         rows = np.isfinite(rests[residual]) & np.isfinite(contexts[on])
-        curve = binned_curve(contexts[on][rows], rests[residual][rows])
+        readings = rests[residual][rows]
+        curve = binned_curve(contexts[on][rows], readings - readings.mean())
         found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
-    alike = [other for other in unknowns if other.block.is_like(item.block)]
-    return with_unit(replace(found, size=size_of_unknown(item, alike, found, rest, problem, contexts)), problem)
+    size = size_of_unknown(item, alike, found, rest, problem, contexts)
+    return with_unit(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
 
 def _acts_on(block: Block) -> str | None:

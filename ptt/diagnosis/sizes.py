@@ -73,8 +73,28 @@ def sized(found: tuple[Dependence, ...], left: np.ndarray, problem: Problem) -> 
         inside = readings - (np.bincount(number, readings) / np.bincount(number))[number]
         sigma = float(np.sqrt(np.square(inside).sum() / max(len(inside) - number.max() - 1, 1)))
         size = _size(item, estimate_of(readings, sigma), problem, contexts, rows, item.with_)
-        told.append(replace(item, size=size))
+        told.append(replace(item, size=size, points=points_of(item, views[item.residual], contexts)))
     return tuple(told)
+
+
+def points_of(found: Dependence, readings: np.ndarray, contexts: Contexts) -> np.ndarray:
+    """The readings that the curve of a dependence stands for.
+
+    Args:
+        found: the dependence.
+        readings: (n,) mm or rad, NaN on rows that do not count.
+        contexts: (n,) each.
+
+    Returns:
+        (m, 2): within the period of one, along the second variable of a direction, signed by the way it came; about
+        their mean, as curves are.
+    """
+    at = contexts[found.with_ or found.on]
+    at = at if found.period_mm is None else np.remainder(at, found.period_mm)
+    rows = np.isfinite(at) & np.isfinite(readings) & np.isfinite(contexts[found.on])
+    signed = readings - readings[rows].mean() if rows.any() else readings
+    signed = signed * np.sign(contexts[found.on]) if found.with_ else signed
+    return np.column_stack([at[rows], signed[rows]])
 
 
 def _moves(block: Block, found: Dependence, problem: Problem) -> np.ndarray:

@@ -158,11 +158,16 @@ def _words(found: Diagnosis, problem: Problem) -> str:
         serial = family(problem.view) == "serial"
         with_ = f", in a measure that varies with {spoken(first.with_, serial)}" if first.with_ else ""
         own = first.on == f"direction{first.residual.split()[-1]}"
-        on = "the way from which it comes" if own else spoken(first.on, serial)
+        on = "the way from which it comes" if own else f"{_article(first.on)}{spoken(first.on, serial)}"
         share = f"{percent(first.share)} of its variance{acting(first.acts_on, first.residual)}"
         return f"What is left of {first.residual} follows {on}{with_}: {share}. {first.words}".rstrip()
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
+
+
+def _article(on: str) -> str:
+    """What stands before a variable of a joint: 'the height of slider 2', but 'payload'."""
+    return "the " if on[-1].isdigit() else ""
 
 
 def _doubt(steps: Sequence[Candidate]) -> str:

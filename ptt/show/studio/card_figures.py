@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
-from ptt.show.studio.figures import BLUE, ORANGE, PALE, UNITS, Figure, axis_of, whole_figure, whole_layout
+from ptt.show.studio.figures import BLUE, ORANGE, PALE, UNITS, Figure, axis_of, sides_axis, whole_figure, whole_layout
 
 BINS = 24
 RULER = (-2.0, 2.0)  # powers of ten about the usual size
@@ -118,13 +118,18 @@ def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
     of = time or UNITS.get(on.rstrip("0123456789"), "")
     across = spoken(on, serial) + (" within one period" if unknown["period_mm"] else "") + (f" [{of}]" if of else "")
     up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
-    data = [_points(scale * np.asarray(points["at"]), factor * np.asarray(points["um"]), PALE, "readings", 5)]
-    if str(unknown["on"]).startswith("direction") and not unknown["with"]:
+    axis, place = axis_of(across), scale * np.asarray(points["at"])
+    sided = str(unknown["on"]).startswith("direction") and not unknown["with"]
+    if sided:
+        sides, spread = sides_axis(serial, len(place))
+        axis, place = axis | sides, place + spread
+    data = [_points(place, factor * np.asarray(points["um"]), PALE, "readings", 5)]
+    if sided:
         data.append({**_points(at, mean, ORANGE, "mean", 13), "error_y": {"type": "data", "array": half.tolist()}})
     else:
         data += _followed(at, mean, half)
     layout = whole_layout(
-        xaxis=axis_of(across),
+        xaxis=axis,
         yaxis=axis_of(up, zeroline=True),
         showlegend=True,
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},

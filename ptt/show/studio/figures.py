@@ -26,6 +26,21 @@ def empty_figure() -> Figure:
     return {"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}}
 
 
+def sides_axis(serial: bool, count: int) -> tuple[Figure, np.ndarray]:
+    """An axis of the two ways of an arrival, and how points are spread on it so that they do not hide each other.
+
+    Args:
+        serial: whether the machine is an arm.
+        count: of the points.
+
+    Returns:
+        What the axis has beside its title, and (count,).
+    """
+    words = ("back", "forward") if serial else ("down", "up")
+    axis = {"tickvals": [-1, 1], "ticktext": [f"arriving {word}" for word in words], "range": [-1.6, 1.6]}
+    return axis, np.random.default_rng(0).uniform(-0.15, 0.15, count)
+
+
 def label_of(context: str, look: Look) -> str:
     """Name of a context with its unit, as menus and axes have it."""
     if context == "time":
@@ -90,9 +105,8 @@ def against_figure(
         across, label = scale * across, f"time [{clock}]"
     axis = axis_of(label)
     if context.startswith("direction"):
-        spread = np.random.default_rng(0).uniform(-0.15, 0.15, look.rows)  # so that points do not hide each other
-        across, words = across + spread, ("back", "forward") if look.serial else ("down", "up")
-        axis |= {"tickvals": [-1, 1], "ticktext": [f"arriving {word}" for word in words], "range": [-1.6, 1.6]}
+        sides, spread = sides_axis(look.serial, look.rows)
+        axis, across = axis | sides, across + spread
     data = []
     if beside is not None and view in beside[1].views:
         other = beside[1].views[view][rows] * factor

@@ -15,10 +15,10 @@ from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
 from ptt.show.studio.results import SEAL, Changed, Compared, Learned, Predicted, Source, Trained
 
+MOST = 1200  # readings of an unknown that a picture shows
+
 if TYPE_CHECKING:
     from ptt.diagnosis.verdict import Diagnosis
-    from ptt.model.model import Model
-    from ptt.run.problem import Problem
 
 __all__ = [
     "again",
@@ -106,7 +106,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
         card=plain(card_of_diagnosis(result, problem).to_dict()),
         fits=fits_of(result, opened.model, problem),
         ghosts=ghosts_of(result.model, problem, steps),
-        unknown=_unknown(result, opened.model, problem),
+        unknown=_unknown(result),
         cards=plain({key: words_of_effect(known, key, family) for key in steps}),
         whole=_packed(result),
     )
@@ -136,27 +136,18 @@ def _stage(what: str) -> str:
     return f"{STAGES.get(name, name)} ({what[len(name) :].strip()})" if what != name else STAGES.get(name, name)
 
 
-def _unknown(found: "Diagnosis", given: "Model", problem: "Problem") -> Mapping[str, Any] | None:
+def _unknown(found: "Diagnosis") -> Mapping[str, Any] | None:
     """The one curve that the unknown follows, with this run's readings about it."""
     import numpy as np
-
-    from ptt.dependence.contexts import path_views, residual_views
-    from ptt.show.card.fits import rest_of
 
     if found.verdict != "unknown" or not found.depends_on:
         return None
     first = found.depends_on[0]
-    views = residual_views(problem, rest_of(found, given, problem))
-    contexts = path_views(problem)
-    place, value = contexts.get(first.with_ or first.on), views[first.residual] * 1e3
-    own = first.to_dict()
-    if place is None:
-        return own | {"points": {"at": [], "um": []}}
-    place = np.remainder(place, first.period_mm) if first.period_mm else place
-    value = value * np.sign(contexts[first.on]) if first.with_ else value
-    rows = np.flatnonzero(np.isfinite(place) & np.isfinite(value) & problem.used)
-    rows = rows[np.unique(np.linspace(0, max(len(rows) - 1, 0), min(1200, len(rows))).astype(int))]
-    return own | {"points": {"at": np.round(place[rows], 6).tolist(), "um": np.round(value[rows], 4).tolist()}}
+    points = np.zeros((0, 2)) if first.points is None else first.points
+    points = points[np.unique(np.linspace(0, max(len(points) - 1, 0), min(MOST, len(points))).astype(int))]
+    fine = 1e6 if first.residual.startswith("joint") else 1e3  # urad, um
+    at, um = np.round(points[:, 0], 6).tolist(), np.round(fine * points[:, 1], 4).tolist()
+    return first.to_dict() | {"points": {"at": at, "um": um}}
 
 
 def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell: Progress) -> Changed:

@@ -1,16 +1,23 @@
 """An unknown: the one curve that it follows, large, and an effect written from it."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from nicegui import ui
 
+from ptt.dependence.said import part_of
 from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Learned
+
+HOW = {
+    "levels": "level by level", "smooth": "smoothly", "step": "in a step", "bump": "near one place",
+    "period": "over and over", "varying": "more at one end than at the other",
+}  # fmt: skip
 
 
 class UnknownView:
@@ -26,7 +33,7 @@ class UnknownView:
             self.plot = Picture().classes("w-full").style("height: 340px")
             self.plot.props('role=img aria-label="what the unknown follows"')
             self.how = ui.label().classes("st-note")
-            with ui.element("div").classes("st-tools"):
+            with ui.element("div").classes("st-tools").style("margin: 8px 0"):
                 self.name = ui.input("name of the effect", value="my-effect").props("dense outlined").classes("w-48")
                 ui.button("Write this as an effect", icon="edit_note", on_click=self._write).props("no-caps unelevated")
                 self.add = ui.button("Add it to the model", icon="add", on_click=self._add).props("no-caps outline")
@@ -46,7 +53,7 @@ class UnknownView:
         unknown = lesson.unknown
         rivals = f"; {', '.join(unknown['rivals'])} would tell it about as well" if unknown["rivals"] else ""
         follows = f"{percent(unknown['share'])} of what is left of {unknown['residual']} follows it"
-        self.how.set_text(f"{follows} ({unknown['shape']}){rivals}.")
+        self.how.set_text(f"{follows} ({HOW[unknown['shape']]}){rivals}.{_seen_as(unknown)}")
         self.code.set_visibility(False)
         self.add.set_visibility(False)
 
@@ -74,6 +81,14 @@ class UnknownView:
         if self.file not in source.effects:
             self.studio.with_source(replace(source, effects=(*source.effects, self.file)))
         await self.studio.change("add", str(self.name.value))
+
+
+def _seen_as(unknown: Mapping[str, Any]) -> str:
+    """A word where the picture shows something else than what is off, so that its figures are others."""
+    acts = unknown["acts_on"]
+    if acts in (None, unknown["residual"]):
+        return ""
+    return f" The picture has it as an error of {unknown['residual']}; the sentence above as one of {part_of(acts)}."
 
 
 def build_unknown(studio: Studio, go: Callable[[str], None]) -> UnknownView:
