@@ -2,22 +2,27 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
-from ptt.challenge.truth import table_of
+from ptt.challenge.truth import READINGS, table_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import between, middle, say_size
 from ptt.dependence.size import Size, estimate_of, size_of, size_of_side
 from ptt.diagnosis.verdict import diagnose
+from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw import draw_rig
+from ptt.rig.draw_serial import draw_serial
 from ptt.run.problem import build_problem
 
+DATA = Path(__file__).resolve().parents[1] / "data"
 HIDDEN = {  # kind of run, fault -> what is off, kind, um, and what the sentence says of it
     "scale up": ("volume", {"kind": "splice", "leg": 2, "height_mm": 290.0, "step_um": 30.0}, "slider 2", "step", 30.0,
                  "um higher above b2 = 290 mm than below it"),
@@ -74,6 +79,22 @@ def test_a_foreign_machine_is_said_the_size_that_it_has() -> None:
     true = shift[way > 0].mean() - shift[way < 0].mean()
     assert abs(first.size.value - true) < 4.0 * first.size.std + 0.02 * abs(true)
     assert ("toward +x" if true > 0 else "toward -x") in first.words
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_of_an_arm_is_said_the_way_that_it_turns(sign) -> None:
+    """Joint 4 stands 300 urad off the one way when joint 3 arrives forward, and as much as that less when it backs."""
+    drawn = draw_serial("none", 5, load_machine(DATA / "machines" / "ur10.toml"), rows=200)
+    file, frame = drawn.rig.machine, simulate(drawn.rig, drawn.targets).frame
+    view = build_problem(file, table_of(frame, drawn.absent)).view
+    turned = 0.5 * sign * 3e-4 * view.direction.numpy()[:, 2:3]
+    rotation = Rotation.from_rotvec(1e-3 * np.array(drawn.rig.tracker.rotation_mrad)).as_matrix()
+    frame[READINGS] += (view.jacobian.numpy()[:, :, 3] * turned) @ rotation.T
+    first = diagnose(Model(file), build_problem(file, table_of(frame, drawn.absent))).depends_on[0]
+    assert (first.size.of, first.on, first.unit) == ("joint 4", "direction3", "")
+    assert sign * first.size.value == pytest.approx(3e-4, abs=max(4.0 * first.size.std, 2e-5))
+    way = "forward" if sign > 0 else "back"
+    assert f"urad further {way} when joint 3 arrives forward than back" in first.words
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
