@@ -1,4 +1,4 @@
-"""What is worked out once is not again: sums that are there, what hidden rows say, wanders that nobody asks for."""
+"""What is worked out once is not again: sums that are there, what hidden rows say, steps that lead nowhere."""
 
 from types import SimpleNamespace
 
@@ -106,27 +106,6 @@ def _left_out(keys: tuple[str, ...], block: int) -> float:
     state = scorer.score(keys, WHITE)
     values = next(scorer.without_rows(state, [list(system.hidden(state.columns))[block]])).values
     return float(np.square(system.values[here] - system.columns[here][:, :, state.columns] @ values).sum())
-
-
-def test_a_wander_is_only_looked_for_where_something_may_wander(monkeypatch: pytest.MonkeyPatch) -> None:
-    random, asked = np.random.default_rng(8), []
-    plain = Scorer._wander_near
-
-    def looked(self: Scorer, *rest: object) -> Memory:
-        asked.append(self)
-        return plain(self, *rest)
-
-    monkeypatch.setattr(Scorer, "_wander_near", looked)
-    steady = np.diff(random.normal(size=(301, 3)), axis=0)  # neighbours are as unlike as can be
-    slow = np.cumsum(random.normal(size=(300, 3)), axis=0)
-    for values, wanders in ((steady, False), (steady + slow, True)):
-        scorer = Scorer(system_of(values))
-        memory, gained = scorer.best_memory(scorer.score((), WHITE))
-        assert (len(asked) > 0, memory.wander is not None, gained > 0.0) == (wanders,) * 3
-    there = Scorer(system_of(steady))
-    asked.clear()
-    there.best_memory(there.score((), MEMORIES[2]))  # what is there already is always asked whether it is the best
-    assert asked
 
 
 def test_no_step_is_taken_from_a_wander_that_lies_far_behind_errors_of_poses(monkeypatch: pytest.MonkeyPatch) -> None:

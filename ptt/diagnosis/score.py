@@ -31,7 +31,6 @@ REPEATED = 30  # visits beyond the first from which errors of a pose can be told
 ONE_CAUSE = ("tracker-scale", "tracker-frame")
 UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
-NO_WANDER = -7.0  # nats, its atoms held, from which a wander is worth an exact look: sets that hid one were at -6
 FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
@@ -348,15 +347,14 @@ class Scorer:
         return -half - 0.5 * known * float(np.log((self.system.freedom + left) / known))
 
     def _neighbours(self, state: State, value: Callable[[Memory], float]) -> list[Memory]:
-        """The best wander of each kind where one may be, and all errors of poses without one."""
+        """The best wander of each kind, and all errors of poses without one."""
         found = list[Memory]()
         constants = self.system.clock.constants
         if len(constants):
             left = self.system.left(state.columns, state.posterior.values)
             for axes in kinds_of_wander(self.system.noise):
-                share, slow, more = self._rough_wander(left, constants, axes)
-                if state.memory.wander is not None or more > NO_WANDER:
-                    found.append(self._wander_near(state.memory, (share, slow), constants, axes, value))
+                rough = self._rough_wander(left, constants, axes)
+                found.append(self._wander_near(state.memory, rough, constants, axes, value))
         if self.system.repeats >= REPEATED:
             found += [Memory(None, float(size)) for size in POSES]
         return found
@@ -376,13 +374,11 @@ class Scorer:
                 break
         return _wandering(share, float(constants[slow]), axes)
 
-    def _rough_wander(self, left: np.ndarray, constants: np.ndarray, axes: Axes) -> tuple[int, int, float]:
-        """Where on the grid the wander of a state's residual lies, and nats that it brings, its atoms held."""
+    def _rough_wander(self, left: np.ndarray, constants: np.ndarray, axes: Axes) -> tuple[int, int]:
+        """Where on the grid the wander of a state's residual lies, its atoms held."""
         grid = [(i, j) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
         wanders = [Wander(float(SHARES[i]), float(constants[j]), axes) for i, j in grid]
-        likely = likelihoods(left, wanders, self.system.clock)
-        best = int(np.argmax(likely))
-        return *grid[best], float(likely[best] - MEMORY_ODDS + 0.5 * left.size * np.log(np.square(left).sum()))
+        return grid[int(np.argmax(likelihoods(left, wanders, self.system.clock)))]
 
 
 def _odds_against(atoms: Sequence[Atom]) -> float:
