@@ -181,7 +181,9 @@ def test_a_stand_moves_a_sharp_axis_as_far_as_a_blunt_one():
     np.testing.assert_allclose(own, np.eye(3), atol=1e-12)
     in_mm = np.linalg.inv(noise.whitener) @ np.diag(stand) @ np.linalg.inv(noise.whitener).T
     np.testing.assert_allclose(in_mm, np.trace(noise.covariance) / 3.0 * np.eye(3), rtol=1e-9, atol=1e-15)
-    assert steady == (1.0, 1.0, 1.0) and kinds_of_wander(Noise(np.diag([2.0, 3.0, 3.5]) * 1e-6, "")) == (steady,)
+    assert steady == (1.0, 1.0, 1.0)
+    for alike in ([2.0, 3.0, 3.5], [1.0, 1.0, 90.0]):  # nearly a ball, or one loud axis, which no tracker has
+        assert kinds_of_wander(Noise(np.diag(alike) * 1e-6, "")) == (steady,)
 
 
 def test_one_figure_for_all_axes_says_how_wide_and_the_rows_say_along_which(monkeypatch):

@@ -20,6 +20,7 @@ USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
 SECONDS = "s"
 Axes = tuple[float, float, float]
 AS_NOISE: Axes = (1.0, 1.0, 1.0)
+LIKE = 4.0  # of variances of the two blunt axes of a tracker, which differ where the range to the readings does
 UNEVEN = 2.0  # of variances of the noise's axes, from which a stand and the air are two things: one step of the shares
 FAULT = 10.0  # variance over that of the white noise from which a wander is no tracker's: air and stand do three sigma
 
@@ -55,9 +56,14 @@ class Wander:
 
 
 def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
-    """By which a wander's share is larger along each axis of the noise: of the air, and of a stand."""
+    """By which a wander's share is larger along each axis of the noise: of the air, and of a stand.
+
+    A tracker is sharp along its beam and blunt across it, both ways. Noise of which one axis alone is loud is what a
+    machine has left of its own way, and that says nothing of a stand.
+    """
     squares = 1.0 / np.square(noise.whitener).sum(axis=1)
-    if squares.max() < UNEVEN * squares.min():
+    sharp, blunt, bluntest = np.sort(squares).tolist()
+    if bluntest < UNEVEN * sharp or bluntest > LIKE * blunt:
         return (AS_NOISE,)
     first, second, third = (squares.mean() / squares).tolist()
     return AS_NOISE, (first, second, third)
