@@ -8,6 +8,7 @@ import numpy as np
 
 from ptt.again.changes import CURVE, Change
 from ptt.again.weigh import Weighed
+from ptt.diagnosis.wander import share_within
 from ptt.fitting.evidence import WIDE, inverse
 from ptt.fitting.solve import rms
 from ptt.record import Record
@@ -123,7 +124,8 @@ def errors_of(found: Weighed) -> dict[str, float]:
     doubt = doubt - basis @ (basis.T @ doubt)
     spread = [system.in_mm(column.reshape(-1, 3)) for column in doubt.T]
     doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)
-    wander = 0.0 if state.memory.wander is None else state.memory.wander.share
+    memory = state.memory.wander  # frames of each run take what lies in its mean
+    wander = 0.0 if memory is None else share_within(memory, system.clock.span / max(int(system.clock.starts.sum()), 1))
     noise = (1e3 * found.noise.total) ** 2 * (1.0 + wander)
     keys = [*(change.key for change in found.changed), *(room.key for room in found.then)]
     named = found.scorer.score(keys, state.memory)

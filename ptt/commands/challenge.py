@@ -71,7 +71,9 @@ def reveal(
     rig_out: Annotated[
         Path | None,
         typer.Option(
-            "--rig", metavar="RIG.toml", help="Write the opened rig; `ptt simulate` runs DIR/targets.csv on it."
+            "--rig",
+            metavar="RIG.toml",
+            help="Write the rig as its run left it; `ptt simulate` runs DIR/targets.csv on it.",
         ),
     ] = None,
     effects: Effects = None,
@@ -90,5 +92,5 @@ def reveal(
     result = open_seal(load(model or folder / MACHINE, effects=effects or ()), folder)
     if rig_out is not None:
         write_text(rig_out, format_rig(to_run_again(result.sealed.drawn.rig)))
-        note(f"opened rig in {rig_out}")
+        note(f"the rig as its run has left it in {rig_out}")
     show(result.to_dict(), str(result), json)

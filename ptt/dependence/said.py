@@ -9,6 +9,7 @@ from ptt.effects.phrases import SIGNIFICANT, figure, scaled
 
 NOTHING = 0.01  # of a size: what beside it is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
+UNLIKE = 9  # digits that tell any two values of a table apart
 SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero, where it is largest
     "slider": ("higher", "lower", "highest"),
     "joint": ("further forward", "further back", "furthest forward"),
@@ -34,14 +35,14 @@ def between(low: float, high: float, unit: str) -> str:
     Returns:
         For example '15.9 to 62.1 mm', or '16.01 mm'.
     """
-    digits = int(np.clip(1 - np.floor(np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, 2)))
+    digits = int(np.clip(1 - np.floor(np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, UNLIKE)))
     one, two = (f"{value:z.{digits}f}" for value in (low, high))
     return f"{one if one == two else f'{one} to {two}'} {unit}".strip()
 
 
 def middle(low: float, high: float, unit: str) -> str:
     """The middle of a place, with as many digits as its width is worth and its unit."""
-    digits = int(np.clip(np.ceil(-np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, 2)))
+    digits = int(np.clip(np.ceil(-np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, UNLIKE)))
     return f"{0.5 * (low + high):z.{digits}f} {unit}".strip()
 
 
@@ -76,7 +77,8 @@ def say_size(size: Size) -> str:
             told = f"{who} swings by {at_most} to either side"
         case _:
             told = f"{far} at {high} than at {low.partition(' = ')[2]}"
-    told = f"{told[:1].upper()}{told[1:]}{'' if size.known else ': this run does not tell which'}"
+    open_ended = "" if size.known or size.kind == "period" else ": this run does not tell which"
+    told = f"{told[:1].upper()}{told[1:]}{open_ended}"
     return f"{told}." if size.rms is None else f"{told}; {_in_um(1e3 * size.rms)} rms at the tool."
 
 
@@ -108,7 +110,10 @@ def _arrival(size: Size) -> str:
 
 def _values(low: float, high: float, unit: str) -> tuple[str, str]:
     """Two values of a variable that are told apart by their digits, each with its unit."""
-    digits = int(np.clip(1 - np.floor(np.log10(max(abs(high - low), 1e-9))), 0, FINEST.get(unit, 2)))
+    apart = int(np.clip(1 - np.floor(np.log10(max(abs(high - low), 1e-9))), 0, UNLIKE))
+    digits = min(apart, FINEST.get(unit, apart))
+    if f"{low:z.{digits}f}" == f"{high:z.{digits}f}":  # as fine as anybody needs is too coarse for these
+        digits = apart
     one, two = (f"{value:z.{digits}f}" for value in (low, high))
     return f"{one} {unit}".strip(), f"{two} {unit}".strip()
 

@@ -64,11 +64,11 @@ def noise_left(system: System, state: State) -> Noise:
 def wanders_beyond(system: System, state: State) -> bool:
     """Whether the memory of the noise has taken what no tracker does by itself, on all axes together or on one.
 
-    Air and stand move a reading along every axis alike; what bends or warms moves one. The memory has one share for
-    all axes, so an axis is asked for itself: what was foretold, against the scatter of all axes together, for along its
-    beam a tracker scatters by a tenth of what it does across, and its stand moves it no less. What forgets within a few
-    rows is no stand that leans to one side as it warms: there the axes are asked whether they are alike, by Fisher's
-    test with as many degrees of freedom as the run has times in which the wander forgets.
+    Air and stand move a reading along every axis alike; what bends or warms moves one. The memory has one share, the
+    mean of all axes, so an axis is asked for itself: what was foretold, against the scatter of all axes together, for
+    along its beam a tracker scatters by a tenth of what it does across, and its stand moves it no less. What forgets
+    within a few rows is no stand that leans to one side as it warms: there axes are asked whether they are alike, by
+    Fisher's test with as many degrees of freedom as the run has times in which the wander forgets.
 
     Args:
         system: the linearised problem.

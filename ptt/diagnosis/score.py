@@ -205,6 +205,7 @@ class Scorer:
         gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner)
         if posterior.ended and posterior.total + gained > least - beside:
             posterior = self._learned(atoms, sums, system.spare, posterior.scales)
+            gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner)
         total = posterior.total + gained + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
@@ -224,15 +225,17 @@ class Scorer:
 
         Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971), at held widths.
         """
-        energy, off, odds = posterior.values**2 * strength / posterior.phi, list[int](), 0.0
+        energy, off, odds, most = posterior.values**2 * strength / posterior.phi, list[int](), 0.0, 0.0
         for index, atom in enumerate(atoms):
             if atom.joint is None or atom.key in self.given:
                 continue
             own = np.flatnonzero(owner == index)
-            idle, more = idle_columns(atom.joint, energy[own])
-            off += own[idle].tolist()
-            odds += more
-        return max(posterior.zeroed(np.array(off)) - odds, 0.0) if off else 0.0
+            idle, against = idle_columns(atom.joint, energy[own])
+            alone = posterior.zeroed(own[idle]) - against if idle.any() else 0.0
+            if alone > 0.0:
+                most, odds = max(most, alone), odds + against
+                off += own[idle].tolist()
+        return max(posterior.zeroed(np.array(off)) - odds, most) if off else 0.0
 
     def _learned(
         self, atoms: Sequence[Atom], sums: Sums, count: float, begin: np.ndarray, least: float = -np.inf

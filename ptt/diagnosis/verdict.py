@@ -200,7 +200,7 @@ def conclude(
     if not depends and wanders_beyond(found.system, state):  # the memory has taken it: what it took tells what it is
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
         depends = sized(found_in, left, shown)
-    depends = depends or sized(rest.depends_on, left, shown)
+    depends = depends or sized(rest.depends_on[:MOST], left, shown)
     if verdict == "unknown" and not depends:
         suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
         left = rest_of(scorer, suspect, problem)[rows]

@@ -69,6 +69,12 @@ def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
     return AS_NOISE, (first, second, third)
 
 
+def share_within(wander: Wander, span: float) -> float:
+    """Share of a wander's variance about its mean over a span, in the unit of its time constant."""
+    times = wander.constant / max(span, 1e-9)
+    return wander.share * (1.0 - 2.0 * times * (1.0 + times * float(np.expm1(-1.0 / times))))
+
+
 @dataclass(frozen=True)
 class Slow:
     """A wander as it is told.
@@ -82,6 +88,11 @@ class Slow:
     wander: Wander
     span: float
     unit: str
+
+    @property
+    def size(self) -> float:
+        """What the run shows of it, over the noise: of what outlasts the run the frame takes the most."""
+        return float(np.sqrt(share_within(self.wander, self.span)))
 
     @property
     def lasts(self) -> str:

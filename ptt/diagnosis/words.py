@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-import numpy as np
 import torch
 
 from ptt.dependence.said import middle
@@ -329,7 +328,7 @@ def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:
     if times < NOTED:
         return ""
     if wander is not None:
-        size = np.sqrt(wander.wander.share) * noise.total * 1e3
+        size = wander.size * noise.total * 1e3
         return f" The rest is slow: the readings wander by {size:.1f} um, {wander.lasts}."
     return (
         f" That is {times:.1f} x the noise by the {noise.source}: they understate the scatter of a reading, or "

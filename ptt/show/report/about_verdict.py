@@ -34,7 +34,8 @@ def _of(look: ModelLook, what: str, contents: Contents) -> list[Block]:
         blocks += [*_steps(found, known), *_others(found, known)]
     if found.depends_on:
         blocks.append(depends_grid(found.depends_on, "What is left depends on", contents.problem))
-        blocks += [Lines(tuple(one.words for one in found.depends_on if one.words))]
+        if said := tuple(one.words for one in found.depends_on if one.words):
+            blocks.append(Lines(said))
     if found.measure_next:
         blocks += [Words("Measure next:"), Lines(found.measure_next)]
     if found.not_testable:
