@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
-from ptt.diagnosis.wander import Slow, Wander
+from ptt.diagnosis.slow import Slow
+from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, explain_verdict, sentence, sentences
 from ptt.effects import library
 from ptt.effects.base import family

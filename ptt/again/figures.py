@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.again.changes import CURVE, Change
 from ptt.again.weigh import Weighed
-from ptt.diagnosis.wander import share_within
+from ptt.diagnosis.slow import share_within
 from ptt.fitting.evidence import WIDE, inverse
 from ptt.fitting.solve import rms
 from ptt.record import Record

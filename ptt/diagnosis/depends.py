@@ -11,8 +11,9 @@ from ptt.dependence.dependence import Dependence, depends_on, with_unit
 from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.sizes import points_of, size_of_unknown
+from ptt.diagnosis.state import State
 from ptt.diagnosis.unknowns import Unknown
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups

@@ -5,7 +5,8 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, is_metrology
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import near_sets
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.state import State
 
 UNSEEN = 1e-12  # share of the largest sum below which frames do not tell each other apart
 

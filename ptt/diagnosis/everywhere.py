@@ -10,8 +10,9 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.found import Found, moved, settled
 from ptt.diagnosis.moments import find_moments, place_moments
 from ptt.diagnosis.noise import starting_noise
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import improve, without
+from ptt.diagnosis.state import State
 from ptt.diagnosis.summed import Ansatz, Run, SummedSystem, Trials, sum_up
 from ptt.effects import Library
 from ptt.fitting.chunks import numbers

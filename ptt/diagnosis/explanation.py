@@ -11,8 +11,8 @@ from ptt.diagnosis.found import Found
 from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.probability import Probability
-from ptt.diagnosis.score import State
 from ptt.diagnosis.spread import exchanged_errors, spread_of, values_of
+from ptt.diagnosis.state import State
 from ptt.diagnosis.steps import Named, Step, share_of
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect

@@ -15,9 +15,10 @@ from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
-from ptt.diagnosis.score import Scorer, State
-from ptt.diagnosis.search import best_of, ends_of, improve, loose, plainest, refilled
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.search import best_of, ends_of, improve, is_told, loose, plainest, refilled
 from ptt.diagnosis.span import Span
+from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
@@ -109,20 +110,20 @@ def find(
     found = by_names(found, model, problem, known, freedom, steps)
     if span is not None:  # what explains a part has to be worked out for all of the run
         return found
+    return _lawful(found, model, problem, known, freedom, steps)
+
+
+def _lawful(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
+    """The same with laws of one variable where readings prefer them; what they let in is linearised at."""
     scorer, state = by_laws(found.scorer, found.state)
     lawful = replace(found, scorer=scorer, system=scorer.system, state=state)
-    if _is_told(scorer, state):
+    if is_told(scorer, state):
         return lawful
     return max(_told(lawful, model, problem, known, freedom, steps), found, key=_total)
 
 
-def _is_told(scorer: Scorer, state: State) -> bool:
-    """Whether the model has every effect of a set: only such have values, words and commands."""
-    return all(scorer.system.atoms[key].shape is None for key in state.keys)
-
-
 def _total(found: Found) -> float:
-    return found.state.total if _is_told(found.scorer, found.state) else -np.inf
+    return found.state.total if is_told(found.scorer, found.state) else -np.inf
 
 
 def _told(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
@@ -135,7 +136,7 @@ def _told(found: Found, model: Model, problem: Problem, known: Library, freedom:
     scorer = with_atoms(scorer, [block for block in blocks if block.key not in scorer.system.atoms])
     keys = [*(key for key in current.keys if key in scorer.system.atoms), *(block.key for block in blocks)]
     improve(scorer, scorer.score(keys, found.state.memory))  # what comes near has a say in probabilities
-    state = max((each for each in scorer.scored.values() if _is_told(scorer, each)), key=lambda each: each.total)
+    state = max((each for each in scorer.scored.values() if is_told(scorer, each)), key=lambda each: each.total)
     return replace(
         found, fitted=fitted, system=scorer.system, scorer=scorer, state=scorer.score(state.keys, state.memory),
         carried=carried, untestable=untestable,

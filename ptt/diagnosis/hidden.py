@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.memory import WHITE, Hidden
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import without
+from ptt.diagnosis.state import State
 from ptt.fitting.evidence import Posterior
 
 FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them

@@ -8,7 +8,8 @@ import numpy as np
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.row_system import build_system
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import FAULT
 from ptt.effects import Library

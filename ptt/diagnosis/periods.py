@@ -7,7 +7,8 @@ import numpy as np
 
 from ptt.diagnosis.atoms import odds_of_block
 from ptt.diagnosis.row_system import RowSystem
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.state import State
 from ptt.diagnosis.wander import innovations
 from ptt.run.problem import Problem
 

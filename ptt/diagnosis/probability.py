@@ -9,7 +9,8 @@ import numpy as np
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.noise import wanders_beyond
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.state import State
 
 TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
 LIKELY = 0.02  # odds beside the set that is told: values one deviation away then move that deviation by a hundredth

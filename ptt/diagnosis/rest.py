@@ -6,7 +6,7 @@ import numpy as np
 
 from nets import RbfSettings, train_rbf
 from ptt.dependence.dependence import Dependence, dependence_of
-from ptt.diagnosis.score import State
+from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.run.holdout import BLOCKS, blocks

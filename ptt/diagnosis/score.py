@@ -2,18 +2,17 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
-from scipy.linalg import lapack
 
 from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums
 from ptt.diagnosis.screen import Basis, Gain, Screen
+from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
@@ -33,86 +32,6 @@ UNSEEN = 0.2  # variance over noise of all that is left out where memories of th
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
-
-
-@dataclass(frozen=True)
-class State:
-    """One set of atoms under one memory of the noise, with its posterior.
-
-    Attributes:
-        keys: of the atoms, sorted.
-        memory: of the noise.
-        total: log evidence plus log prior odds, nats.
-        posterior: of the frame and the atoms.
-        columns: indices of the posterior's columns in the system.
-        owner: (p,) number of the atom of each column, -1 for the frame.
-        scales: learned variances of each atom, by key.
-    """
-
-    keys: tuple[str, ...]
-    memory: Memory
-    total: float
-    posterior: Posterior
-    columns: np.ndarray
-    owner: np.ndarray
-    scales: Mapping[str, np.ndarray]
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether its factor is there, so that something can be set beside it."""
-        return len(self.posterior.cholesky) == len(self.columns)
-
-    def without_factor(self) -> "State":
-        """The same without the Cholesky factor of its posterior, nearly all of what it takes to keep."""
-        return replace(self, posterior=replace(self.posterior, cholesky=np.empty((0, 0))))
-
-    def of(self, key: str) -> np.ndarray:
-        """Places of an atom's columns among the posterior's."""
-        return np.flatnonzero(self.owner == self.keys.index(key))
-
-    def worth(self, key: str) -> float:
-        """About what an atom is worth: half of Wald's statistic of its values, nats."""
-        own = self.of(key)
-        values, spread = self.posterior.values[own], self.covariance[np.ix_(own, own)]
-        factor, failed = lapack.dpotrf(spread, lower=1)
-        if failed:
-            return 0.5 * float(values @ np.linalg.lstsq(spread, values, rcond=1e-12)[0])
-        return 0.5 * float(values @ lapack.dpotrs(factor, values, lower=1)[0])
-
-    @cached_property
-    def inverse(self) -> np.ndarray:
-        """(X^T X + diag(1 / prior))^-1, (p, p)."""
-        return self.posterior.inverse
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """Of the posterior, (p, p)."""
-        return self.posterior.phi * self.inverse
-
-    @property
-    def decided(self) -> float:
-        """Degrees of freedom that the readings decide."""
-        return len(self.columns) - float((np.diag(self.inverse) / self.posterior.prior).sum())
-
-    @property
-    def std(self) -> np.ndarray:
-        """Posterior standard deviations, (p,)."""
-        return np.sqrt(np.diag(self.covariance))
-
-    def errors(self, atom: Atom, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations of an atom's linear values after and before the data, in their units, (w,) each.
-
-        Args:
-            atom: the atom.
-            scale: (P,) of all columns of the system.
-        """
-        own, phi, size = self.of(atom.key), self.posterior.phi, atom.sizes(scale)
-        if atom.turn is None:
-            return self.std[own] * size, np.sqrt(self.posterior.prior[own] * phi) * size
-        ways, before = atom.turn.ways, self.scales[atom.key][atom.turn.group] * phi
-        unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
-        after = np.einsum("ij,jk,ik->i", ways, self.covariance[np.ix_(own, own)], ways, optimize=True) + unseen
-        return np.sqrt(after) * size, np.sqrt(before) * size
 
 
 class Scorer:

@@ -8,8 +8,9 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, is_any, is_block, is_effect, is_metrology
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import TEMPER
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed, Gain
+from ptt.diagnosis.state import State
 
 ROUNDS = 16
 LEAST = 0.3  # nats that a move has to gain
@@ -175,12 +176,16 @@ def plainest(scorer: Scorer, best: State) -> State:
     """
 
     def plain(state: State) -> tuple[float, int, float]:
-        known = all(scorer.system.atoms[key].shape is None for key in state.keys)
-        return _parts(scorer, state), _bends(scorer, state), -state.total - SEEN * known
+        return _parts(scorer, state), _bends(scorer, state), -state.total - SEEN * is_told(scorer, state)
 
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
     first = min([best, *near], key=plain)
     return scorer.score(first.keys, first.memory)
+
+
+def is_told(scorer: Scorer, state: State) -> bool:
+    """Whether the model has every effect of a set: only such have values, words and commands."""
+    return all(scorer.system.atoms[key].shape is None for key in state.keys)
 
 
 def _parts(scorer: Scorer, state: State) -> float:

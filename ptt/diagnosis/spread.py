@@ -7,7 +7,8 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.found import Found, fits_exchanged
 from ptt.diagnosis.probability import TEMPER, near_sets
-from ptt.diagnosis.score import Scorer, State
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.state import State
 from ptt.run.problem import Problem
 from ptt.run.tails import t_ppf
 

@@ -24,7 +24,8 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.screen import Allowed
 
 if TYPE_CHECKING:
-    from ptt.diagnosis.score import Scorer, State
+    from ptt.diagnosis.score import Scorer
+    from ptt.diagnosis.state import State
 
 
 def replacements(

@@ -16,9 +16,9 @@ from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest
 from ptt.diagnosis.search import without
 from ptt.diagnosis.sizes import sized
+from ptt.diagnosis.slow import SECONDS, Slow
 from ptt.diagnosis.steps import name_steps
 from ptt.diagnosis.unknowns import unknowns_of
-from ptt.diagnosis.wander import SECONDS, Slow
 from ptt.diagnosis.words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import torch
 
 from ptt.dependence.said import middle
-from ptt.diagnosis.wander import Slow
+from ptt.diagnosis.slow import Slow
 from ptt.effects.base import family
 from ptt.effects.phrases import Said, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
