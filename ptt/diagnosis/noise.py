@@ -153,7 +153,7 @@ def outdone(given: Noise, left: Noise) -> bool:
 
 
 def _after_a_knock(left: Noise) -> Noise:
-    return replace(left, source=f"{SATURATED}; repeats scatter by more, as after a knock")
+    return replace(left, source=f"{SATURATED}; repeats scatter by more, as after a knock or in a wander")
 
 
 def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:

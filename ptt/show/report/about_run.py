@@ -84,6 +84,6 @@ def _noise(contents: Contents) -> list[Block]:
     row = (f"from {figures['source']}", *axes(figures))
     blocks: list[Block] = [grid("Noise floor: one standard deviation of a reading, um", ("", *AXES), [row])]
     if found is not None and found.wander is not None:
-        size = found.wander.size * figures["total"]
-        blocks.append(Words(f"Beside it the readings wander by {size:.1f} um, {found.wander.lasts}."))
+        size = 1e3 * found.wander.size * found.noise.total
+        blocks.append(Words(f"The readings wander by {size:.1f} um, {found.wander.lasts}."))
     return blocks
