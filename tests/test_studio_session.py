@@ -43,7 +43,8 @@ from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.server import Opening, keep_opening
-from ptt.show.studio.session import Session, key_of, parameter_rows
+from ptt.show.studio.session import Session
+from ptt.show.studio.snapshot import key_of, parameter_rows
 from ptt.show.studio.uploads import RESERVED, keep, safe_name
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"

@@ -1,8 +1,7 @@
 """One page's hands: keeps the session, gives jobs to the pool, tells the views what changed."""
 
 import asyncio
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,33 +9,22 @@ from nicegui import Client
 
 from ptt.errors import PttError
 from ptt.machine import parse_machine
+from ptt.show.studio.doing import Doing
 from ptt.show.studio.keeping import Keeper
 from ptt.show.studio.looks import Look
-from ptt.show.studio.outcomes import JobCancelledError, JobFailedError, QuestionError, SetupFoundError
+from ptt.show.studio.outcomes import QuestionError, SetupFoundError
 from ptt.show.studio.panels import Later
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source, Trained
-from ptt.show.studio.session import START, Session, key_of
+from ptt.show.studio.session import Session
+from ptt.show.studio.snapshot import key_of
+from ptt.show.studio.steps import START
 from ptt.show.studio.store import Place
 
 LONG = 50_000  # rows from which nothing is diagnosed unasked: it takes a minute or more
 LEARN = "finding what is missing"
 TOPICS = ("session", "picked", "busy", "staged", "view")
 Listener = Callable[[], None]
-
-
-@dataclass(frozen=True)
-class Busy:
-    """What is being done: words, how much of how much (0 of 0 where nobody knows), since when.
-
-    `yields` says that nobody asked for it: it gives way to whatever a person asks for.
-    """
-
-    words: str
-    done: int = 0
-    of: int = 0
-    since: float = 0.0
-    yields: bool = False
 
 
 @dataclass
@@ -49,7 +37,7 @@ class Staged:
     setup: tuple[dict[str, Any], ...] = ()
 
 
-class Studio:
+class Studio(Doing):
     """One session on a page: its steps, its folder, what is being done for it; nothing is shared with another."""
 
     def __init__(self, place: Place, pool: Pool) -> None:
@@ -59,18 +47,14 @@ class Studio:
             place: its folder.
             pool: what calculates.
         """
-        self.place, self.pool = place, pool
-        self.folder = place.files
+        super().__init__(place.files, pool)
+        self.place = place
         self.session = place.load()
         self.staged = Staged()
         self.picked: list[int] = []
-        self.trouble = ""
-        self.busy: Busy | None = None
         self.view = "Load"
         self._listeners: dict[str, list[Listener]] = {}
-        self._turn_of, self._one, self._looking = asyncio.Lock(), asyncio.Lock(), asyncio.Lock()
-        self._tasks: dict[asyncio.Task[Any], bool] = {}  # -> whether it gives way
-        self._epoch = 0
+        self._turn_of, self._looking = asyncio.Lock(), asyncio.Lock()
         self._keeper = Keeper(place, self.fail)
 
     def attach(self, client: Client) -> None:
@@ -115,11 +99,6 @@ class Studio:
             for listener in self._listeners[topic]:
                 listener()
 
-    @property
-    def idle(self) -> bool:
-        """Whether nothing that a person asked for is going on."""
-        return self.busy is None or self.busy.yields
-
     def close(self) -> None:
         """Stop what is running; an empty session leaves nothing behind."""
         self.cancel()
@@ -136,48 +115,6 @@ class Studio:
         """Highlight readings in every view."""
         self.picked = rows
         self.tell("picked")
-
-    def cancel(self) -> None:
-        """Stop what is running and what waits."""
-        self._epoch += 1
-        for task in self._tasks:
-            task.cancel()
-
-    async def work(self, words: str, job: str, *arguments: Any, how: str = "asked") -> Any:
-        """Do a job off the page.
-
-        Args:
-            words: what is done, for the person.
-            job: name of the job.
-            *arguments: what it takes.
-            how: 'asked' by a person, 'quiet' and short, 'unasked' and giving way, or 'aside': reads no file of the
-                session, so that it need not wait for anything; 'spare' is the same of what nobody waits for.
-
-        Returns:
-            Its result; None where it was stopped or failed, which is shown.
-        """
-        epoch, shown = self._epoch, how in ("asked", "unasked")
-        if how == "asked":
-            self.trouble = ""
-            for task in [task for task, yields in self._tasks.items() if yields]:
-                task.cancel()
-        try:
-            if how in ("aside", "spare"):
-                return await self._do(words, job, arguments, how)
-            async with self._one:
-                if epoch != self._epoch:
-                    raise JobCancelledError("stopped")
-                if shown:
-                    self._is_busy(Busy(words, since=time.monotonic(), yields=how == "unasked"))
-                return await self._do(words, job, arguments, how)
-        except JobCancelledError:
-            if how == "asked" or epoch != self._epoch:
-                self.trouble = f"{words}: stopped"
-        except JobFailedError as error:
-            self.trouble = str(error)
-        finally:
-            self._is_busy(None) if shown else self.tell("busy")
-        return None
 
     def stage(self, source: Source | None = None, machine: str = "") -> None:
         """Lay files ready, to be opened together.
@@ -244,13 +181,8 @@ class Studio:
         if not session.ready or session.comparison is not None:
             return
         compared = await self.work("comparing", "compare", session.source, session.text, how="quiet")
-        if compared is not None and self.session.source == session.source:
-            self.session = replace(
-                self.session,
-                looks={**self.session.looks, session.text: compared.look},
-                comparisons={**self.session.comparisons, session.text: compared},
-            )
-            self.tell("session")
+        if compared is not None:
+            self._found(session, compared=compared)
 
     async def learn(self, unasked: bool = False) -> None:
         """Find what is missing from the active model; unasked only what is not known yet and does not take long."""
@@ -260,9 +192,8 @@ class Studio:
             return
         how = "unasked" if unasked else "asked"
         found = await self.work(LEARN, "learn", session.source, session.text, how=how)
-        if found is not None and self.session.source == session.source:
-            self.session = replace(self.session, lessons={**self.session.lessons, session.text: found})
-            self.tell("session")
+        if found is not None:
+            self._found(session, learned=found)
 
     async def change(self, verb: str, *effects: str) -> None:
         """Add, remove or refit, one after the other; then what is missing is looked for again."""
@@ -284,9 +215,7 @@ class Studio:
 
     def keep_training(self, session: Session, trained: Trained) -> None:
         """Keep a compensator with the model that it was trained on, if the run is still the same."""
-        if self.session.source == session.source:
-            self.session = replace(self.session, trainings={**self.session.trainings, session.text: trained})
-            self.tell("session")
+        self._found(session, trained=trained)
 
     async def switch(self, key: str, on: bool) -> None:
         """Count an effect or leave it aside, without a refit."""
@@ -307,6 +236,12 @@ class Studio:
             await self._look()
             await self.learn(unasked=True)
 
+    def _found(self, session: Session, **found: Any) -> None:
+        """Keep what was found on the model of a session, if the run is still the same."""
+        if self.session.source == session.source:
+            self.session = self.session.remembering(text=session.text, **found)
+            self.tell("session")
+
     async def _turn(self, change: Callable[[Session], Session]) -> None:
         """Change the model at once, after whatever is changing it; what it lacks then, nobody has to wait for."""
         async with self._turn_of:
@@ -320,32 +255,6 @@ class Studio:
             session = self.session
             if session.look is None and session.ready:
                 look: Look | None = await self.work("residual", "look", session.source, session.text, how="quiet")
-                if look is not None and self.session.source == session.source:
-                    self.session = replace(self.session, looks={**self.session.looks, session.text: look})
-                    self.tell("session")
+                if look is not None:
+                    self._found(session, look=look)
             await self.compare()
-
-    async def _do(self, words: str, job: str, arguments: Sequence[Any], how: str) -> Any:
-        def tell(what: str, done: int, of: int) -> None:
-            if how in ("asked", "unasked") and self.busy is not None:
-                self._is_busy(
-                    replace(self.busy, words=f"{words}: {what}" if what not in ("", words) else words, done=done, of=of)
-                )
-
-        task = asyncio.create_task(self.pool.run(self.folder, job, arguments, tell, patient=how == "spare"))
-        if how != "spare":  # nobody means it who stops what goes on
-            self._tasks[task] = how == "unasked"
-        try:
-            await asyncio.wait([task])
-        except asyncio.CancelledError:
-            task.cancel()
-            raise
-        finally:
-            self._tasks.pop(task, None)
-        if task.cancelled():
-            raise JobCancelledError("stopped")
-        return task.result()
-
-    def _is_busy(self, busy: Busy | None) -> None:
-        self.busy = busy
-        self.tell("busy")

@@ -17,7 +17,7 @@ from ptt.show.studio.figures import (
     whole_figure,
     whole_layout,
 )
-from ptt.show.studio.session import Rung
+from ptt.show.studio.snapshot import Rung
 
 Points = list[tuple[str, float]]  # step and error
 TICKS = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]

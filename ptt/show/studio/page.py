@@ -13,7 +13,7 @@ from ptt.show.studio.page_look import build_look
 from ptt.show.studio.page_model import build_model
 from ptt.show.studio.page_result import build_result
 from ptt.show.studio.panels import SWITCH, Panels
-from ptt.show.studio.session import key_of
+from ptt.show.studio.snapshot import key_of
 from ptt.show.studio.style import CSS
 
 VIEWS = {

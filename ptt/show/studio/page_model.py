@@ -11,7 +11,8 @@ from ptt.show.studio.figures import against_figure, empty_figure, label_of
 from ptt.show.studio.ladder_figures import ladder_figure
 from ptt.show.studio.page_look import first_of
 from ptt.show.studio.picture import Picture
-from ptt.show.studio.session import Rung, Session, Snapshot, key_of, parameter_rows
+from ptt.show.studio.session import Session
+from ptt.show.studio.snapshot import Rung, Snapshot, key_of, parameter_rows
 from ptt.show.studio.tables import table_html
 
 AXES = ("total", "x", "y", "z")

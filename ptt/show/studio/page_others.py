@@ -10,7 +10,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.panels import BEHIND
 from ptt.show.studio.results import Learned, Source
-from ptt.show.studio.session import key_of
+from ptt.show.studio.snapshot import key_of
 
 HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told from", "")
 

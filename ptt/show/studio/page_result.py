@@ -13,7 +13,7 @@ from ptt.show.studio.page_machine_picture import MachinePicture
 from ptt.show.studio.page_others import build_others
 from ptt.show.studio.page_unknown import build_unknown
 from ptt.show.studio.results import Learned
-from ptt.show.studio.session import key_of
+from ptt.show.studio.snapshot import key_of
 
 Go = Callable[[str], None]
 ICONS = {"missing": "lightbulb", "nothing-missing": "check_circle", "unknown": "help"}

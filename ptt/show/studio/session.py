@@ -2,72 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any, TypeVar
 
 from ptt.errors import ModelError
-from ptt.machine import EffectEntry, MachineFile, format_machine, parse_machine
+from ptt.machine import EffectEntry, format_machine, parse_machine
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Compared, Learned, Source, Trained
+from ptt.show.studio.snapshot import Figures, Rung, Snapshot, key_of, parsed
 from ptt.show.studio.steps import START, step_command, switch_commands
 
 Value = TypeVar("Value")
-Figures = Mapping[str, float]
 _WAY: Mapping[str, Any] = {"history": (), "covariance": None}  # how a model came to be says nothing of the machine
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One step of the ladder: words, RMS in um, and whether the step helped.
-
-    The RMS is of training and of held-out rows; where nothing was held out, it is the plain one of all rows.
-    """
-
-    words: str
-    rms_um: Figures
-    heldout_rms_um: Figures | None
-    helped: bool = True
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """A model at one time.
-
-    Attributes:
-        text: its machine.toml.
-        off: keys of effects that are switched off for now.
-        words: what was done last.
-        rungs: the ladder that led here.
-        noise_um: noise floor of that ladder.
-        commands: the commands that led here.
-        removed: effects that those commands removed because they were switched off.
-        fitted: the active text that the last rung describes.
-        fit: the last fit in words.
-    """
-
-    text: str
-    off: frozenset[str] = frozenset()
-    words: str = "as given"
-    rungs: tuple[Rung, ...] = ()
-    noise_um: Mapping[str, Any] = field(default_factory=dict)
-    commands: tuple[str, ...] = ()
-    removed: frozenset[str] = frozenset()
-    fitted: str = ""
-    fit: str = ""
-
-    @property
-    def file(self) -> MachineFile:
-        """The machine file, switched-off effects included."""
-        return _parsed(self.text)
-
-    @property
-    def active(self) -> str:
-        """The machine.toml without the effects that are switched off."""
-        if not self.off:
-            return self.text
-        file = self.file
-        kept = tuple(entry for entry in file.effect if key_of(entry) not in self.off)
-        return format_machine(replace(file, effect=kept))
 
 
 @dataclass(frozen=True)
@@ -127,7 +72,7 @@ class Session:
     def lesson_of_drawing(self) -> Learned | None:
         """The diagnosis of the machine without any effect, where the session has been there."""
         bare = None if self.now is None else replace(self.now.file, effect=(), **_WAY)
-        files = ((_parsed(text), found) for text, found in self.lessons.items())
+        files = ((parsed(text), found) for text, found in self.lessons.items())
         return next((found for file, found in files if replace(file, **_WAY) == bare), None)
 
     @property
@@ -181,13 +126,14 @@ class Session:
     def remembering(
         self,
         *,
+        text: str | None = None,
         look: Look | None = None,
         compared: Compared | None = None,
         learned: Learned | None = None,
         trained: Trained | None = None,
     ) -> "Session":
-        """With a finding on the active model kept."""
-        text = self.text
+        """With a finding on a model kept: the active one, unless its text says which."""
+        text = self.text if text is None else text
         return replace(
             self,
             looks=_with(self.looks, text, compared.look if compared else look),
@@ -270,38 +216,6 @@ class Session:
     def _to(self, snapshot: Snapshot) -> "Session":
         assert self.now is not None
         return replace(self, now=snapshot, past=(*self.past, self.now), future=())
-
-
-def key_of(entry: EffectEntry) -> str:
-    """Name of an effect, with [label] where it has one."""
-    return f"{entry.name}[{entry.label}]" if entry.label else entry.name
-
-
-def parameter_rows(entry: EffectEntry) -> list[tuple[str, float, float | None, str]]:
-    """Parameters of an effect of a machine file.
-
-    Args:
-        entry: the effect.
-
-    Returns:
-        Name with its unit, value, standard error or None, and what is to be said of it, for each number.
-    """
-    rows = []
-    for name, item in entry.parameters.items():
-        values = item.value if isinstance(item.value, tuple) else (item.value,)
-        stds = item.std if isinstance(item.std, tuple) else (item.std,) * len(values)
-        flags = item.measured if isinstance(item.measured, tuple) else (item.measured,) * len(values)
-        for index, (value, std, seen) in enumerate(zip(values, stds, flags, strict=True), 1):
-            word = "held" if item.fixed else "not measured by this data" if seen is False else "" if std else "searched"
-            label = f"{name} {index}" if len(values) > 1 else name
-            rows.append((label, value, std if seen is not False else None, word))
-    return rows
-
-
-@lru_cache(maxsize=64)
-def _parsed(text: str) -> MachineFile:
-    """A machine file, read once: every view asks for it whenever anything changes."""
-    return parse_machine(text, START)
 
 
 def _rung(step: Mapping[str, Any]) -> Rung:

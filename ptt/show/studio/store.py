@@ -20,7 +20,8 @@ from ptt.errors import InputError, PttError
 from ptt.files import write_bytes, write_text
 from ptt.show.studio.arrays import pack_look, unpack_look
 from ptt.show.studio.results import Compared, Learned, Source, Trained
-from ptt.show.studio.session import Rung, Session, Snapshot
+from ptt.show.studio.session import Session
+from ptt.show.studio.snapshot import Rung, Snapshot
 
 KEY = re.compile(r"[a-z0-9]{12}")
 STATE, FOUND, FILES = "session.json", "found", "files"
