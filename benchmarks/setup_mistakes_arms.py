@@ -13,7 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ptt.machine import JointSpec, MachineFile, SerialSpec, TrackerSpec
+from ptt.machine import JointSpec, MachineFile, SerialSpec
+from ptt.machine_schema import TrackerSpec
 from ptt.rig.draw_arm import ARM_FAULTS, draw_arm
 from ptt.run.table import Table, make_table
 from ptt.setup import check_setup

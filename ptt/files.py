@@ -1,27 +1,20 @@
 """Files read with a clear word when they cannot be, and written whole or not at all."""
 
 import errno
-import json
 import os
 import platform
 import stat
 import sys
 import tempfile
-import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from ptt.digests import beside, is_kept, line_of, note_written, require_place
 from ptt.digests import sha256 as sha256
 from ptt.errors import HostError, InputError, shown
-from ptt.record import plain
 
 LARGEST = 2 * 1024**3  # bytes; ten million rows of a tracker run are 1.5 GB
 LARGEST_TOML = 64 * 1024**2  # bytes; a model of every effect with a thousand steps of history is 2 MB
-DEEPEST = 60  # levels of a TOML or JSON file; ours have 5
-GREATEST = 1e12  # of any number in a TOML file: in s thirty thousand years
-LONGEST = 1e7  # mm, of any `_mm` in a TOML file: ten km; beyond, doubles no longer tell a micrometre's slopes apart
 FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
@@ -86,107 +79,6 @@ def read_text(path: str | Path, error: type[InputError] = InputError) -> str:
         return read_bytes(path, error, LARGEST_TOML).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
         raise error("is not UTF-8 text", where=str(path), fix="save it as UTF-8") from None
-
-
-def parse_toml(text: str, where: str, error: type[InputError] = InputError, fix: str = "mend it") -> dict[str, Any]:
-    """Parse TOML that a person may have written.
-
-    Args:
-        text: TOML.
-        where: name of the file for messages.
-        error: which error to raise.
-        fix: the way out where it is no TOML.
-
-    Returns:
-        The document: every number finite and below `GREATEST`, lengths below `LONGEST`, whole numbers of 64 bits, at
-        most `DEEPEST` levels.
-
-    Raises:
-        InputError: it is not (as the given `error` type).
-    """
-    try:
-        document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, ValueError) as failed:  # more than 4,300 digits are a plain ValueError
-        raise error(f"not valid TOML: {failed}", where=where, fix=fix) from failed
-    except RecursionError:
-        raise error(f"more than {DEEPEST} levels of brackets", where=where, fix=fix) from None
-    for key, value in walk(document, where, error):
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        if whole and not -(2**63) <= value < 2**63:
-            raise error(f"a whole number of {len(str(abs(value)))} digits", where=f"{where} key {key}", fix="mend it")
-        long = any(part.endswith("_mm") for part in key.split("."))
-        if isinstance(value, int | float if long else float) and abs(value) > (LONGEST if long else GREATEST):
-            raise error(f"{value:g} is beyond any machine", where=f"{where} key {key}", fix="mend it")
-    return document
-
-
-def parse_json(text: str | bytes, where: str, error: type[InputError] = InputError, fix: str = "mend it") -> Any:
-    """Parse JSON that may have been damaged or edited.
-
-    Args:
-        text: JSON.
-        where: name of the file for messages.
-        error: which error to raise.
-        fix: the way out where it is no JSON.
-
-    Returns:
-        The value, at most `DEEPEST` levels, every number finite and no whole number beyond 64 bits.
-
-    Raises:
-        InputError: it is not (as the given `error` type).
-    """
-
-    def refuse(sign: str) -> None:
-        raise ValueError(f"{sign} is no number")
-
-    try:
-        value = json.loads(text, parse_constant=refuse)
-    except (ValueError, RecursionError) as failed:
-        why = "too many levels of brackets" if isinstance(failed, RecursionError) else str(failed)
-        raise error(f"not valid JSON ({why})", where=where, fix=fix) from None
-    for key, item in walk(value, where, error):
-        if isinstance(item, int | float) and not abs(item) < 2**1023:
-            raise error("a number beyond all bounds", where=f"{where} key {key}", fix=fix)
-    return value
-
-
-def format_json(value: Any) -> str:
-    """JSON as `parse_json` reads it; what is not finite becomes null.
-
-    Args:
-        value: of dictionaries, lists, texts, numbers, records.
-
-    Returns:
-        The text, indented.
-    """
-    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
-
-
-def walk(value: Any, where: str, error: type[InputError] = InputError) -> Iterator[tuple[str, Any]]:
-    """Every single value of a document of tables and lists.
-
-    Args:
-        value: the document.
-        where: name of the file for messages.
-        error: which error to raise.
-
-    Yields:
-        Key, as in `machine.joint.0.a_mm`, and value.
-
-    Raises:
-        InputError: more than `DEEPEST` levels (as the given `error` type).
-    """
-    left: list[tuple[tuple[str, ...], Any]] = [((), value)]
-    while left:
-        path, item = left.pop()
-        if len(path) > DEEPEST:
-            raise error(f"more than {DEEPEST} levels", where=f"{where} key {shown('.'.join(path))}", fix="mend it")
-        if isinstance(item, Mapping):
-            left += [((*path, str(key)), each) for key, each in reversed(list(item.items()))]
-        elif isinstance(item, list | tuple):
-            left += [((*path, str(place)), each) for place, each in reversed(list(enumerate(item)))]
-        else:
-            yield ".".join(path), item
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

@@ -1,19 +1,29 @@
 """machine.toml <-> typed objects: one schema for a bare machine and for a fitted model."""
 
-import difflib
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import pydantic
 import tomlkit
-from pydantic import BaseModel, Field
+from pydantic import BaseModel
 
-from ptt.drawing import Frozen, JointSpec, MachineSpec, SerialSpec, Sigma, ThreePttSpec, Triple
-from ptt.errors import MachineError, shown
-from ptt.files import parse_toml, read_text, write_text
+from ptt.documents import parse_toml
+from ptt.drawing import JointSpec, MachineSpec, SerialSpec, ThreePttSpec
+from ptt.errors import MachineError
+from ptt.files import read_text, write_text
 from ptt.history_file import HistoryStep
+from ptt.machine_schema import (
+    ControllerSpec,
+    CovarianceSpec,
+    Document,
+    EffectEntry,
+    ParameterEntry,
+    TargetsSpec,
+    TrackerSpec,
+    explain,
+)
 
 __all__ = [
     "JointSpec",
@@ -25,113 +35,6 @@ __all__ = [
     "parse_machine",
     "save_machine",
 ]
-
-
-class ControllerSpec(Frozen):
-    """What the controller corrects by itself already; the program never adds it twice."""
-
-    compensates: tuple[str, ...] = ()
-
-
-class BasePoint(Frozen):
-    """A reflector fixed to the base whose place in the base frame is known."""
-
-    name: str
-    xyz_mm: Triple
-    sigma_mm: Sigma = 0.005
-
-
-class TrackerSpec(Frozen):
-    """How readings relate to the base frame, and how well one coordinate is read."""
-
-    frame: Literal["fitted", "trusted", "fitted-per-run", "measured"] = "fitted"
-    sigma_mm: Sigma | None = None
-    tool: Literal["fitted", "fitted-per-run", "trusted"] = "trusted"
-    base_point: tuple[BasePoint, ...] = ()
-
-    @pydantic.model_validator(mode="after")
-    def _check_base(self) -> "TrackerSpec":
-        if self.frame == "measured" and len(self.base_point) < 3:
-            raise ValueError('frame = "measured" needs at least three [[tracker.base_point]] entries')
-        return self
-
-
-class TargetsSpec(Frozen):
-    """The frame in which targets are stated: where its origin lies in the base frame, and how it is turned there.
-
-    Found from runs that hold joint commands beside targets. `turn_deg` is a rotation vector; base = R target + origin.
-    "base" says that targets are in the base frame and nothing else may be found, "unknown" that runs contradict.
-    """
-
-    frame: Literal["fitted", "base", "unknown"] = "fitted"
-    origin_mm: Triple = (0.0, 0.0, 0.0)
-    turn_deg: Triple = (0.0, 0.0, 0.0)
-
-    @pydantic.model_validator(mode="after")
-    def _check_frame(self) -> "TargetsSpec":
-        if self.frame != "fitted" and (any(self.origin_mm) or any(self.turn_deg)):
-            raise ValueError('origin_mm and turn_deg go with frame = "fitted" only')
-        return self
-
-
-class MaskedSpec(Frozen):
-    """What a run says of effects that the model does not have; written and read by `ptt.fitting.masked`.
-
-    Attributes:
-        of: keys of the effects.
-        told: packed.
-    """
-
-    of: tuple[str, ...]
-    told: str
-
-
-class CovarianceSpec(Frozen):
-    """What a fit left uncertain, parameters and tracker frame together; written and read by `ptt.fitting.kept`.
-
-    Attributes:
-        of: names of the parameters.
-        root: square root of the covariance, packed.
-        values: digest of the parameter values that it belongs to.
-        heldout_mm: error of rows that the fit had not seen.
-        helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
-        masked: effects that the model does not have, and what its run says of them.
-    """
-
-    of: tuple[str, ...]
-    root: str
-    values: str
-    heldout_mm: float | None = None
-    helped: bool | None = None
-    masked: MaskedSpec | None = None
-
-
-class ParameterEntry(Frozen):
-    """A fitted parameter: value and standard deviation, a number or one per leg, joint or knot."""
-
-    value: float | tuple[float, ...]
-    std: float | tuple[float | None, ...] | None = None
-    measured: bool | tuple[bool, ...] | None = None
-    fixed: bool = False
-
-
-class EffectEntry(Frozen):
-    """One effect of a fitted model."""
-
-    name: str
-    label: str = ""
-    runs: tuple[str, ...] = ()  # SHA-256 of the runs that it belongs to, in their order; none: it is the machine's
-    parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
-
-
-class _Document(Frozen):
-    machine: MachineSpec
-    controller: ControllerSpec = ControllerSpec()
-    tracker: TrackerSpec = TrackerSpec()
-    targets: TargetsSpec = TargetsSpec()
-    effect: tuple[EffectEntry, ...] = ()
-    history: tuple[dict[str, Any], ...] = ()
-    covariance: CovarianceSpec | None = None
 
 
 @dataclass(frozen=True)
@@ -191,15 +94,15 @@ def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
     """
     raw = parse_toml(text, where, MachineError, "is this a machine file?")
     try:
-        document = _Document.model_validate(raw)
+        document = Document.model_validate(raw)
     except pydantic.ValidationError as error:
-        raise _explain(error, where) from None
+        raise explain(error, where) from None
     for number, row in enumerate(document.history, 1):
         if row.keys() & {"kind", "added"}:  # else it is a person's own
             try:
                 HistoryStep.model_validate(row)
             except pydantic.ValidationError as error:
-                raise _explain(error, f"{where} history entry {number}") from None
+                raise explain(error, f"{where} history entry {number}") from None
     return MachineFile(
         document.machine, document.controller, document.tracker, document.effect, document.history, document.targets,
         document.covariance, text, where,
@@ -218,7 +121,7 @@ def format_machine(file: MachineFile) -> str:
     document = tomlkit.parse(file.text) if file.text else _bare(file)
     for key in ("effect", "covariance", "history"):
         document.pop(key, None)
-    if file.text and file.targets != _Document.model_validate(tomllib.loads(file.text)).targets:
+    if file.text and file.targets != Document.model_validate(tomllib.loads(file.text)).targets:
         document.pop("targets", None)
         if file.targets != TargetsSpec():
             document["targets"] = _section(file.targets)
@@ -291,44 +194,3 @@ def _tables(rows: tuple[dict[str, Any], ...]) -> Any:
         table.update(row)
         tables.append(table)
     return tables
-
-
-def _explain(error: pydantic.ValidationError, where: str) -> MachineError:
-    """Turn the first of pydantic's findings into one line."""
-    # A misspelt key is also a missing one; the misspelling is what the user can see.
-    first = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
-    place = f"{where} key {'.'.join(path)}" if path else where
-    if first["type"] == "extra_forbidden":
-        guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
-        fix = f"did you mean '{guess[0]}'?" if guess else "remove it"
-        return MachineError(
-            f"unknown key '{shown(path[-1])}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})"
-        )
-    if first["type"] == "missing":
-        return MachineError("missing", where=place, fix="add it; README lists the keys of a machine file")
-    if first["type"].startswith("union_tag"):
-        given = first["input"].get("kind") if isinstance(first["input"], dict) else first["input"]
-        return MachineError(
-            f"kind {shown(given)} is not known",
-            where=place,
-            fix='use kind = "three-ptt" or kind = "serial"',
-        )
-    message = first["msg"].removeprefix("Value error, ")
-    found = "" if isinstance(first["input"], dict) else f" (found {shown(repr(first['input']))})"
-    return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place)
-
-
-def _known_keys() -> list[str]:
-    models = (
-        _Document,
-        ThreePttSpec,
-        SerialSpec,
-        JointSpec,
-        ControllerSpec,
-        TrackerSpec,
-        TargetsSpec,
-        BasePoint,
-        EffectEntry,
-    )
-    return [name for model in models for name in model.model_fields] + list(ParameterEntry.model_fields)

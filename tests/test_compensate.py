@@ -17,7 +17,8 @@ from ptt.correct.compensate import compensate, missing_context
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
-from ptt.machine import ControllerSpec, EffectEntry, ParameterEntry, load_machine, save_machine
+from ptt.machine import load_machine, save_machine
+from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term, read_model

@@ -18,7 +18,7 @@ from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations, kinds_of_wander
 from ptt.effects import library
-from ptt.machine import BasePoint, TrackerSpec
+from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model, Term
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate

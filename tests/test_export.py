@@ -18,7 +18,8 @@ from ptt.correct.training.compensator import Compensator
 from ptt.effects.drive import HomingOffset
 from ptt.effects.reversal import Backlash
 from ptt.errors import InputError
-from ptt.machine import ControllerSpec, MachineFile, save_machine
+from ptt.machine import MachineFile, save_machine
+from ptt.machine_schema import ControllerSpec
 from ptt.model.model import Model, Term
 
 ZEROS = torch.tensor([0.2, -0.1, 0.05], dtype=torch.float64)

@@ -20,7 +20,8 @@ from ptt.correct.exports.left import network_parts
 from ptt.correct.training.compensator import Compensator
 from ptt.effects import library
 from ptt.effects.registry import make_effect
-from ptt.machine import ControllerSpec, MachineFile, TargetsSpec, load_machine
+from ptt.machine import MachineFile, load_machine
+from ptt.machine_schema import ControllerSpec, TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term

@@ -17,15 +17,8 @@ from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
 from ptt.files import sha256
-from ptt.machine import (
-    ControllerSpec,
-    EffectEntry,
-    MachineFile,
-    ParameterEntry,
-    load_machine,
-    parse_machine,
-    save_machine,
-)
+from ptt.machine import MachineFile, load_machine, parse_machine, save_machine
+from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import read_model
 from ptt.plan.space import build_space, draw_poses

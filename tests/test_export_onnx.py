@@ -14,7 +14,8 @@ from ptt.correct.exports.format import Options
 from ptt.correct.exports.left import network_parts
 from ptt.correct.exports.onnx import write
 from ptt.correct.training.compensator import Compensator
-from ptt.machine import MachineFile, TargetsSpec
+from ptt.machine import MachineFile
+from ptt.machine_schema import TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.rig.draw_machine import draw_machine_file
 from ptt.run.table import make_table

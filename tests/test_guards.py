@@ -20,9 +20,10 @@ from ptt import files
 from ptt.commands.main import run
 from ptt.commands.outputs import kind_of
 from ptt.correct.training.notes import check_notes
+from ptt.documents import parse_toml
 from ptt.effects.registry import library
 from ptt.errors import HostError, InputError, MachineError, TableError
-from ptt.files import parse_toml, temporary, write_text
+from ptt.files import temporary, write_text
 from ptt.judge.history import read_entries
 from ptt.judge.iso.figures import read_axis_figures
 from ptt.machine import ThreePttSpec, format_machine, parse_machine

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from ptt.documents import parse_json, parse_toml
 from ptt.errors import InputError, TableError
-from ptt.files import parse_json, parse_toml, read_text
+from ptt.files import read_text
 from ptt.run.table import read_table
 
 HEAD = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"

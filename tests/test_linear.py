@@ -12,7 +12,7 @@ from ptt.effects.bench import sample_machine
 from ptt.fitting.linear import Linear, assemble, linear_columns, usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
-from ptt.machine import BasePoint
+from ptt.machine_schema import BasePoint
 from ptt.model.chain import linearise, predict, trace
 from ptt.model.model import Model
 from ptt.run.problem import Problem, apply_frames, build_problem

@@ -16,7 +16,8 @@ from ptt.commands.main import run
 from ptt.correct.program.program import correct_program
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError, PosesError
-from ptt.machine import EffectEntry, MachineFile, ParameterEntry, TargetsSpec, load_machine, save_machine
+from ptt.machine import MachineFile, load_machine, save_machine
+from ptt.machine_schema import EffectEntry, ParameterEntry, TargetsSpec
 from ptt.model.model import read_model
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import draw_machine, nominal_sliders

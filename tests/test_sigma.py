@@ -14,7 +14,8 @@ from ptt.effects.registry import library, make_effect
 from ptt.fitting.kept import kept_covariance
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import Ladder, climb
-from ptt.machine import MachineFile, TrackerSpec, format_machine, load_machine, parse_machine
+from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
+from ptt.machine_schema import TrackerSpec
 from ptt.model.model import Model, read_model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.run.problem import build_problem

@@ -25,7 +25,8 @@ from ptt.diagnosis.verdict import diagnose
 from ptt.door.opened import Opened
 from ptt.errors import InputError, ModelError, PttError
 from ptt.fitting.chunks import CHUNK
-from ptt.machine import EffectEntry, ParameterEntry, parse_machine
+from ptt.machine import parse_machine
+from ptt.machine_schema import EffectEntry, ParameterEntry
 from ptt.run.readers import Mapping
 from ptt.show.card.solids import arrows
 from ptt.show.report.contents import gather

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.errors import TableError
-from ptt.machine import TargetsSpec, TrackerSpec, format_machine, load_machine, parse_machine, save_machine
+from ptt.machine import format_machine, load_machine, parse_machine, save_machine
+from ptt.machine_schema import TargetsSpec, TrackerSpec
 from ptt.mechanisms import build_mechanism
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.run.problem import build_problem

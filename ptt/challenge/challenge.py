@@ -16,9 +16,11 @@ import pandas as pd
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import READINGS
+from ptt.documents import parse_json
 from ptt.errors import InputError
-from ptt.files import parse_json, read_text, write_text
-from ptt.machine import ControllerSpec, MachineFile, format_machine, parse_machine
+from ptt.files import read_text, write_text
+from ptt.machine import MachineFile, format_machine, parse_machine
+from ptt.machine_schema import ControllerSpec
 from ptt.rig import format_rig, parse_rig, simulate, write_run
 from ptt.rig.draw import DrawnRig, Level, draw_rig
 from ptt.rig.draw_serial import ARM_LEVELS, draw_serial

@@ -111,8 +111,9 @@ def _new(name: str, out: Path | None, like: Path | None, json: bool) -> None:
 
 def _rest_of(path: Path) -> dict[str, Any]:
     """The leading dependence of a diagnosis."""
+    from ptt.documents import parse_json
     from ptt.errors import InputError
-    from ptt.files import parse_json, read_text
+    from ptt.files import read_text
 
     whole = parse_json(read_text(path), str(path), fix="give what `ptt diagnose --json` printed")
     found = whole.get("depends_on") if isinstance(whole, dict) else None

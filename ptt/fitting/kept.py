@@ -13,7 +13,7 @@ from ptt.effects.base import Effect
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.result import FitResult
-from ptt.machine import CovarianceSpec, MaskedSpec
+from ptt.machine_schema import CovarianceSpec, MaskedSpec
 from ptt.model.chain import Shifts, linearise
 from ptt.model.model import Model, parameter_names, write_model
 from ptt.run.problem import apply_frames

@@ -10,7 +10,7 @@ from ptt.effects import Effect, library
 from ptt.fitting.evidence import inverse
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.result import FitResult
-from ptt.machine import MaskedSpec
+from ptt.machine_schema import MaskedSpec
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 

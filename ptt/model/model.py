@@ -11,7 +11,8 @@ from ptt.effects.base import STAGES, flatten, sizes, total_size
 from ptt.effects.dated import is_dated
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import ModelError, shown
-from ptt.machine import EffectEntry, MachineFile, ParameterEntry
+from ptt.machine import MachineFile
+from ptt.machine_schema import EffectEntry, ParameterEntry
 from ptt.run.view import View
 
 ONE_THING = (frozenset({"homing-offset", "dh-offsets"}),)  # pairs that cannot both be in a model

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ptt.machine import MachineFile, ThreePttSpec, TrackerSpec
+from ptt.machine import MachineFile, ThreePttSpec
+from ptt.machine_schema import TrackerSpec
 from ptt.rig.draw import DrawnRig, Protocol
 from ptt.rig.draw_machine import Foreign, draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma

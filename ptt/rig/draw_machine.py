@@ -6,7 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ptt.machine import BasePoint, MachineFile, ThreePttSpec, TrackerSpec
+from ptt.machine import MachineFile, ThreePttSpec
+from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.rig.nominal import Array, Drawing, draw_machine, nominal_sliders
 
 Frame = Literal["fitted", "trusted", "fitted-per-run", "measured"]

@@ -9,8 +9,9 @@ from typing import Any
 import pydantic
 import tomlkit
 
+from ptt.documents import parse_toml
 from ptt.errors import InputError, shown
-from ptt.files import parse_toml, read_text
+from ptt.files import read_text
 from ptt.machine import MachineFile, SerialSpec, ThreePttSpec, format_machine, load_machine, parse_machine
 from ptt.rig import odd_schema, schema
 from ptt.rig.odd_schema import Odd

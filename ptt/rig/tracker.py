@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.machine import BasePoint
+from ptt.machine_schema import BasePoint
 from ptt.rig.nominal import Array
 from ptt.rig.platform import rotation_matrix
 from ptt.rig.schema import Tracker

@@ -13,7 +13,8 @@ import numpy as np
 import torch
 
 from ptt.errors import TableError
-from ptt.machine import MachineFile, TargetsSpec
+from ptt.machine import MachineFile
+from ptt.machine_schema import TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.record import Record
 from ptt.run.frames import align, rotation_vector

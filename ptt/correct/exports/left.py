@@ -11,7 +11,7 @@ from ptt.correct.exports.format import CannotHold, ErrorLeft, Options
 from ptt.correct.terms import left_to_controller, split_terms
 from ptt.correct.training.rest import correction_of
 from ptt.errors import PosesError
-from ptt.machine import TargetsSpec
+from ptt.machine_schema import TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts, predict
 from ptt.plan.space import build_space, draw_poses

@@ -16,7 +16,8 @@ from ptt.correct.program.words import at_line, read_blocks
 from ptt.correct.program.write import Piece, write_program
 from ptt.correct.training.rest import correction_of
 from ptt.errors import InputError, PosesError
-from ptt.machine import TargetsSpec, ThreePttSpec
+from ptt.machine import ThreePttSpec
+from ptt.machine_schema import TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.record import Record
 from ptt.run.table import make_table

@@ -10,9 +10,10 @@ from ptt.correct.doubt import NetworkError
 from ptt.correct.training.machine_of import MODEL, NOTES, read_notes, require_own_model
 from ptt.correct.training.rest import Space
 from ptt.correct.training.train import Training
+from ptt.documents import format_json
 from ptt.effects import Library
 from ptt.errors import InputError
-from ptt.files import format_json, sha256, write_text
+from ptt.files import sha256, write_text
 from ptt.fitting.kept import keep_covariance
 from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine

@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from ptt.correct.training.notes import check_notes
+from ptt.documents import parse_json
 from ptt.errors import InputError
-from ptt.files import parse_json, read_text, sha256
+from ptt.files import read_text, sha256
 from ptt.machine import MachineFile, load_machine
 
 MODEL, NOTES = "model.toml", "compensator.json"

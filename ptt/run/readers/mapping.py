@@ -25,8 +25,9 @@ from typing import Any
 
 import tomlkit
 
+from ptt.documents import parse_toml
 from ptt.errors import TableError
-from ptt.files import parse_toml, read_text, write_text
+from ptt.files import read_text, write_text
 
 Ask = Callable[[str, Sequence[str]], str]
 """Asks a person: (question, choices) -> one of the choices."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from nicegui import ui
 
-from ptt.machine import EffectEntry
+from ptt.machine_schema import EffectEntry
 from ptt.show.card.words import parameter_in_words, pretty, together
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import against_figure, empty_figure, label_of

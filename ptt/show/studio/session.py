@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from ptt.errors import ModelError
-from ptt.machine import EffectEntry, format_machine, parse_machine
+from ptt.machine import format_machine, parse_machine
+from ptt.machine_schema import EffectEntry
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Compared, Learned, Source, Trained
 from ptt.show.studio.snapshot import Figures, Rung, Snapshot, key_of, parsed

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
-from ptt.machine import EffectEntry, MachineFile, format_machine, parse_machine
+from ptt.machine import MachineFile, format_machine, parse_machine
+from ptt.machine_schema import EffectEntry
 from ptt.show.studio.steps import START
 
 Figures = Mapping[str, float]

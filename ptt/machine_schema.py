@@ -1,0 +1,160 @@
+"""What stands in a machine.toml, key by key: the drawing aside, which is `ptt.drawing`'s."""
+
+import difflib
+from typing import Any, Literal
+
+import pydantic
+from pydantic import Field
+
+from ptt.drawing import Frozen, JointSpec, MachineSpec, SerialSpec, Sigma, ThreePttSpec, Triple
+from ptt.errors import MachineError, shown
+
+
+class ControllerSpec(Frozen):
+    """What the controller corrects by itself already; the program never adds it twice."""
+
+    compensates: tuple[str, ...] = ()
+
+
+class BasePoint(Frozen):
+    """A reflector fixed to the base whose place in the base frame is known."""
+
+    name: str
+    xyz_mm: Triple
+    sigma_mm: Sigma = 0.005
+
+
+class TrackerSpec(Frozen):
+    """How readings relate to the base frame, and how well one coordinate is read."""
+
+    frame: Literal["fitted", "trusted", "fitted-per-run", "measured"] = "fitted"
+    sigma_mm: Sigma | None = None
+    tool: Literal["fitted", "fitted-per-run", "trusted"] = "trusted"
+    base_point: tuple[BasePoint, ...] = ()
+
+    @pydantic.model_validator(mode="after")
+    def _check_base(self) -> "TrackerSpec":
+        if self.frame == "measured" and len(self.base_point) < 3:
+            raise ValueError('frame = "measured" needs at least three [[tracker.base_point]] entries')
+        return self
+
+
+class TargetsSpec(Frozen):
+    """The frame in which targets are stated: where its origin lies in the base frame, and how it is turned there.
+
+    Found from runs that hold joint commands beside targets. `turn_deg` is a rotation vector; base = R target + origin.
+    "base" says that targets are in the base frame and nothing else may be found, "unknown" that runs contradict.
+    """
+
+    frame: Literal["fitted", "base", "unknown"] = "fitted"
+    origin_mm: Triple = (0.0, 0.0, 0.0)
+    turn_deg: Triple = (0.0, 0.0, 0.0)
+
+    @pydantic.model_validator(mode="after")
+    def _check_frame(self) -> "TargetsSpec":
+        if self.frame != "fitted" and (any(self.origin_mm) or any(self.turn_deg)):
+            raise ValueError('origin_mm and turn_deg go with frame = "fitted" only')
+        return self
+
+
+class MaskedSpec(Frozen):
+    """What a run says of effects that the model does not have; written and read by `ptt.fitting.masked`.
+
+    Attributes:
+        of: keys of the effects.
+        told: packed.
+    """
+
+    of: tuple[str, ...]
+    told: str
+
+
+class CovarianceSpec(Frozen):
+    """What a fit left uncertain, parameters and tracker frame together; written and read by `ptt.fitting.kept`.
+
+    Attributes:
+        of: names of the parameters.
+        root: square root of the covariance, packed.
+        values: digest of the parameter values that it belongs to.
+        heldout_mm: error of rows that the fit had not seen.
+        helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
+        masked: effects that the model does not have, and what its run says of them.
+    """
+
+    of: tuple[str, ...]
+    root: str
+    values: str
+    heldout_mm: float | None = None
+    helped: bool | None = None
+    masked: MaskedSpec | None = None
+
+
+class ParameterEntry(Frozen):
+    """A fitted parameter: value and standard deviation, a number or one per leg, joint or knot."""
+
+    value: float | tuple[float, ...]
+    std: float | tuple[float | None, ...] | None = None
+    measured: bool | tuple[bool, ...] | None = None
+    fixed: bool = False
+
+
+class EffectEntry(Frozen):
+    """One effect of a fitted model."""
+
+    name: str
+    label: str = ""
+    runs: tuple[str, ...] = ()  # SHA-256 of the runs that it belongs to, in their order; none: it is the machine's
+    parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
+
+
+class Document(Frozen):
+    """The whole of a machine.toml."""
+
+    machine: MachineSpec
+    controller: ControllerSpec = ControllerSpec()
+    tracker: TrackerSpec = TrackerSpec()
+    targets: TargetsSpec = TargetsSpec()
+    effect: tuple[EffectEntry, ...] = ()
+    history: tuple[dict[str, Any], ...] = ()
+    covariance: CovarianceSpec | None = None
+
+
+def explain(error: pydantic.ValidationError, where: str) -> MachineError:
+    """Turn the first of pydantic's findings into one line."""
+    # A misspelt key is also a missing one; the misspelling is what the user can see.
+    first = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
+    path = [str(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
+    place = f"{where} key {'.'.join(path)}" if path else where
+    if first["type"] == "extra_forbidden":
+        guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
+        fix = f"did you mean '{guess[0]}'?" if guess else "remove it"
+        return MachineError(
+            f"unknown key '{shown(path[-1])}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})"
+        )
+    if first["type"] == "missing":
+        return MachineError("missing", where=place, fix="add it; README lists the keys of a machine file")
+    if first["type"].startswith("union_tag"):
+        given = first["input"].get("kind") if isinstance(first["input"], dict) else first["input"]
+        return MachineError(
+            f"kind {shown(given)} is not known",
+            where=place,
+            fix='use kind = "three-ptt" or kind = "serial"',
+        )
+    message = first["msg"].removeprefix("Value error, ")
+    found = "" if isinstance(first["input"], dict) else f" (found {shown(repr(first['input']))})"
+    return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place)
+
+
+def _known_keys() -> list[str]:
+    models = (
+        Document,
+        ThreePttSpec,
+        SerialSpec,
+        JointSpec,
+        ControllerSpec,
+        TrackerSpec,
+        TargetsSpec,
+        BasePoint,
+        EffectEntry,
+    )
+    return [name for model in models for name in model.model_fields] + list(ParameterEntry.model_fields)
