@@ -27,7 +27,7 @@ from ptt.rig.nominal import draw_machine
 from ptt.rig.rig import Rig
 from ptt.rig.simulate import RunResult, simulate
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 WHITE = 0.004  # mm, of one coordinate: white noise, as the standard errors assume
 ROWS = 300

@@ -32,7 +32,7 @@ def runs(count: int, start: int, experiments: bool) -> Iterator[tuple[str, Any, 
     from ptt.challenge.truth import table_of
     from ptt.machine import load_machine
     from ptt.rig import simulate
-    from ptt.run.table import read_table
+    from ptt.run.reading import read_table
 
     for name, (machine, run) in (SAMPLES | (EXPERIMENTS if experiments else {})).items():
         yield name, load_machine(HERE / "data" / machine), read_table(HERE / "data" / run)

@@ -37,7 +37,8 @@ from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
 from ptt.run.noise import DEFAULT_SIGMA, Noise
-from ptt.run.table import make_table, read_table, write_table
+from ptt.run.reading import read_table
+from ptt.run.table import make_table, write_table
 from ptt.show.fleet.page import write_page
 
 MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"

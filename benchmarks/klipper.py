@@ -18,7 +18,8 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.chain import linearise
 from ptt.model.model import Term, start_term
 from ptt.run.table import make_table
-from ptt.run.view import View, build_view
+from ptt.run.view import View
+from ptt.run.viewing import build_view
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "klipper_delta" / "probes_flat.csv"
 EFFECTS = ("homing-offset", "tower-position", "link-length")

@@ -11,7 +11,8 @@ from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import make_table
 
 MACHINE = "data/sealed_three/machine.toml"
 EFFECTS = ("backlash", "axis-compliance", "frame-growth")

@@ -21,7 +21,7 @@ from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, apply_frames, build_problem
 from ptt.run.table import make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 SIGMA = 0.003
 GEOMETRY = ("homing-offset", "tower-position", "tower-tilt", "link-length")  # with the frame 24 free parameters

@@ -21,7 +21,7 @@ from ptt.model.chain import predict
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 POSES, SIGMA = 100, 0.01

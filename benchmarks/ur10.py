@@ -32,7 +32,8 @@ from ptt.model.model import Model
 from ptt.run.holdout import blocks
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import Table, concat_tables, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import Table, concat_tables
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "ur10_ipa"

@@ -16,7 +16,8 @@ from ptt.model.model import Model, read_model
 from ptt.rig import Rig, load_rig, simulate, write_run
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import Table, make_table, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import Table, make_table
 from ptt.show.plots.compensation import mean_by_pose, plot_error_curves, plot_path, plot_reductions
 
 HERE = Path(__file__).parent

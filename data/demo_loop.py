@@ -26,7 +26,8 @@ from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.model.model import read_model, write_model
 from ptt.rig import simulate, write_run
 from ptt.run.problem import build_problem
-from ptt.run.table import Table, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import Table
 from ptt.show.plots.compare import plot_comparison
 from ptt.show.plots.ladder import plot_ladder
 

@@ -11,7 +11,7 @@ from ptt.commands.main import run
 from ptt.errors import TableError
 from ptt.judge.before_after import compare_pair
 from ptt.machine import load_machine
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 MACHINE = """[machine]
 kind = "three-ptt"

@@ -39,7 +39,7 @@ from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
 from ptt.rig.draw_serial import ARM_LEVELS, draw_serial
 from ptt.run.problem import build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 KNOWN = library()

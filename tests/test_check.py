@@ -10,7 +10,8 @@ import pytest
 from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
 from ptt.commands.main import run_alone
 from ptt.machine import MachineFile, load_machine, parse_machine
-from ptt.run.table import Table, make_table, read_table, take_rows, write_table
+from ptt.run.reading import read_table
+from ptt.run.table import Table, make_table, take_rows, write_table
 from ptt.setup import MISTAKES, check_setup, rows
 from ptt.setup.machine import describe_machine
 

@@ -12,7 +12,8 @@ import tomlkit
 
 from benchmarks.setup_mistakes import CASES, Case, agreement, draw_run, with_columns
 from ptt.machine import MachineFile, load_machine
-from ptt.run.table import Table, read_table, write_table
+from ptt.run.reading import read_table
+from ptt.run.table import Table, write_table
 from ptt.setup import Finding, check_setup
 
 READ = ["x_meas", "y_meas", "z_meas"]

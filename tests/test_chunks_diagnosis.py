@@ -34,7 +34,7 @@ from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 FILE = load_machine("data/sealed_one/machine.toml")
 MODEL = Model(FILE)

@@ -23,8 +23,9 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term, read_model
 from ptt.rig import parse_rig, simulate
-from ptt.run.table import Table, make_table, read_table, write_table
-from ptt.run.view import build_view
+from ptt.run.reading import read_table
+from ptt.run.table import Table, make_table, write_table
+from ptt.run.viewing import build_view
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = load_machine(DATA / "machine.toml")

@@ -10,7 +10,7 @@ from ptt.fitting.solve import fit
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 DATA = Path(__file__).parents[1] / "data"
 NAMES = ("homing-offset", "lead-scale", "once-per-rev", "tower-position", "tower-tilt", "link-length", "windup")

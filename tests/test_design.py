@@ -35,8 +35,9 @@ from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import as_targets, make_helix, there_and_back
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import read_table, table_to_frame, write_table
-from ptt.run.view import build_view
+from ptt.run.reading import read_table
+from ptt.run.table import table_to_frame, write_table
+from ptt.run.viewing import build_view
 
 ARM = """
 [machine]

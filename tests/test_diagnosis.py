@@ -29,7 +29,7 @@ from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 MACHINE = bench_machine()
 

@@ -34,7 +34,7 @@ from ptt.model.model import Model, Term
 from ptt.rig.draw import DrawnRig, draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 MACHINE = bench_machine()
 

@@ -23,7 +23,7 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.chain import components, differentiate, predict
 from ptt.model.model import Model, read_model
 from ptt.run.table import make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

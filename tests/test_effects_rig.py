@@ -15,7 +15,7 @@ from ptt.model.chain import predict
 from ptt.rig.rig import parse_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 TRUSTED = replace(bench_machine(), tracker=bench_machine().tracker.model_copy(update={"frame": "trusted"}))
 WARM = {"room": {"rise_k": 30.0, "time_constant_s": 400.0}}

@@ -30,7 +30,8 @@ from ptt.rig.serial_arm import ArmFaults, ArmRig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import make_table
 
 MACHINE = bench_machine()
 KNOWN = library()

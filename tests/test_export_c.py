@@ -27,7 +27,7 @@ from ptt.model.chain import predict
 from ptt.model.model import Model, Term
 from ptt.rig.draw_machine import draw_machine_file
 from ptt.run.table import Table, make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 

@@ -31,7 +31,7 @@ from ptt.run.holdout import BLOCKS, blocks, folds, pose_groups
 from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise, noise_from_repeats, noise_from_std
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 SIGMA = 0.003
 TRACKER = Rotation.from_rotvec([0.3, 2.0, 1.0]).as_matrix()

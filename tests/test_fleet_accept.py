@@ -28,7 +28,7 @@ from ptt.model.model import read_model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 from ptt.show.fleet.page import render
 
 DRAWING = """[machine]

@@ -25,7 +25,8 @@ from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem, into_base
-from ptt.run.table import make_table, read_table, table_to_frame
+from ptt.run.reading import read_table
+from ptt.run.table import make_table, table_to_frame
 
 THREE = 3
 

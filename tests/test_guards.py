@@ -30,7 +30,7 @@ from ptt.machine import ThreePttSpec, format_machine, parse_machine
 from ptt.model.model import read_model
 from ptt.run.backlash.scale import read_scale_log
 from ptt.run.readers.columns import GREATEST
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINE = ROOT / "data" / "machine.toml"

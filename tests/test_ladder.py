@@ -18,7 +18,7 @@ from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 
 def effects(*names: str) -> list:

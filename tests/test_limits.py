@@ -7,7 +7,7 @@ import pytest
 from ptt.documents import parse_json, parse_toml
 from ptt.errors import InputError, TableError
 from ptt.files import read_text
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 HEAD = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
 ROWS = ("1,2,3,1.1,2,3", "2,2,3,2.1,2,3", "3,2,3,3.1,2,3")

@@ -17,7 +17,7 @@ from ptt.model.chain import linearise, predict, trace
 from ptt.model.model import Model
 from ptt.run.problem import Problem, apply_frames, build_problem
 from ptt.run.table import make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 KNOWN = library()
 SIGMA = 0.003

@@ -17,7 +17,7 @@ from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 MACHINE = "data/sealed_one/machine.toml"
 ROWS = 1600

@@ -23,7 +23,8 @@ from ptt.rig import simulate
 from ptt.run import written
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.readers import numbers
-from ptt.run.table import Table, make_table, read_table, write_table
+from ptt.run.reading import read_table
+from ptt.run.table import Table, make_table, write_table
 
 HOMING = torch.tensor([0.35, -0.22, 0.12], dtype=torch.float64)
 DATA = Path(__file__).resolve().parents[1] / "data"

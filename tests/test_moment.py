@@ -14,7 +14,7 @@ from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 
 def seen(rows: slice, frame: np.ndarray, own: np.ndarray, left: np.ndarray) -> Along:

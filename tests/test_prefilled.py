@@ -25,7 +25,7 @@ from ptt.rig import parse_rig
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 RANGES = {name: [-50.0, 0.0, 50.0] if name in "xy" else [270.0, 283.0, 296.0] for name in ("b1", "b2", "b3", "x", "y")}
 WARM = [20.0, 23.0, 26.0]

@@ -15,7 +15,7 @@ from ptt.run.readers.columns import UNITS, canonical, dimension_of, file_title, 
 from ptt.run.readers.mapping import Ask
 from ptt.run.readers.text import find_decimal, find_delimiter
 from ptt.run.readers.titles import meaning_of, split_unit
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 FIXTURES = Path(__file__).parent / "fixtures"
 UR10 = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "ur10_ipa"

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 ROWS = ((1.5, 2.25, -3.125, 1283.842, 999.5, 1001.25), (10.0, 20.5, -30.25, 1300.5, 2001.125, 998.0))
 HEAD = "x_cmd{0}y_cmd{0}z_cmd{0}x_meas{0}y_meas{0}z_meas\n"

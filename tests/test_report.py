@@ -26,7 +26,7 @@ from ptt.machine import save_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table, write_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 from ptt.show.card.words import pretty
 from ptt.show.report import interactive
 from ptt.show.report.blocks import side_by_side

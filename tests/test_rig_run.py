@@ -9,7 +9,7 @@ from test_rig_bench import BENCH, COMMAND, MEASURED, TARGET, bench, table, volum
 
 from ptt.errors import InputError, TableError
 from ptt.rig import format_rig, load_rig, parse_rig, simulate, write_run
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 POSES = volume(6)
 RICH = {

@@ -12,8 +12,9 @@ from ptt.judge.evaluate import evaluate_pair, match_rows
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
 from ptt.run.problem import build_problem
+from ptt.run.reading import read_table
 from ptt.run.same_pose import SAME_POSE, count_places, number_alike, same_places
-from ptt.run.table import make_table, read_table, write_table
+from ptt.run.table import make_table, write_table
 
 UP = np.ones((1, 3))
 

@@ -24,7 +24,8 @@ from ptt.mechanisms.serial import Serial
 from ptt.model.model import Model
 from ptt.plan.arm import choose_from
 from ptt.plan.selection import log_volume, select_poses
-from ptt.run.table import make_table, read_table, write_table
+from ptt.run.reading import read_table
+from ptt.run.table import make_table, write_table
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

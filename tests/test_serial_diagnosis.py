@@ -99,7 +99,7 @@ def test_sound_rig_agrees_with_the_mechanism(name: str) -> None:
 
 
 def test_link_weights_load_the_joints_as_the_rig_feels_them() -> None:
-    from ptt.run.view import build_view
+    from ptt.run.viewing import build_view
 
     file = arm("ur10")
     q = np.random.default_rng(4).uniform(-2.0, 2.0, (15, 6))

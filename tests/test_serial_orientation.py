@@ -20,7 +20,7 @@ from ptt.rig.draw_arm import draw_arm
 from ptt.rig.serial_arm import rigid
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

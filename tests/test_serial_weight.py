@@ -18,7 +18,7 @@ from ptt.rig.serial_arm import ArmFaults, ArmRig
 from ptt.run.mounts import place_mounts
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 SIGMA = 0.01

@@ -19,7 +19,8 @@ from ptt.machine_schema import TrackerSpec
 from ptt.model.model import Model, read_model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import make_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SIGMA = 0.004

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from ptt.errors import InputError, TableError
-from ptt.run.table import Table, concat_tables, make_table, read_table, table_to_frame, unit_hint, write_table
+from ptt.run.reading import read_table
+from ptt.run.table import Table, concat_tables, make_table, table_to_frame, unit_hint, write_table
 
 HEADER = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
 ROWS = ["0,0,300,0.1,0.2,300.3", "10,0,300,10.1,0.2,300.3", "10,20,310,10.1,20.2,310.3"]

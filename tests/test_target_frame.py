@@ -20,7 +20,8 @@ from ptt.machine_schema import TargetsSpec, TrackerSpec
 from ptt.mechanisms import build_mechanism
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import make_table
 from ptt.run.target_frame import find_frame, kept_frame
 
 DATA = Path(__file__).resolve().parents[1] / "data"

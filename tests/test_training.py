@@ -30,7 +30,8 @@ from ptt.model.model import read_model
 from ptt.rig import load_rig, simulate, write_run
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, read_table
+from ptt.run.reading import read_table
+from ptt.run.table import make_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 EFFECTS = ("homing-offset", "lead-scale", "tower-position", "tower-tilt", "link-length", "once-per-rev", "windup")

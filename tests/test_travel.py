@@ -10,7 +10,8 @@ from ptt.machine import load_machine
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.table import make_table
 from ptt.run.travel import arrival_direction, run_starts
-from ptt.run.view import PER_ROW, View, build_view
+from ptt.run.view import PER_ROW, View
+from ptt.run.viewing import build_view
 
 
 def test_a_joint_that_stands_through_a_run_does_not_arrive_as_the_next_run_moves():

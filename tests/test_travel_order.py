@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.errors import TableError
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 PLACES = np.random.default_rng(0).uniform(-50, 50, (8, 3)).round(3)

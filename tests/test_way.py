@@ -15,7 +15,7 @@ from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import build_problem
-from ptt.run.table import read_table
+from ptt.run.reading import read_table
 
 FILE = load_machine("data/sealed_one/machine.toml")
 TARGET, READING = ["x_cmd", "y_cmd", "z_cmd"], ["x_meas", "y_meas", "z_meas"]

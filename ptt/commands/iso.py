@@ -64,7 +64,7 @@ def iso(
 
 def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple[Table, bool]":
     """The run, with targets from its commands where it has none, and whether every run has its own tracker set-up."""
-    from ptt.run.table import read_table
+    from ptt.run.reading import read_table
 
     if model is None:
         return read_table(run, **reading), False
@@ -108,7 +108,7 @@ def _axes_lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _pose_lines(figures: dict[str, Any]) -> list[str]:
-    from ptt.judge.iso.pose import named_figures
+    from ptt.judge.iso.pose_figures import named_figures
 
     after = figures["aligned"]
     lines = [

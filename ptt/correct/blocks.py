@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from ptt.correct.task import Behind, Solved, Task, hand_on, settle
+from ptt.correct.settle import Solved, hand_on, settle
+from ptt.correct.task import Behind, Task
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.pace import shows_feed

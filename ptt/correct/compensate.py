@@ -11,7 +11,8 @@ from ptt.correct.blocks import settle_blocks
 from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
-from ptt.correct.task import Solved, Task, first_order, nearest_commands
+from ptt.correct.settle import Solved, first_order, nearest_commands
+from ptt.correct.task import Task
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
@@ -20,7 +21,7 @@ from ptt.model.model import Model
 from ptt.progress import Progress
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
-from ptt.run.view import elapsed
+from ptt.run.viewing import elapsed
 
 __all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "compensate", "missing_context"]
 

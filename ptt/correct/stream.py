@@ -13,12 +13,13 @@ from ptt.correct.blocks import ROWS, ahead, leave_block, settle_block, with_one_
 from ptt.correct.commands import Commands
 from ptt.correct.compensate import Correction, Inside, Plan, finish, prepare
 from ptt.correct.nearest import Nearest, nearest_of
-from ptt.correct.task import Behind, Task, nearest_commands
+from ptt.correct.settle import nearest_commands
+from ptt.correct.task import Behind, Task
 from ptt.fitting.chunks import stretches
 from ptt.progress import Progress
 from ptt.run.spool import Spool
 from ptt.run.table import Table
-from ptt.run.view import elapsed
+from ptt.run.viewing import elapsed
 
 Aid = Callable[[Table], tuple[Correction | None, Inside | None]]  # what a network adds at some rows, and where it knows
 

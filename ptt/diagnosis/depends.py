@@ -7,7 +7,8 @@ import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views
 from ptt.dependence.curves import binned_curve
-from ptt.dependence.dependence import Dependence, depends_on, with_unit
+from ptt.dependence.dependence import Dependence, with_unit
+from ptt.dependence.following import depends_on
 from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.memory import WHITE

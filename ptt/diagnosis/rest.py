@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nets import RbfSettings, train_rbf
-from ptt.dependence.dependence import Dependence, dependence_of
+from ptt.dependence.dependence import Dependence
+from ptt.dependence.following import dependence_of
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of

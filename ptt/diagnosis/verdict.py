@@ -6,7 +6,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.dependence.contexts import COORDINATES
-from ptt.dependence.dependence import Dependence, dependence_of
+from ptt.dependence.dependence import Dependence
+from ptt.dependence.following import dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find, opening_rows

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ptt.diagnosis.words import sentences
+from ptt.door.handed import RowsLike
 from ptt.door.model import EffectLike, Model, as_model, model_of
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
-from ptt.door.run import RowsLike
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import ModelError

@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import find_mistakes
 from ptt.door.options import Reading
 from ptt.door.reading import purpose_of, read_rows
 from ptt.door.result import Note, Result, unheard
-from ptt.door.run import RowsLike, Run, Targets
+from ptt.door.run import Run, Targets
 from ptt.door.words import as_run
 from ptt.machine import MachineFile
 from ptt.run.readers import Ask

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
-from ptt.door.run import RowsLike
 from ptt.door.words import as_run
 from ptt.fitting.chunks import LONG, sample_stretches, take
 from ptt.judge.before_after import BeforeAfter, compare_pair, format_pair

@@ -11,10 +11,10 @@ from ptt.diagnosis.long import choose_diagnosis
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.diagnosis.verdict import diagnose as learn_whole
 from ptt.diagnosis.words import doubt_in_words
+from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
-from ptt.door.run import RowsLike
 from ptt.door.words import as_run
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ptt.correct.training.heldout import evaluate_heldout
 from ptt.correct.training.train import PROTOCOLS
+from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import meet
 from ptt.door.options import Reading
 from ptt.door.reading import read_rows, require_mm
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
-from ptt.door.run import Rows, RowsLike, Run
+from ptt.door.run import Rows, Run
 from ptt.door.words import as_run
 from ptt.errors import InputError
 from ptt.judge.alike import hints_on

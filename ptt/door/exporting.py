@@ -10,10 +10,10 @@ from ptt.correct.exports.format import Exported as Written
 from ptt.correct.exports.format import Format, Options
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import load_compensator
+from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.outputs import refuse_readings
 from ptt.door.result import Result
-from ptt.door.run import RowsLike
 from ptt.door.words import as_run
 from ptt.errors import InputError
 from ptt.machine import format_machine

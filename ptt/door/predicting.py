@@ -9,11 +9,11 @@ import numpy as np
 
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate, missing_context
 from ptt.correct.training.train import correction_of
+from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import check_rows
 from ptt.door.outputs import refuse_readings
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
-from ptt.door.run import RowsLike
 from ptt.door.tally import Tally, tally
 from ptt.door.words import as_targets
 from ptt.errors import InputError, TableError

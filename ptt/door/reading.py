@@ -13,7 +13,8 @@ from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism, require_assembled
 from ptt.run.readers import Ask, load_mapping
 from ptt.run.readers.scale import scale_fix, scale_hint
-from ptt.run.table import Table, read_table, unit_hint
+from ptt.run.reading import read_table
+from ptt.run.table import Table, unit_hint
 from ptt.run.watched import watch
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from ptt.again.recheck import recheck as hold_against
 from ptt.again.result import Recheck
+from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
-from ptt.door.run import RowsLike
 from ptt.door.words import as_run
 from ptt.progress import Progress
 from ptt.run.named import named_rows

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from ptt.door.handed import RowsLike, as_file
 from ptt.door.options import Reading
 from ptt.door.reading import read_rows
 from ptt.door.result import Note, Result, unheard
-from ptt.door.run import RowsLike, as_file
 from ptt.errors import InputError, TableError
 from ptt.rig import Rig, RunResult, load_rig, write_run
 from ptt.rig import simulate as run_rig

@@ -35,8 +35,9 @@ from ptt.progress import Progress
 from ptt.run.cores import map_cores
 from ptt.run.readers import Ask
 from ptt.run.readers.parts import NotInParts
+from ptt.run.reading import read_targets_in_parts
 from ptt.run.spool import Spool
-from ptt.run.table import Table, read_targets_in_parts
+from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
 from ptt.run.written import text_of
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from ptt.correct.training.compensator import compensator_of, require_folder
 from ptt.correct.training.train import PROTOCOLS, Training
 from ptt.correct.training.train import train as train_model
+from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard, unwatched
-from ptt.door.run import RowsLike
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import InputError

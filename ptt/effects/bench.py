@@ -10,7 +10,8 @@ from torch import Tensor
 
 from ptt.machine import MachineFile, parse_machine
 from ptt.run.table import Table, make_table
-from ptt.run.view import PER_ROW, View, build_view
+from ptt.run.view import PER_ROW, View
+from ptt.run.viewing import build_view
 
 SEED = 7
 FREE = {"three-ptt": 90, "serial": 260}  # rows that go anywhere

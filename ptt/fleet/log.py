@@ -24,7 +24,7 @@ from ptt.run.ranges import ranges_of
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base
 from ptt.run.turns import Entry
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 SPREAD = 4_000  # rows all over a log that tell the frame and what varies
 FEW = 4  # rows of it that are kept

@@ -11,7 +11,8 @@ from ptt.plan.space import Space
 from ptt.plan.visits import Visit, table_of
 from ptt.run.mounts import place_mounts
 from ptt.run.table import Table
-from ptt.run.view import View, build_view
+from ptt.run.view import View
+from ptt.run.viewing import build_view
 
 DWELL = 10.0  # s for a reading, and between two runs
 FEED = 20.0  # mm/s between poses

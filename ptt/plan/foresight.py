@@ -21,7 +21,8 @@ from ptt.progress import Progress
 from ptt.record import Record
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL
 from ptt.run.table import Table
-from ptt.run.view import View, build_view
+from ptt.run.view import View
+from ptt.run.viewing import build_view
 
 DWELL, FEED = 10.0, 20.0  # s for a reading, mm/s between poses
 FRAME_USUAL = torch.tensor([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, dtype=torch.float64)

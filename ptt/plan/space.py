@@ -14,7 +14,7 @@ from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import NEAR_CONDITION, unevenness
 from ptt.progress import Progress
-from ptt.run.view import joint_limits
+from ptt.run.viewing import joint_limits
 
 MARGIN = 0.01  # share of the travel that is left alone at either end
 SAFE = 0.5  # share of home's margin to the nearest singularity that a pose keeps

@@ -16,7 +16,8 @@ from ptt.run.mounts import find_mounts, mount_of_rows
 from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise
 from ptt.run.table import Table
 from ptt.run.target_frame import LIMIT, RunFrame, in_base, target_frames
-from ptt.run.view import View, build_view
+from ptt.run.view import View
+from ptt.run.viewing import build_view
 
 SHIFT_USUAL = 10.0  # mm: the frame takes what it can; machine parameters only what it cannot
 TURN_USUAL = 0.05  # rad

@@ -1,7 +1,7 @@
 """Tracker CSV <-> Table: one run or several of targets, joint commands, readings and context, in travel order."""
 
-from collections.abc import Iterator, Sequence
 from collections.abc import Mapping as Dictionary
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,10 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import TableError
-from ptt.files import sha256, write_parts
-from ptt.run.readers import Ask, Mapping, Request, Understood, load_mapping, pair_targets, read_any, save_mapping
-from ptt.run.readers.assemble import set_columns, table_fields
-from ptt.run.readers.export import Export
+from ptt.files import write_parts
+from ptt.run.readers import Understood
 from ptt.run.readers.joined import join_fields
-from ptt.run.readers.order import in_travel_order, refuse_order
-from ptt.run.readers.parts import read_parts
-from ptt.run.readers.scale import scale_fix, scale_hint
+from ptt.run.readers.scale import scale_hint
 from ptt.run.written import columns_of, text_parts
 
 
@@ -135,115 +131,6 @@ def make_table(target: Any, command: Any = None, measured: Any = None, **columns
     runs = np.unique(columns.get("run", blank["run"]))
     labels = ("",) if len(runs) == 1 else tuple(str(code) for code in range(int(runs.max()) + 1))
     return Table(**{**blank, "run_label": labels, **columns})
-
-
-def read_table(
-    path: str | Path,
-    joints: int = 3,
-    *,
-    joint_prefix: str = "b",
-    also: Sequence[str | Path] = (),
-    targets: str | Path | None = None,
-    set_values: Dictionary[str, float | str] | None = None,
-    mapping: Mapping | str | Path | None = None,
-    purpose: str = "run",
-    ask: Ask | None = None,
-    judge_scale: bool = True,
-    judge_order: bool = True,
-) -> Table:
-    """Read a tracker CSV, or an export of tracker or robot software.
-
-    Args:
-        path: the file.
-        joints: number k of joints of the machine.
-        joint_prefix: 'b' (sliders, mm) or 'q' (joint angles, rad).
-        also: further runs; runs of different files stay different runs.
-        targets: file with the targets or commands of an export that holds readings only.
-        set_values: column -> one value for all rows, for instance {'payload_kg': 2}; and under 'order' what to do where
-            time goes back: 'time' sorts each run by its clock, 'rows' keeps the rows as they stand.
-        mapping: saved answers on columns and units; a path that does not exist yet is written with what was understood.
-        purpose: 'run' (readings needed), 'targets' (poses wanted) or 'sliders' (commands to send: b1..bk or q1..qk).
-        ask: who answers what is ambiguous: (question, choices) -> choice; None makes that an error.
-        judge_scale: whether readings that look like another unit than the targets are refused; `ptt.setup` names more.
-        judge_order: whether time that goes back is refused where nobody said what to do about it.
-
-    Returns:
-        The table; `table.understood` says what was made of the files.
-
-    Raises:
-        TableError: whatever cannot be read, with file, row, column and a way out.
-    """
-    answers = _answers(mapping)
-    request = Request(purpose, answers, ask)
-    how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
-    tables = [_table_of(each, read_any(each, request), *how) for each in (path, *also)]
-    if isinstance(mapping, str | Path) and not Path(mapping).exists():
-        save_mapping(tables[0].understood.mapping, mapping)
-    return concat_tables(tables)
-
-
-def _answers(mapping: Mapping | str | Path | None) -> Mapping:
-    if isinstance(mapping, str | Path):
-        return load_mapping(mapping) if Path(mapping).exists() else Mapping()
-    return mapping or Mapping()
-
-
-def _table_of(
-    path: str | Path,
-    export: Export,
-    joints: int,
-    prefix: str,
-    targets: str | Path | None,
-    set_values: Dictionary[str, float | str],
-    request: Request,
-    judge_scale: bool,
-    judge_order: bool,
-    digest: str = "",
-) -> Table:
-    if targets is not None:
-        wanted = Request("beside", request.mapping.targets or Mapping(), request.ask)
-        poses = read_any(targets, wanted)
-        table_fields(poses, joints, prefix, "targets")  # so that errors name the right file
-        export = pair_targets(export, poses, request)
-    values = {name: float(value) for name, value in set_values.items() if name != "order"}
-    export, moved = replace(export, columns=set_columns(export, values)), list[str]()
-    refuse_order(set_values.get("order"))
-    if request.purpose == "run":
-        order = set_values.get("order", None if judge_order else "rows")
-        export, moved = in_travel_order(export, None if order is None else str(order))
-    arrays, warnings = table_fields(export, joints, prefix, request.purpose)
-    constants = [f"{name} set to {value:g} in every row" for name, value in values.items()]
-    understood = replace(export.understood, lines=(*export.understood.lines, *constants, *moved, *warnings))
-    digests = (digest or sha256(path),) * len(arrays["run_label"])
-    table = Table(**arrays, joint_prefix=prefix, understood=understood, run_sha256=digests)
-    hint = scale_hint(table.target, table.measured) if judge_scale else None
-    if hint:
-        raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)} or convert them")
-    return table
-
-
-def read_targets_in_parts(
-    path: str | Path,
-    joints: int = 3,
-    *,
-    joint_prefix: str = "b",
-    set_values: Dictionary[str, float | str] | None = None,
-    mapping: Mapping | str | Path | None = None,
-    ask: Ask | None = None,
-) -> Iterator[Table]:
-    """Read a long list of targets some rows at a time; arguments and errors as `read_table`.
-
-    Yields:
-        The rows in order. Run codes are those of a part.
-
-    Raises:
-        NotInParts: the file says something about itself that only the whole tells.
-    """
-    answers, digest = _answers(mapping), sha256(path)
-    for export, request in read_parts(path, Request("targets", answers, ask)):
-        if isinstance(mapping, str | Path) and not Path(mapping).exists():
-            save_mapping(export.understood.mapping, mapping)
-        yield _table_of(path, export, joints, joint_prefix, None, set_values or {}, request, False, False, digest)
 
 
 def unit_hint(table: Table, size_mm: float) -> str | None:

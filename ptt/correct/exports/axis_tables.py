@@ -10,7 +10,7 @@ from ptt.correct.exports.left import Ground
 from ptt.correct.terms import split_terms
 from ptt.effects import Effect
 from ptt.run.table import make_table
-from ptt.run.view import build_view, joint_limits
+from ptt.run.viewing import build_view, joint_limits
 
 Array = np.ndarray
 

@@ -8,7 +8,7 @@ from ptt.correct.exports.left import Ground
 from ptt.correct.terms import split_terms
 from ptt.effects import Effect
 from ptt.model.chain import predict
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 HELD = 0.05  # share of an effect's error that may be left of what counts as held: a tenth of a tracker's noise or less
 NOTHING = 1e-6  # um: less is rounding

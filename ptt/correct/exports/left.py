@@ -16,7 +16,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts, predict
 from ptt.plan.space import build_space, draw_poses
 from ptt.run.table import Table, make_table, take_rows
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator

@@ -12,7 +12,8 @@ from ptt.correct.exports.c.effects import AHEAD, parts_of
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.graph import Graph, Node
 from ptt.correct.exports.graph_arm import CONTEXT, settle
-from ptt.correct.exports.graph_effects import EFFECTS, Place, Vector, meet, spread
+from ptt.correct.exports.graph_effects import EFFECTS
+from ptt.correct.exports.graph_legs import Place, Vector, meet, spread
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all

@@ -33,7 +33,7 @@ from ptt.correct.exports.whole import write_all
 from ptt.correct.newton import least_move
 from ptt.correct.terms import split_terms
 from ptt.model.chain import predict
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator

@@ -26,7 +26,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.mechanisms.serial import Serial
 from ptt.model.chain import predict
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ptt.dependence.contexts import residual_views
-from ptt.dependence.dependence import Dependence, dependence_of
+from ptt.dependence.dependence import Dependence
+from ptt.dependence.following import dependence_of
 from ptt.dependence.where import WhereItFails, WorstRow, rows_by_size, where_it_fails
 from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import Stretch, name_stretches

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ptt.errors import TableError, shown
 from ptt.judge.iso.axis import AxisFigures, axis_figures
-from ptt.judge.iso.pose import PoseReport, pose_report
+from ptt.judge.iso.pose import pose_report
+from ptt.judge.iso.pose_figures import PoseReport
 from ptt.record import Record
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.readers.plain import numbers_of, read_plain

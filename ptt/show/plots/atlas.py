@@ -14,7 +14,8 @@ from ptt.effects.case import usual_theta
 from ptt.effects.geometry import machine, pull
 from ptt.model.chain import predict
 from ptt.run.table import make_table
-from ptt.run.view import View, build_view
+from ptt.run.view import View
+from ptt.run.viewing import build_view
 
 GRID = 121
 REACH = {"three-ptt": 90.0, "serial": 700.0}  # mm, half width of the field

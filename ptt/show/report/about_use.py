@@ -1,6 +1,6 @@
 """What the report says of the use of it: error before and after, and the standard's figures."""
 
-from ptt.judge.iso.pose import named_figures
+from ptt.judge.iso.pose_figures import named_figures
 from ptt.show.report.blocks import Block, Picture, Section, Words, grid
 from ptt.show.report.contents import Contents
 from ptt.show.report.numbers import AXES, NONE, axes, um

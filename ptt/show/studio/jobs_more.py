@@ -14,7 +14,7 @@ def iso(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt iso`: ISO 9283 figures of the run, 'figures' by name."""
     from dataclasses import replace
 
-    from ptt.judge.iso.pose import named_figures
+    from ptt.judge.iso.pose_figures import named_figures
     from ptt.show.studio.verbs import ask
 
     tell("figures of the standard", 0, 0)

@@ -36,7 +36,7 @@ def _read_asking(source: Source, place: Path) -> None:
     from ptt.door.options import parse_settings
     from ptt.machine import load_machine
     from ptt.run.readers import save_mapping
-    from ptt.run.table import read_table
+    from ptt.run.reading import read_table
     from ptt.show.studio.answers import agreed
 
     answers = dict(source.answers)

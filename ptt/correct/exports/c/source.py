@@ -24,7 +24,7 @@ from ptt.mechanisms.workspace import NEAR_CONDITION, joint_ways
 from ptt.run.table import make_table
 from ptt.run.target_frame import target_frames
 from ptt.run.travel import TRANSIT_STEPS
-from ptt.run.view import joint_limits
+from ptt.run.viewing import joint_limits
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator

@@ -24,7 +24,7 @@ from ptt.model.chain import predict
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.table import Table, make_table, take_rows
 from ptt.run.target_frame import target_frames
-from ptt.run.view import build_view
+from ptt.run.viewing import build_view
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator

@@ -1,0 +1,218 @@
+"""What a residual follows: every residual tested against every variable, and the likelier cause of a tie."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ptt.dependence.causes import position_explains_more, varies_with
+from ptt.dependence.chance import gumbel_tail
+from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
+from ptt.dependence.curves import LOCAL, FittedCurve, describe
+from ptt.dependence.scores import Score, Variable, build_scores
+from ptt.dependence.strata import FEWEST, Poses, find_poses
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import pose_groups
+
+if TYPE_CHECKING:
+    from ptt.run.problem import Problem
+from ptt.dependence.dependence import Dependence, with_unit
+
+LEVEL = 0.005  # chance, over all pairs together, below which a dependence is reported
+PERMUTATIONS = 128
+MOST_ROWS = 3000  # more rows than this are thinned: the test is sharp enough
+FAR = 6.0  # robust standard deviations at which a residual is cut off
+NEAR = 0.9  # shares closer than this ratio are a tie
+
+
+def dependence_of(
+    problem: "Problem", residual: np.ndarray, *, slopes: np.ndarray | None = None, seed: int = 0
+) -> tuple[Dependence, ...]:
+    """What the residual of a problem depends on.
+
+    Args:
+        problem: n rows.
+        residual: (n, 3) mm, base frame, NaN on rows to leave out. Keep rows that a robust fit left out: a local fault
+            looks like outliers to it; gross errors are cut off here.
+        slopes: (n, 3, P) derivative of the readings by the parameters that were fitted, if any.
+        seed: of the permutations.
+
+    Returns:
+        Significant dependences, largest share first.
+    """
+    views = residual_views(problem, level(problem, _thinned(residual, problem.used, seed), slopes))
+    noise = None
+    if problem.noise is not None:
+        noise = dict(zip(("x", "y", "z"), map(float, problem.noise.sigma), strict=True))
+    found = depends_on(
+        views, context_views(problem), pose_groups(problem.table), travel_blocks(problem.table), noise=noise, seed=seed
+    )
+    return tuple(with_unit(item, problem) for item in found)
+
+
+def depends_on(
+    residuals: dict[str, np.ndarray],
+    contexts: dict[str, np.ndarray],
+    groups: np.ndarray,
+    blocks: np.ndarray,
+    *,
+    noise: dict[str, float] | None = None,
+    seed: int = 0,
+) -> tuple[Dependence, ...]:
+    """Test every residual against every variable.
+
+    Several trial functions for each variable (smooth curve, bins, steps, bumps, periods); the best counts. Chance is
+    the largest of all over all pairs when rows are permuted together (Westfall and Young 1993) with a Gumbel tail. Rows
+    of one pose are first whitened of the error that they share; slow variables pay for what is left of slow error.
+
+    Args:
+        residuals: (n,) mm each, rows in travel order, NaN where not observed.
+        contexts: (n,) each.
+        groups: (n,) int, equal for visits of one pose; rows below zero are left out.
+        blocks: (n,) int, contiguous blocks of travel; errors slower than a block count as slow.
+        noise: standard deviation of single residuals, mm, so that a quiet residual is not cut off too early.
+        seed: of the permutations.
+
+    Returns:
+        Significant dependences, largest share first; where two tie, the residual of a joint against that joint's own
+        variable comes before others, which are then named as its rivals.
+    """
+    rows = _rows(residuals, groups, seed)
+    contexts = _tidy(contexts, rows)
+    if len(rows) < FEWEST or not contexts or not residuals:
+        return ()
+    values = np.column_stack([_cut(column[rows], (noise or {}).get(name, 0.0)) for name, column in residuals.items()])
+    data = (values / np.maximum(values.std(axis=0), 1e-15)).astype(np.float32)
+    poses = find_poses(data, np.asarray(groups)[rows])
+    scores = build_scores(data, contexts, poses, permutations=PERMUTATIONS, seed=seed)
+    found = _significant(scores, slow=max(4, len(np.unique(np.asarray(blocks)[rows]))))
+    data_of = dict(zip(residuals, values.T, strict=True))
+    described = _only_clear(_describe(found, data_of, contexts, poses), data_of, contexts)
+    return _settle(described, data_of, contexts, poses)
+
+
+def _significant(scores: list[Score], slow: int) -> list[tuple[Score, int, float]]:
+    """(score, number of the residual, chance over all pairs) of what is unlikely enough."""
+    if not scores:
+        return []
+    largest = np.max([score.chance for score in scores], axis=0)
+    found = []
+    for score in scores:
+        for r in np.flatnonzero(gumbel_tail(score.found, largest) <= LEVEL):
+            p_value = float(gumbel_tail(score.honest(int(r), slow), largest))
+            if p_value <= LEVEL:
+                found.append((score, int(r), p_value))
+    return found
+
+
+def _thinned(residual: np.ndarray, used: np.ndarray, seed: int) -> np.ndarray:
+    """Hide rows beyond what the test needs before anything costly is done with them."""
+    rows = np.flatnonzero(used & np.isfinite(residual).all(axis=1))
+    if len(rows) <= MOST_ROWS:
+        return residual
+    chosen = np.random.default_rng(seed).choice(rows, MOST_ROWS, replace=False)
+    thinned = np.full_like(residual, np.nan)
+    thinned[chosen] = residual[chosen]
+    return thinned
+
+
+def _rows(residuals: dict[str, np.ndarray], groups: np.ndarray, seed: int) -> np.ndarray:
+    known = np.asarray(groups) >= 0
+    for values in residuals.values():
+        known = known & np.isfinite(values)
+    rows = np.flatnonzero(known)
+    if len(rows) > MOST_ROWS:
+        rows = np.sort(np.random.default_rng(seed).choice(rows, MOST_ROWS, replace=False))
+    return rows
+
+
+def _tidy(contexts: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Contexts on the rows that count; gaps are bridged, and what hardly varies or is mostly gaps is left out."""
+    tidy = {}
+    for name, column in contexts.items():
+        values = np.asarray(column, dtype=float)[rows]
+        known = np.isfinite(values)
+        if known.mean() < 0.8:
+            continue
+        values = np.interp(rows, rows[known], values[known])
+        if np.ptp(values) > 1e-9 and min(np.unique(values, return_counts=True)[1].max(), len(rows)) <= len(rows) - 3:
+            tidy[name] = values
+    return tidy
+
+
+def _cut(values: np.ndarray, sigma: float) -> np.ndarray:
+    centre = np.median(values)
+    reach = FAR * max(float(np.median(np.abs(values - centre))) / 0.6745, sigma)
+    reach = reach if reach > 0 else np.inf
+    return np.clip(values, centre - reach, centre + reach) - centre
+
+
+def _describe(
+    found: list[tuple[Score, int, float]], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: Poses
+) -> list[Dependence]:
+    names, described = list(data), []
+    for score in {id(item[0]): item[0] for item in found}.values():
+        chosen = [(names[r], p_value) for other, r, p_value in found if other is score]
+        variable = score.variable
+        second = None if variable.second is None else contexts[variable.second]
+        residual = np.column_stack([data[name] for name, _ in chosen])
+        findings = describe(residual, contexts[variable.name], second, variable.on_rows(), score.toll, poses)
+        for (name, p_value), finding in zip(chosen, findings, strict=True):
+            described.append(_dependence(name, variable, p_value, finding))
+    return described
+
+
+def _dependence(residual: str, variable: Variable, p_value: float, finding: FittedCurve) -> Dependence:
+    return Dependence(
+        residual,
+        variable.name,
+        finding.share,
+        p_value,
+        finding.period,
+        finding.shape,
+        finding.curve,
+        finding.place,
+        variable.second,
+    )
+
+
+def _only_clear(
+    described: list[Dependence], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray]
+) -> list[Dependence]:
+    """Leave out varying directions that a steady direction and the second variable by itself explain as well."""
+    kept = []
+    for item in described:
+        steady = item.with_ is not None and not varies_with(
+            data[item.residual], contexts[item.on], contexts[item.with_]
+        )
+        if item.share > 0 and not steady:
+            kept.append(item)
+    return kept
+
+
+def _settle(
+    described: list[Dependence], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: Poses
+) -> tuple[Dependence, ...]:
+    """Sort by share; at the top, the more likely cause of a tie stays and names the others as its rivals."""
+    ranked = sorted(described, key=lambda item: -item.share)
+    if not ranked:
+        return ()
+    tied = [item for item in ranked if item.share >= NEAR * ranked[0].share]
+    first = min(tied, key=lambda item: (_remoteness(item), -item.share))
+    if _remoteness(first) == _remoteness(ranked[0]):
+        first = ranked[0]
+    smooth = is_joint(first.on) and first.shape not in LOCAL
+    if smooth and position_explains_more(first.residual, first.on, data, contexts, poses):
+        first = next((item for item in ranked if item.on in COORDINATES), first)
+    above = ranked[: ranked.index(first)]
+    rivals = tuple(dict.fromkeys(f"{item.residual} on {item.on}" for item in above))
+    return (replace(first, rivals=rivals), *ranked[len(above) + 1 :])
+
+
+def _remoteness(item: Dependence) -> int:
+    """How far a variable is from being a cause: a joint's own, a joint's with a sharp curve, any, the clock."""
+    if own_joint(item.residual, item.on):
+        return 0
+    if is_joint(item.on) and item.shape in LOCAL:
+        return 1
+    return 3 if item.on in ("time", "run") else 2

@@ -1,0 +1,174 @@
+"""Whole runs seen through the drawing of their machine: the view that every effect receives is built here."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.protocol import Mechanism, require_reachable
+from ptt.mechanisms.statics import gravity_of, link_torques
+from ptt.run.travel import Travel, read_travel, run_starts
+from ptt.run.view import View
+
+if TYPE_CHECKING:
+    from ptt.machine import MachineFile
+    from ptt.run.table import Table
+
+
+def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
+    """Joint commands of a table: its own where it has them, else the inverse of the targets.
+
+    Args:
+        mechanism: the nominal mechanism.
+        table: n rows.
+
+    Returns:
+        (n, k) mm or rad.
+
+    Raises:
+        WorkspaceError: a target out of reach, by line.
+    """
+    target = torch.as_tensor(table.target, dtype=torch.float64)
+    command = None if table.command is None else torch.as_tensor(table.command, dtype=torch.float64)
+    known = (
+        torch.zeros_like(target, dtype=torch.bool)[:, :1] if command is None else torch.isfinite(command).all(1, True)
+    )
+    wanted = torch.isfinite(target).all(dim=1) & ~known[:, 0]
+    blank = torch.full((table.rows, mechanism.joints), torch.nan, dtype=torch.float64)
+    q = blank if command is None else command.clone()
+    if bool(wanted.any()):
+        lines = [int(line) for line in table.line[wanted.numpy()]]
+        q[wanted] = require_reachable(mechanism, target[wanted], table.source, lines=lines)
+    return _hold(q)
+
+
+def _hold(q: Tensor) -> Tensor:
+    """Fill rows without a command (base reflectors): the machine stands where it stood, at first where it will."""
+    known = torch.isfinite(q).all(dim=1).numpy()
+    if known.all():
+        return q
+    rows = np.arange(len(known))
+    last = np.maximum.accumulate(np.where(known, rows, -1))
+    following = np.minimum.accumulate(np.where(known, rows, len(known))[::-1])[::-1]
+    return q[torch.as_tensor(np.where(last >= 0, last, np.minimum(following, len(known) - 1)).copy())]
+
+
+def build_view(file: "MachineFile", table: "Table") -> View:
+    """See a table through the drawing of its machine.
+
+    Args:
+        file: the machine.
+        table: n rows in travel order; base and datum rows included.
+
+    Returns:
+        The view.
+
+    Raises:
+        WorkspaceError: commands or targets that the drawing cannot reach.
+    """
+    spec = file.machine
+    mechanism = build_mechanism(spec)
+    commands = command_rows(mechanism, table)
+    position = mechanism.forward(commands)
+    jacobian = mechanism.jacobian(commands)
+    travel = read_travel(mechanism, commands, position, table, straight=spec.moves == "straight")
+    zeros = torch.zeros(table.rows, dtype=torch.float64)
+    warmth = zeros if table.temp_c is None else _tensor(table.temp_c) - spec.reference_temp_c
+    payload = zeros if table.payload_kg is None else _tensor(table.payload_kg)
+    return View(
+        mechanism=mechanism,
+        home=torch.as_tensor(mechanism.home(), dtype=torch.float64),
+        lead=spec.turn,
+        reflector=_tensor(spec.reflector_mm),
+        q=commands,
+        p=position,
+        jacobian=jacobian,
+        direction=travel.direction,
+        turning=travel.turning,
+        velocity=travel.velocity,
+        starts=travel.starts,
+        run=_tensor(table.run).long(),
+        payload=payload,
+        warmth=warmth,
+        time=elapsed(table),
+        torque=None if table.torque is None else _tensor(table.torque) * (1e3 if spec.kind == "serial" else 1.0),
+        platform_mass=spec.platform_mass_kg if spec.kind == "three-ptt" else 0.0,
+        platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
+        growth=_growth(file, mechanism),
+        travel_limits=joint_limits(file, mechanism.joints),
+        gravity=gravity_of(spec),
+        link_load=link_torques(mechanism, file.machine, commands),
+        varies=_what_varies(table, travel),
+        read=_rows_read(table),
+    )
+
+
+def _rows_read(table: "Table") -> Tensor | None:
+    read = np.isfinite(table.measured).all(axis=1)
+    return torch.as_tensor(read) if read.any() and not read.all() else None
+
+
+def _tensor(values: object) -> Tensor:
+    return torch.tensor(np.asarray(values), dtype=torch.float64)  # a copy: columns read by pandas are read-only
+
+
+def elapsed(table: "Table") -> Tensor:
+    """Seconds since the first row, (n,) s; runs whose clocks do not join are laid end to end."""
+    if table.time_s is None:
+        return torch.zeros(table.rows, dtype=torch.float64)
+    clock = np.asarray(table.time_s, dtype=float)
+    step = np.diff(clock, prepend=clock[:1])
+    return _tensor(np.cumsum(np.where(run_starts(table.run) & (step < 0.0), 0.0, step)))
+
+
+def joint_limits(file: "MachineFile", joints: int) -> Tensor:
+    """Limits of each joint by the drawing.
+
+    Args:
+        file: the machine.
+        joints: k.
+
+    Returns:
+        (k, 2) mm or rad.
+    """
+    spec = file.machine
+    if spec.kind == "three-ptt":
+        return _tensor(spec.travel_ends)
+    return torch.deg2rad(_tensor([joint.limits_deg or (-180.0, 180.0) for joint in spec.joint]))
+
+
+def _growth(file: "MachineFile", mechanism: Mechanism) -> Tensor:
+    spec = file.machine
+    growth = torch.zeros(2, len(mechanism.slots), dtype=torch.float64)
+    if spec.kind == "three-ptt":
+        for leg, azimuth in enumerate(np.radians(spec.slider_azimuth_deg)):
+            growth[0, 4 * leg] = spec.base_radius_mm * np.cos(azimuth)
+            growth[0, 4 * leg + 1] = spec.base_radius_mm * np.sin(azimuth)
+            growth[1, 4 * leg + 3] = spec.link_length_mm
+    else:
+        for index, joint in enumerate(spec.joint):
+            growth[0, 5 * index] = joint.a_mm
+            growth[1, 5 * index + 2] = joint.d_mm
+    return growth
+
+
+def _what_varies(table: "Table", travel: Travel) -> frozenset[str]:
+    pose = table.role != "base"
+    names = []
+    for name, column, step in (
+        ("payload", table.payload_kg, 1e-3),
+        ("temperature", table.temp_c, 0.05),
+        ("time", table.time_s, 1.0),
+    ):
+        if column is not None and pose.any() and np.ptp(np.asarray(column)[pose]) > step:
+            names.append(name)
+    speed = travel.velocity.norm(dim=1)[torch.as_tensor(pose)]
+    # Speeds that differ by less than a fifth cannot part a lag that follows speed from one that follows direction.
+    if len(speed) and float(speed.max()) > 0 and float(speed.std()) > 0.05 * float(speed.mean()):
+        names.append("speed")
+    both = [(travel.direction[:, i] > 0).any() and (travel.direction[:, i] < 0).any() for i in range(travel.joints)]
+    if any(bool(item) for item in both):
+        names.append("direction")
+    return frozenset(names)
