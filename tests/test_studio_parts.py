@@ -26,10 +26,10 @@ from ptt.show.card.bar import bar_html, parts_of_bar
 from ptt.show.card.ghost import ghosts_of
 from ptt.show.card.scene import Lines, legs_at_fault, moved, parts_of, usual_times
 from ptt.show.card.solids import arrows
-from ptt.show.card.words import how_sure, length, parameter_in_words, prefixed, pretty, spoken
+from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken
 from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
-from ptt.show.studio.card_figures import ruler_words
+from ptt.show.studio.card_figures import ruler_words, unknown_figure
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import error_figure, pair_figure, value_figure
 from ptt.show.studio.guard import COOKIE, Guard, same_origin
@@ -659,3 +659,28 @@ def test_a_store_that_cannot_be_written_is_refused(tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         Store(tmp_path / "file" / "store")
+
+
+@pytest.mark.parametrize(
+    ("on", "unit", "across"),
+    [
+        ("speed2", "mm/s", "speed of slider 2 [mm/s]"),
+        ("temperature", "C", "temperature [\N{DEGREE SIGN}C]"),
+        ("time", "s", "time [min]"),
+        ("time", "", "reading number"),
+        ("coolant", "", "coolant"),
+    ],
+)
+def test_the_picture_of_an_unknown_has_the_unit_of_what_it_follows(on, unit, across):
+    at = [0.0, 400.0, 800.0]
+    unknown = {
+        "residual": "slider 1", "on": on, "with": None, "period_mm": None,
+        "curve": {"at": at, "mean_um": [1.0, 2.0, 3.0], "half_width_um": [0.1, 0.1, 0.1]},
+        "points": {"at": at, "um": [1.0, 2.0, 3.0], "unit": unit},
+    }  # fmt: skip
+    assert unknown_figure(unknown, serial=False)["layout"]["xaxis"]["title"]["text"] == across
+
+
+def test_a_variable_of_a_joint_has_an_article_in_prose_and_a_column_of_ones_own_has_none():
+    assert in_prose("b2", False) == "the height of slider 2" and in_prose("q3", True) == "the angle of joint 3"
+    assert in_prose("payload", False) == "payload" and in_prose("flow2", False) == "flow2"

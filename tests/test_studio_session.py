@@ -45,7 +45,7 @@ from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.server import Opening, keep_opening
 from ptt.show.studio.session import Session
-from ptt.show.studio.snapshot import key_of, parameter_rows
+from ptt.show.studio.snapshot import Rung, key_of, parameter_rows
 from ptt.show.studio.uploads import RESERVED, keep, safe_name
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
@@ -204,6 +204,26 @@ def test_a_switched_off_effect_leaves_no_held_out_figure(here: Path, added: Chan
     assert f"Now {plain:.2f}" in words and "plain RMS" in words and "switched off: backlash" in words
     drawn = ladder_figures.ladder_figure(rungs, noise)["data"]
     assert [len(trace["y"]) for trace in drawn] == [2, 2, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("step", "held_out", "helped", "words"),
+    [
+        ("+ windup", 4.0, True, ""),
+        ("+ windup", 4.9, False, "this step is not sure to have helped"),
+        ("+ windup", 5.1, False, "this step did not help: the held-out error did not fall"),
+        ("\N{MINUS SIGN} backlash", 9.0, False, "what this step removed is needed"),
+        ("\N{MINUS SIGN} backlash", 5.0, True, ""),
+        ("refit", 5.0, False, ""),
+    ],
+)
+def test_a_step_that_did_not_help_is_said_to_be_what_it_is(here: Path, added: Changed, step, held_out, helped, words):
+    session = fresh().changed("add", ("backlash",), added)
+    figures = dict.fromkeys((*"xyz", "total"), 5.0)
+    before, last = Rung("+ backlash", figures, figures), Rung(step, figures, figures | {"total": held_out}, helped)
+    session = replace(session, now=replace(session.now, rungs=(before, last)))
+    told = words_of(session, last, figures, "total")
+    assert re.findall(r"\((.*)\)", told) == ([words] if words else [])
 
 
 def test_commands_remove_what_is_switched_off_and_add_it_again(here: Path, added: Changed):

@@ -35,9 +35,14 @@ def between(low: float, high: float, unit: str) -> str:
     Returns:
         For example '15.9 to 62.1 mm', or '16.01 mm'.
     """
-    digits = int(np.clip(1 - np.floor(np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, UNLIKE)))
+    digits = _apart(low, high, FINEST.get(unit, UNLIKE))
     one, two = (f"{value:z.{digits}f}" for value in (low, high))
     return f"{one if one == two else f'{one} to {two}'} {unit}".strip()
+
+
+def _apart(low: float, high: float, most: int = UNLIKE) -> int:
+    """Digits that tell two values apart."""
+    return int(np.clip(1 - np.floor(np.log10(max(abs(high - low), 1e-9))), 0, most))
 
 
 def middle(low: float, high: float, unit: str) -> str:
@@ -55,7 +60,7 @@ def say_size(size: Size) -> str:
     Returns:
         One sentence, for example 'Slider 1 comes out 38 +- 2 um higher when slider 1 arrives upward than downward.'
     """
-    who, (more, less, most) = part_of(size.of), SIDES[size.of.split()[-1 if size.of[-1].isalpha() else 0]]
+    who, (more, less, most) = who_is_off(size.of), SIDES[size.of.split()[-1 if size.of[-1].isalpha() else 0]]
     side = more if size.value >= 0.0 or not size.known else less
     at_most = f"no more than {_amount(size, _bound(size), 0.0)}"
     what = _amount(size, size.value, size.std) if size.known else f"{at_most} {less} or"
@@ -96,8 +101,8 @@ def _bound(size: Size) -> float:
     return abs(size.value) + 2.0 * size.std
 
 
-def part_of(of: str) -> str:
-    """Who is off, in words: 'rail 2' of 'rail 2 outward', 'the tool' of its 'x'."""
+def who_is_off(of: str) -> str:
+    """In words: 'rail 2' of 'rail 2 outward', 'the tool' of its 'x'."""
     return "the tool" if of in ("x", "y", "z") else of.removesuffix(" outward").removesuffix(" sideways")
 
 
@@ -110,7 +115,7 @@ def _arrival(size: Size) -> str:
 
 def _values(low: float, high: float, unit: str) -> tuple[str, str]:
     """Two values of a variable that are told apart by their digits, each with its unit."""
-    apart = int(np.clip(1 - np.floor(np.log10(max(abs(high - low), 1e-9))), 0, UNLIKE))
+    apart = _apart(low, high)
     digits = min(apart, FINEST.get(unit, apart))
     if f"{low:z.{digits}f}" == f"{high:z.{digits}f}":  # as fine as anybody needs is too coarse for these
         digits = apart

@@ -14,7 +14,7 @@ from ptt.effects.phrases import Said, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
 from ptt.record import Record
 from ptt.run.problem import Problem
-from ptt.show.card.words import length, percent, pretty, spoken
+from ptt.show.card.words import in_prose, length, percent, pretty
 
 VALUES = 6  # of one finding
 OFF_SCALE = 10.0  # usual sizes from which a value is worth a second look: the drawing or a unit may be wrong
@@ -156,18 +156,13 @@ def _words(found: Diagnosis, problem: Problem) -> str:
     if found.depends_on:
         first = found.depends_on[0]
         serial = family(problem.view) == "serial"
-        with_ = f", in a measure that varies with {spoken(first.with_, serial)}" if first.with_ else ""
+        with_ = f", in a measure that varies with {in_prose(first.with_, serial)}" if first.with_ else ""
         own = first.on == f"direction{first.residual.split()[-1]}"
-        on = "the way from which it comes" if own else f"{_article(first.on)}{spoken(first.on, serial)}"
+        on = "the way from which it comes" if own else in_prose(first.on, serial)
         share = f"{percent(first.share)} of its variance{acting(first.acts_on, first.residual)}"
         return f"What is left of {first.residual} follows {on}{with_}: {share}. {first.words}".rstrip()
     reasons = found.rest.reasons
     return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
-
-
-def _article(on: str) -> str:
-    """What stands before a variable of a joint: 'the height of slider 2', but 'payload'."""
-    return "the " if on[-1].isdigit() else ""
 
 
 def _doubt(steps: Sequence[Candidate]) -> str:

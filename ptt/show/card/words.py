@@ -11,6 +11,7 @@ MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
 UNIT = rf"(?:[n{MICRO}umk]?(?:m|rad|g|s|N)|K|h|min|days|deg|%|\N{{DEGREE SIGN}}C|\N{{PLUS-MINUS SIGN}}|MB)"
 APART = re.compile(rf"(?<=\d) (?={UNIT}(?![A-Za-z]))|(?<=\N{{PLUS-MINUS SIGN}}) (?=\d)|(?<=/N) (?=m\b)")
+JOINT = re.compile(r"(b|q|direction|speed|travel|load)(\d+)")  # a variable of one joint
 WAYS = {"way": "the way along {} that the tool came", "turn": "how the tool turns along {}"}
 CHANCES = ((0.99, "almost certain"), (0.9, "very likely"), (0.7, "likely"), (0.4, "about even"), (0.0, "unlikely"))
 
@@ -39,11 +40,17 @@ def spoken(on: str, serial: bool) -> str:
     word, _, axis = on.partition(" ")
     if word in WAYS and axis in ("x", "y", "z"):
         return WAYS[word].format(axis)
-    found = re.fullmatch(r"(b|q|direction|speed|travel|load)(\d+)", on)
+    found = JOINT.fullmatch(on)
     if found is None:
         return on
     what = {"b": "height", "q": "angle"}.get(found[1], found[1])
     return f"{what} of {'joint' if serial else 'slider'} {found[2]}"
+
+
+def in_prose(on: str, serial: bool) -> str:
+    """The same within a sentence: 'the height of slider 3', but 'payload'; arguments as `spoken`."""
+    words = spoken(on, serial)
+    return f"the {words}" if JOINT.fullmatch(on) else words
 
 
 def length(um: float, digits: int = 3) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
-from ptt.show.studio.figures import BLUE, ORANGE, PALE, UNITS, Figure, axis_of, sides_axis, whole_figure, whole_layout
+from ptt.show.studio.figures import BLUE, ORANGE, PALE, Figure, axis_of, sides_axis, whole_figure, whole_layout
 
 BINS = 24
 RULER = (-2.0, 2.0)  # powers of ten about the usual size
@@ -110,13 +110,13 @@ def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
     angle = str(unknown["residual"]).startswith("joint")
     factor, unit = prefixed([*points["um"], *curve["mean_um"]], "urad" if angle else "um")
     mean, half = factor * np.asarray(curve["mean_um"]), factor * np.asarray(curve["half_width_um"])
-    at, by_time = np.asarray(curve["at"], dtype=float), "time" in (unknown["with"] or unknown["on"])
-    scale, time = prefixed(points["at"], "s") if by_time else (1.0, "")
+    at, of = np.asarray(curve["at"], dtype=float), points.get("unit", "")
+    scale, of = prefixed(points["at"], "s") if of == "s" else (1.0, of.replace("C", "\N{DEGREE SIGN}C"))
     order = np.argsort(at)
     at, mean, half = scale * at[order], mean[order], half[order]
     on = unknown["with"] or unknown["on"]
-    of = time or UNITS.get(on.rstrip("0123456789"), "")
-    across = spoken(on, serial) + (" within one period" if unknown["period_mm"] else "") + (f" [{of}]" if of else "")
+    across = "reading number" if on == "time" and not of else spoken(on, serial)
+    across += (" within one period" if unknown["period_mm"] else "") + (f" [{of}]" if of else "")
     up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
     axis, place = axis_of(across), scale * np.asarray(points["at"])
     sided = str(unknown["on"]).startswith("direction") and not unknown["with"]

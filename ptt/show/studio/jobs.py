@@ -147,7 +147,8 @@ def _unknown(found: "Diagnosis") -> Mapping[str, Any] | None:
     points = points[np.unique(np.linspace(0, max(len(points) - 1, 0), min(MOST, len(points))).astype(int))]
     fine = 1e6 if first.residual.startswith("joint") else 1e3  # urad, um
     at, um = np.round(points[:, 0], 6).tolist(), np.round(fine * points[:, 1], 4).tolist()
-    return first.to_dict() | {"points": {"at": at, "um": um}}
+    unit = first.unit if first.with_ is None else "" if first.size is None else first.size.unit
+    return first.to_dict() | {"points": {"at": at, "um": um, "unit": unit}}
 
 
 def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell: Progress) -> Changed:

@@ -1,6 +1,6 @@
 """Model: the ladder of errors beside the noise floor, effects with their switches, the model with and without."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from nicegui import ui
 
@@ -208,11 +208,24 @@ def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: 
         return together(f"Now {last.rms_um[axis]:.2f} {micro} over all rows (plain RMS; {after}); {noise}{left}")
     if now.fitted != now.active:
         return f"{_switched(now)}: the figures of that are being worked out"
-    helped = "" if last.helped else " (this step is not sure to have helped)"
     return together(
         f"Now {last.rms_um[axis]:.2f} {micro} on training rows, {last.heldout_rms_um[axis]:.2f} {micro} held out; "
-        f"noise {noise_um[axis]:.2f} {micro}{helped}{left}"
+        f"noise {noise_um[axis]:.2f} {micro}{_doubt(now.rungs)}{left}"
     )
+
+
+def _doubt(rungs: Sequence[Rung]) -> str:
+    """What is to be said of the last step where it did not do what it was taken for; '' of a refit."""
+    last = rungs[-1]
+    if last.helped or last.heldout_rms_um is None:
+        return ""
+    if last.words.startswith("\N{MINUS SIGN}"):
+        return " (what this step removed is needed)"
+    before = rungs[-2].heldout_rms_um if last.words.startswith("+") and len(rungs) > 1 else None
+    if before is None:
+        return ""
+    fell = last.heldout_rms_um["total"] < before["total"]
+    return f" (this step {'is not sure to have helped' if fell else 'did not help: the held-out error did not fall'})"
 
 
 def _switched(now: Snapshot) -> str:

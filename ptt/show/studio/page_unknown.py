@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
-from ptt.dependence.said import part_of
+from ptt.dependence.said import who_is_off
 from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
@@ -88,7 +88,7 @@ def _seen_as(unknown: Mapping[str, Any]) -> str:
     acts = unknown["acts_on"]
     if acts in (None, unknown["residual"]):
         return ""
-    return f" The picture has it as an error of {unknown['residual']}; the sentence above as one of {part_of(acts)}."
+    return f" The picture has it as an error of {unknown['residual']}; the sentence above as one of {who_is_off(acts)}."
 
 
 def build_unknown(studio: Studio, go: Callable[[str], None]) -> UnknownView:
