@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
 from ptt.commands.main import run_alone
@@ -52,6 +53,38 @@ def test_the_sample_runs_are_sound(sound: tuple[MachineFile, Table]) -> None:
     root = DATA.parent
     for run, machine in (("experiment1.csv", "machine.toml"), ("volume.csv", "machine.toml")):
         assert check_setup(load_machine(root / machine), read_table(root / run)).findings == ()
+
+
+def set_up_anew(file: MachineFile, table: Table) -> tuple[MachineFile, Table]:
+    """All but the first third as a run of its own, its readings in another frame of the tracker."""
+    run = (np.arange(table.rows) >= table.rows // 3).astype(int)
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix()
+    measured = np.where(run[:, None] == 0, table.measured, table.measured @ turn.T + [900.0, -400.0, 250.0])
+    own = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted-per-run"}))
+    return own, table.replace(measured=measured, run=run, run_label=("1", "2"))
+
+
+def test_a_tracker_set_up_anew_for_each_run_is_no_other_reflector(sound: tuple[MachineFile, Table]) -> None:
+    file, table = set_up_anew(*sound)
+    found = check_setup(file, table)
+    assert found.findings == () and found.table is not None
+    np.testing.assert_array_equal(found.table.measured, table.measured)
+    one_frame = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted"}))
+    accused = check_setup(one_frame, table).sure
+    assert [item.mistake for item in accused] == ["wrong-reflector"] and "fitted-per-run" in accused[0].fix
+    one_run = table.replace(run=np.zeros(table.rows, int), run_label=("",))
+    assert "fitted-per-run" not in check_setup(one_frame, one_run).sure[0].fix
+
+
+def test_a_mistake_in_one_of_two_set_ups_is_found_and_undone(sound: tuple[MachineFile, Table]) -> None:
+    file, table = set_up_anew(*sound)
+    block = np.arange(table.rows)[table.run == 1][40:60]
+    measured = table.measured.copy()
+    measured[block] += [30.0, 0.0, 40.0]
+    found = check_setup(file, table.replace(measured=measured))
+    assert [item.mistake for item in found.sure] == ["wrong-reflector"] and found.table is not None
+    np.testing.assert_allclose(found.table.measured, table.measured, atol=0.5)
+    np.testing.assert_array_equal(found.table.line, table.line)
 
 
 def test_a_block_on_another_reflector_is_found_as_well_one_start_at_a_time(

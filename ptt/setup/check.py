@@ -1,6 +1,6 @@
 """Set-up mistakes of a machine file and its runs, found before any physics."""
 
-from dataclasses import replace
+from dataclasses import fields
 
 import numpy as np
 
@@ -23,23 +23,28 @@ from ptt.setup.score import FEWEST
 from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
 
+OWN_FRAME = ("fitted-per-run", "measured")  # each run is a set-up of the tracker, with a frame of its own
+
 
 def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units_said: bool = False) -> Check:
     """Look for mistakes in how a machine and its runs were set up.
 
     Args:
         file: the machine.
-        table: one run or several; each file is looked at by itself.
+        table: one run or several; each set-up of the tracker is looked at by itself.
         ordered: whether somebody said that the rows are in travel order.
         units_said: whether somebody said which units the columns are in: then a small path is a small path.
 
     Returns:
-        Findings, the sure ones first, and both files with those undone; several runs are handed back as they came.
+        Findings, the sure ones first, and both files with those undone; runs of several files are handed back as they
+        came.
     """
     findings: list[Finding] = []
     open_ends: list[str] = []
     cured, parts, stated = file, [], stated_frame(file.targets)
-    for part in _files(table):
+    places = _set_ups(file, table)
+    for part in (table if len(rows) == table.rows else take_rows(table, rows) for rows in places):
+        part = part.replace(source=_file_of(part))
         found, after = _check_one(Setup(cured, part.replace(target=stated.into_base(part.target))), ordered, units_said)
         findings += [
             item for item in found if (item.mistake, item.words) not in {(f.mistake, f.words) for f in findings}
@@ -48,7 +53,7 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
         cured = after.file
         parts.append(after.table.replace(target=stated.as_stated(after.table.target)))
     findings.sort(key=lambda item: not item.sure)
-    whole = parts[0] if len(parts) == 1 else table
+    whole = table if " + " in table.source else _together(parts, places)
     little = "" if any(item.sure for item in findings) else too_little(file, table)
     return Check(tuple(findings), written(cured, file), whole, table.rows, little, "; ".join(open_ends[:1]))
 
@@ -124,18 +129,39 @@ def find_slip_besides(setup: Setup) -> tuple[list[Finding], Setup]:
     return [], setup
 
 
-def _files(table: Table) -> list[Table]:
-    """The runs of each file, apart."""
+def _set_ups(file: MachineFile, table: Table) -> list[np.ndarray]:
+    """Rows of each set-up of the tracker, (m,) int: a file, or a run where every run has a frame of its own.
+
+    Readings of two set-ups lie beside each other by anything at all; looked at together, the second would be another
+    reflector.
+    """
+    own = file.tracker.frame in OWN_FRAME
+    if not table.rows:
+        return [np.arange(0)]
     sources = table.source.split(" + ")
-    if len(sources) == 1:
-        return [table]
-    file_of_run = np.array([_source_of(label, sources) for label in table.run_label])[table.run]
-    parts = []
-    for index, source in enumerate(sources):
-        rows = np.flatnonzero(file_of_run == index)
-        if len(rows):
-            parts.append(replace(take_rows(table, rows), source=source))
-    return parts
+    of_run = np.array([index if own else _source_of(label, sources) for index, label in enumerate(table.run_label)])
+    code = of_run[table.run]
+    return [np.flatnonzero(code == each) for each in dict.fromkeys(code.tolist())]
+
+
+def _file_of(part: Table) -> str:
+    """The file that the rows of a part were read from."""
+    sources = part.source.split(" + ")
+    return part.source if len(sources) == 1 else sources[_source_of(part.run_label[part.run[0]], sources)]
+
+
+def _together(parts: list[Table], places: list[np.ndarray]) -> Table:
+    """Parts of one table in the rows they came from."""
+    if len(parts) == 1:
+        return parts[0]
+    back = np.argsort(np.concatenate(places), kind="stable")
+    columns = {
+        each.name: np.concatenate([getattr(part, each.name) for part in parts])[back]
+        for each in fields(Table)
+        if all(isinstance(getattr(part, each.name), np.ndarray) for part in parts)
+    }
+    extra = {title: np.concatenate([part.extra[title] for part in parts])[back] for title in parts[0].extra}
+    return parts[0].replace(**columns, extra=extra)
 
 
 def _source_of(label: str, sources: list[str]) -> int:

@@ -142,6 +142,8 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
             f"all by the same ({at}) mm: another reflector"
         )
         fix = f"take ({off}) mm off x_meas, y_meas, z_meas of rows {first} to {last}, or empty those"
+        if _is_whole_runs(setup.table.run, rows, known):
+            fix += '; where the tracker was set up anew for a run, frame = "fitted-per-run" in the machine file instead'
         findings.append(Finding("wrong-reflector", words, fix, None, None, True, setup.table.source))
     if not 0 < len(shifts) <= MOST_REFLECTORS:
         return [], setup
@@ -155,6 +157,12 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         for item in findings
     ]
     return told, setup.with_rows(measured=reading)
+
+
+def _is_whole_runs(run: np.ndarray, rows: np.ndarray, known: np.ndarray) -> bool:
+    """Whether some rows of those that count, not all, are all that a run or several have."""
+    inside = np.isin(run[known], run[rows])
+    return bool(inside.sum() == len(rows) < len(known))
 
 
 def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> bool:
