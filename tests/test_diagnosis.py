@@ -83,6 +83,19 @@ def test_silent_where_nothing_is_hidden(tmp_path):
     assert verdicts.count("nothing-missing") >= 11
 
 
+@pytest.mark.parametrize("understated", [1.0, 3.0])
+def test_noise_that_is_stated_too_small_follows_nothing_and_it_is_said(tmp_path, understated):
+    """More than twice a stated noise is never nothing; but no variable is blamed that says less than chance."""
+    _, path = run(tmp_path, "none", 11, rows=120)
+    table = read_table(path)
+    scatter = diagnose(Model(MACHINE), build_problem(MACHINE, table)).rms_um["after"]
+    sigma = [1e-3 * scatter[axis] / understated for axis in "xyz"]
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table.replace(std=np.tile(sigma, (table.rows, 1)))))
+    assert found.suggested == () and found.depends_on == ()
+    assert found.verdict == ("nothing-missing" if understated < 2.0 else "unknown")
+    assert ("understates the scatter" in found.words) == (understated > 2.0)
+
+
 def test_silent_on_few_rows_and_among_gross_errors(tmp_path):
     few = [learn(tmp_path, "none", seed, rows=60)[1] for seed in range(60, 66)]
     assert [item.verdict for item in few].count("nothing-missing") >= 5

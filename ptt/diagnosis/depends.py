@@ -40,7 +40,8 @@ def with_suspect(scorer: Scorer, state: State) -> State:
     if not blocks:
         return state
     best = blocks[0]
-    return scorer.score((*state.keys, best.key), WHITE, {**state.scales, best.key: best.scales})
+    more = scorer.score((*state.keys, best.key), WHITE, {**state.scales, best.key: best.scales})
+    return more if more.total > plain.total else state
 
 
 def rest_of(scorer: Scorer, state: State, problem: Problem) -> np.ndarray:
@@ -92,7 +93,7 @@ def _dependence(
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
-    chance = float(np.exp(-min(item.nats, 700.0)))
+    chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
     share = min(item.energy, 1.0)
     if tested:
         best = next((d for d in tested if d.with_ == second), tested[0])

@@ -184,6 +184,7 @@ def conclude(
         The diagnosis.
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
+    rest = _beside_stated(rest, noise_left(found.system, state), problem.noise)
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     told = name_steps(scorer, state)
     named = told.steps
@@ -196,7 +197,7 @@ def conclude(
     fitted_model = replace(model, terms=sent_terms(found, terms, tuple(step.key for step in named)))
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     sound = told.faithful and not told.unproven
-    verdict: Verdict = _verdict(found, bool(named), rest, problem) if sound else "unknown"
+    verdict: Verdict = _verdict(found, bool(named), rest) if sound else "unknown"
     depends = dependences(unknowns, left, shown)
     if not depends and wanders_beyond(found.system, state):  # the memory has taken it: what it took tells what it is
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
@@ -250,14 +251,23 @@ def _error_by_base(model: Model, problem: Problem) -> float | None:
     return rms(fitted.residual, rows)["total"]
 
 
-def _verdict(found: Found, named: bool, rest: Rest, problem: Problem) -> Verdict:
+def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
     state, system = found.state, found.system
     odd = any(system.atoms[key].block is not None for key in state.keys) or state.memory.pose > 0.0
     if odd or wanders_beyond(system, state) or rest.significant:
         return "unknown"
-    if problem.noise is not None and noise_left(system, state).total > EXCESS * problem.noise.total:
-        return "unknown"
     return "missing" if named else "nothing-missing"
+
+
+def _beside_stated(rest: Rest, left: Noise, stated: Noise | None) -> Rest:
+    """The rest with one more reason where far more is left than the noise is said to be."""
+    if stated is None or left.total <= EXCESS * stated.total:
+        return rest
+    more = (
+        f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left: it understates the scatter of a "
+        "reading, or the rest follows nothing recorded here"
+    )
+    return replace(rest, reasons=(*rest.reasons, more))
 
 
 def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
