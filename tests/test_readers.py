@@ -13,7 +13,7 @@ from ptt.errors import TableError
 from ptt.run.readers import Mapping, Request, load_mapping, read_any, save_mapping
 from ptt.run.readers.columns import UNITS, canonical, dimension_of, file_title, to_standard
 from ptt.run.readers.mapping import Ask
-from ptt.run.readers.text import find_decimal, find_delimiter
+from ptt.run.readers.separators import find_decimal, find_delimiter
 from ptt.run.readers.titles import meaning_of, split_unit
 from ptt.run.reading import read_table
 

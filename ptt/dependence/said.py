@@ -10,6 +10,7 @@ from ptt.effects.phrases import SIGNIFICANT, figure, scaled
 NOTHING = 0.01  # of a size: what beside it is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
 UNLIKE = 9  # digits that tell any two values of a table apart
+WAYS = {"way": "the way along {} that the tool came", "turn": "how the tool turns along {}"}  # no column of a table
 SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero, where it is largest
     "slider": ("higher", "lower", "highest"),
     "joint": ("further forward", "further back", "furthest forward"),

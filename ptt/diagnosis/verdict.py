@@ -20,7 +20,7 @@ from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
 from ptt.diagnosis.steps import name_steps
 from ptt.diagnosis.unknowns import unknowns_of
-from ptt.diagnosis.words import explain_verdict, held_to_base
+from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers

@@ -10,9 +10,10 @@ from ptt.run.readers.columns import Meaning, canonical, standard_unit, to_standa
 from ptt.run.readers.layout import Column, meanings_by_order, meanings_of_titles, understand
 from ptt.run.readers.mapping import IGNORE, NOT_USED, Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
+from ptt.run.readers.separators import DELIMITERS, cell_counts, is_number, split_line
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
 from ptt.run.readers.stamps import read_seconds
-from ptt.run.readers.text import DELIMITERS, RawText, cell_counts, is_number, read_text, split_line
+from ptt.run.readers.text import RawText, read_text
 from ptt.run.readers.titles import LONGEST_TITLE, UNIT_OF_WORD, is_unit_row, meaning_of, normalise
 
 MOST_TITLES = 2_000

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from ptt.errors import TableError
 from ptt.run.readers.columns import UNITS, UNSTATED_IS_ASKED, Meaning, canonical, dimension_of, standard_unit
 from ptt.run.readers.mapping import IGNORE, Ask, Mapping, answer
-from ptt.run.readers.text import RawText, is_number, split_line
+from ptt.run.readers.separators import is_number, split_line
+from ptt.run.readers.text import RawText
 from ptt.run.readers.titles import DRIVER_NOTE, is_polar, meaning_of
 
 GOALS = ("x_cmd", "y_cmd", "z_cmd")

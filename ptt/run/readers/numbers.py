@@ -9,7 +9,8 @@ import pandas as pd
 from ptt.errors import TableError, shown
 from ptt.run.readers.columns import greatest, least, standard_unit
 from ptt.run.readers.layout import Column
-from ptt.run.readers.text import POINT_NUMBER, RawText, cell_counts, split_line
+from ptt.run.readers.separators import POINT_NUMBER, cell_counts, split_line
+from ptt.run.readers.text import RawText
 
 ROWS = 50_000  # lines that are read at once: 100 MB of text in all its forms
 # pandas 3 reads floats exactly by default and warns about the option; before that the option is needed

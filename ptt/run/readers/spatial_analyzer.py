@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from ptt.errors import TableError
 from ptt.run.readers.layout import refuse_polar
-from ptt.run.readers.text import RawText, is_number, split_line
+from ptt.run.readers.separators import is_number, split_line
+from ptt.run.readers.text import RawText
 
 _AXES = re.compile(r"axes\s*=\s*(\w+)\s*:?\s*([^()]*)(?:\(([^)]*)\))?", re.IGNORECASE)
 _NOT_CARTESIAN = re.compile(r"\b(polar|cylindrical|spherical)\b", re.IGNORECASE)

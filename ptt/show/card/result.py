@@ -7,7 +7,8 @@ import torch
 
 from ptt.diagnosis.explanation import Candidate
 from ptt.diagnosis.verdict import Diagnosis
-from ptt.diagnosis.words import acting, doubt_in_words, headline, remedy, sentence
+from ptt.diagnosis.verdict_words import acting
+from ptt.diagnosis.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.base import family
 from ptt.effects.cards import card_of
 from ptt.effects.phrases import Said, sizes_in_words, worth_saying

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from ptt.dependence.said import WAYS
 from ptt.effects.phrases import scaled
 
 MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
@@ -12,7 +13,6 @@ PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base uni
 UNIT = rf"(?:[n{MICRO}umk]?(?:m|rad|g|s|N)|K|h|min|days|deg|%|\N{{DEGREE SIGN}}C|\N{{PLUS-MINUS SIGN}}|MB)"
 APART = re.compile(rf"(?<=\d) (?={UNIT}(?![A-Za-z]))|(?<=\N{{PLUS-MINUS SIGN}}) (?=\d)|(?<=/N) (?=m\b)")
 JOINT = re.compile(r"(b|q|direction|speed|travel|load)(\d+)")  # a variable of one joint
-WAYS = {"way": "the way along {} that the tool came", "turn": "how the tool turns along {}"}
 CHANCES = ((0.99, "almost certain"), (0.9, "very likely"), (0.7, "likely"), (0.4, "about even"), (0.0, "unlikely"))
 
 

@@ -23,7 +23,7 @@ def peek(source: Source, tell: Progress) -> Mapping[str, Any]:
     from ptt.run.readers import load_mapping
     from ptt.run.readers.columns import UNITS, dimension_of
     from ptt.run.readers.export import Request, read_titles
-    from ptt.run.readers.text import split_line
+    from ptt.run.readers.separators import split_line
 
     known = load_mapping(source.map_) if source.map_ and Path(source.map_).exists() else Answers()
     raw, titles, meanings = read_titles(source.run, Request("run", known))
