@@ -26,7 +26,7 @@ from ptt.rig.nominal import draw_machine
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import make_volume
-from ptt.run.frames import best_fit
+from ptt.run.frames import align
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
@@ -123,7 +123,8 @@ def _again(rig: Rig, targets: pd.DataFrame, commands: np.ndarray) -> np.ndarray:
 
 def _off(truth: np.ndarray, places: np.ndarray) -> float:
     """What the tool is off by, its best frame taken off, um."""
-    return float(np.sqrt(np.square(best_fit(places, truth) - places).sum(axis=1).mean()) * 1e3)
+    turn, shift = align(places, truth)
+    return float(np.sqrt(np.square((truth - shift) @ turn - places).sum(axis=1).mean()) * 1e3)
 
 
 def pulls(fitted: FitResult, truth: dict[str, np.ndarray]) -> tuple[float, float]:

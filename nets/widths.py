@@ -27,18 +27,6 @@ def width_of_spread(spread: float) -> float:
     return spread * EPSILON_PER_SPREAD
 
 
-def spread_of_width(width: float) -> float:
-    """Spread Sp for a width eps; the inverse of `width_of_spread`.
-
-    Args:
-        width: eps of eq. 14.
-
-    Returns:
-        Sp, in the unit of the width.
-    """
-    return width / EPSILON_PER_SPREAD
-
-
 def shared_widths(centres: FloatArray, spread: float) -> FloatArray:
     """One width for all nodes.
 

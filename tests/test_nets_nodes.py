@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from nets.centres import farthest_points, inertia, kmeans_centres
 from nets.scaling import input_scaling
-from nets.widths import nearest_widths, shared_widths, spread_of_width, width_of_spread
+from nets.widths import nearest_widths, shared_widths, width_of_spread
 
 POINTS = arrays(
     np.float64, st.tuples(st.integers(1, 40), st.integers(1, 4)), elements=st.integers(-8, 8).map(lambda k: k / 4)
@@ -74,7 +74,6 @@ def test_a_node_is_one_half_at_the_spread():
     distance = 1.7
     newrb = math.exp(-((math.sqrt(math.log(2)) * distance / 3.8) ** 2))
     assert math.exp(-(distance**2) / (2 * width**2)) == pytest.approx(newrb, rel=1e-14)
-    assert spread_of_width(width) == pytest.approx(3.8, rel=1e-15)
     np.testing.assert_array_equal(shared_widths(np.zeros((4, 2)), 3.8), np.full(4, width))
 
 

@@ -23,7 +23,7 @@ from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, sin
 from ptt.mechanisms.serial import Serial
 from ptt.model.model import Model
 from ptt.plan.arm import choose_from
-from ptt.plan.selection import log_volume, select_poses
+from ptt.plan.selection import select_poses
 from ptt.run.reading import read_table
 from ptt.run.table import make_table, write_table
 
@@ -64,6 +64,9 @@ def test_what_is_fitted_beside_is_projected_off() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_exchange_finds_the_best_of_all_subsets(seed: int) -> None:
     from itertools import combinations
+
+    def log_volume(columns: np.ndarray, chosen: np.ndarray) -> float:
+        return float(np.linalg.slogdet(np.eye(5) + np.einsum("nip,niq->pq", columns[chosen], columns[chosen]))[1])
 
     columns = np.random.default_rng(seed).normal(size=(9, 3, 5))
     found = log_volume(columns, select_poses(columns, 4))

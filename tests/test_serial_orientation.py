@@ -38,7 +38,9 @@ def measured(joint: int = 4) -> tuple[Problem, np.ndarray]:
     link[joint], link[2, 0] = [0.0, 1.5e-3, 0.0, 2e-3], 0.4
     rig = replace(run.rig, faults=replace(run.rig.faults, link=link))
     readings = rig.measure(run.q, run.payload_kg, run.temp_c, 1)
-    turns = rig.measure_turns(run.q, run.payload_kg, run.temp_c, SIGMA_RAD, 2) @ TURN
+    random, tools = np.random.default_rng(2), rig.settle(run.q, run.payload_kg, run.temp_c)[1][:, :3, :3]
+    wrong = [rigid(random.normal(0.0, SIGMA_RAD, 3), np.zeros(3))[:3, :3] for _ in tools]
+    turns = rig.tracker[:3, :3] @ tools @ np.stack(wrong) @ TURN  # as a probe of six dimensions reads them
     table = make_table(None, run.q, readings, orientation_measured=quaternion_of(torch.tensor(turns)).numpy())
     return build_problem(file, table), link
 

@@ -1,45 +1,7 @@
-"""Rotations as matrices, generalised angles, rotation vectors and quaternions."""
+"""Rotations as matrices, rotation vectors and quaternions."""
 
 import torch
 from torch import Tensor
-
-
-def angles_of(rotation: Tensor) -> Tensor:
-    """Read the generalised angles of an orientation [n o a].
-
-    R = Rot(z, alpha) Rot(x, beta) Rot(z, gamma), so that tan(alpha) = -a_x / a_y and
-    tan(beta) = (a_x sin(alpha) - a_y cos(alpha)) / a_z as in Hui Jizhuang et al. (2016); here with two-argument
-    arctangents, 0 <= beta <= pi. Where beta is 0 or pi only alpha +- gamma is defined, yet the matrix is rebuilt.
-
-    Args:
-        rotation: (..., 3, 3), columns n, o, a.
-
-    Returns:
-        (..., 3) alpha, beta, gamma, rad.
-    """
-    n, o, a = rotation.unbind(-1)
-    alpha = torch.atan2(a[..., 0], -a[..., 1])
-    cos, sin = alpha.cos(), alpha.sin()
-    beta = torch.atan2(a[..., 0] * sin - a[..., 1] * cos, a[..., 2])
-    gamma = torch.atan2(-(o[..., 0] * cos + o[..., 1] * sin), n[..., 0] * cos + n[..., 1] * sin)
-    return torch.stack([alpha, beta, gamma], -1)
-
-
-def from_angles(angles: Tensor) -> Tensor:
-    """Build the orientation from its generalised angles, the inverse of `angles_of`.
-
-    Args:
-        angles: (..., 3) alpha, beta, gamma, rad.
-
-    Returns:
-        (..., 3, 3) rotation, columns n, o, a.
-    """
-    ca, cb, cg = angles.cos().unbind(-1)
-    sa, sb, sg = angles.sin().unbind(-1)
-    n = torch.stack([ca * cg - sa * cb * sg, sa * cg + ca * cb * sg, sb * sg], -1)
-    o = torch.stack([-ca * sg - sa * cb * cg, -sa * sg + ca * cb * cg, sb * cg], -1)
-    a = torch.stack([sa * sb, -ca * sb, cb], -1)
-    return torch.stack([n, o, a], -1)
 
 
 def quaternion_of(rotation: Tensor) -> Tensor:
@@ -100,22 +62,3 @@ def rotation_vector(rotation: Tensor) -> Tensor:
     small = axis.abs().amax(-1, keepdim=True) < 1e-8
     sine = torch.linalg.vector_norm(torch.where(small, torch.ones_like(axis), axis), dim=-1, keepdim=True)
     return axis * torch.where(small, 2 / w.clamp(min=0.5), 2 * torch.atan2(sine, w) / sine)
-
-
-def from_rotation_vector(vector: Tensor) -> Tensor:
-    """Build the rotation about an axis by an angle, the inverse of `rotation_vector` (Rodrigues).
-
-    Args:
-        vector: (..., 3) axis times angle, rad.
-
-    Returns:
-        (..., 3, 3) rotation.
-    """
-    angle = torch.linalg.vector_norm(vector, dim=-1)[..., None, None]
-    zero = torch.zeros_like(vector[..., 0])
-    x, y, z = vector.unbind(-1)
-    rows = [torch.stack([zero, -z, y], -1), torch.stack([z, zero, -x], -1), torch.stack([-y, x, zero], -1)]
-    skew = torch.stack(rows, -2)
-    straight = torch.eye(3, dtype=vector.dtype, device=vector.device)
-    half = torch.sinc(angle / (2 * torch.pi))  # sin(angle / 2) / (angle / 2), defined at zero too
-    return straight + torch.sinc(angle / torch.pi) * skew + half**2 / 2 * (skew @ skew)

@@ -59,26 +59,6 @@ def link_forces(
     return -(minor * load).sum(-1) / volume
 
 
-def axis_forces(
-    mechanism: Mechanism, q: Tensor, payload_kg: Tensor | float, platform_mass_kg: Tensor | float = 0.0
-) -> Tensor:
-    """Forces or torques with which the load pushes the axes toward growing joint values.
-
-    Source: virtual work, tau = (dp/dq)^T F.
-
-    Args:
-        mechanism: the machine.
-        q: (n, k) mm or rad, joint values.
-        payload_kg: (n,) or one number, kg.
-        platform_mass_kg: (n,) or one number, kg.
-
-    Returns:
-        tau: (n, k) N on a slider, N mm on a turning joint; a drive that holds still answers with -tau.
-    """
-    load = weight(payload_kg, platform_mass_kg)
-    return (mechanism.jacobian(q) * load.unsqueeze(-1)).sum(-2)
-
-
 def link_torques(mechanism: Mechanism, spec: ThreePttSpec | SerialSpec, q: Tensor) -> Tensor | None:
     """Torques with which the weight of an arm's own links pushes its joints toward growing joint values.
 

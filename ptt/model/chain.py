@@ -90,23 +90,6 @@ def predict(terms: Shifts, view: View) -> Prediction:
     return Prediction(q, geometry, p, reading)
 
 
-def components(terms: Shifts, view: View) -> dict[str, Tensor]:
-    """What each effect contributes to the reading, evaluated apart.
-
-    Args:
-        terms: effects with their flat parameters.
-        view: n rows.
-
-    Returns:
-        Key of the effect -> reading with all effects less reading without this one, (n, 3) mm.
-    """
-    whole = predict(terms, view).reading
-    return {
-        effect.key: whole - predict([term for term in terms if term[0].key != effect.key], view).reading
-        for effect, _ in terms
-    }
-
-
 def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     """Predict, with exact derivatives along the chain.
 

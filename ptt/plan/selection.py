@@ -35,13 +35,6 @@ def select_poses(columns: np.ndarray, count: int, *, prior: np.ndarray | None = 
     return np.array(chosen)
 
 
-def log_volume(columns: np.ndarray, chosen: np.ndarray, prior: np.ndarray | None = None) -> float:
-    """Log det of the information that chosen candidates and the prior give; arguments as in `select_poses`."""
-    information = np.eye(columns.shape[-1]) if prior is None else prior
-    part = columns[chosen]
-    return float(np.linalg.slogdet(information + np.einsum("nip,niq->pq", part, part))[1])
-
-
 def _exchange(columns: np.ndarray, spread: np.ndarray, chosen: list[int]) -> bool:
     """One sweep: each chosen pose gives way to a better one; the list changes in place. True where any did."""
     changed = False

@@ -74,24 +74,6 @@ class ArmRig:
         turned = place @ self.tracker[:3, :3].T + self.tracker[:3, 3]
         return turned + self.sigma_mm * np.random.default_rng(seed).standard_normal(turned.shape)
 
-    def measure_turns(self, q: Array, payload: Array, temperature: Array, sigma_rad: float, seed: int) -> Array:
-        """Read the orientation of a target that sits square on the tool, as a tracker with a 6-D probe does.
-
-        Args:
-            q: (n, k) rad, in travel order.
-            payload: (n,) kg at the tool point.
-            temperature: (n,) deg C.
-            sigma_rad: scatter about each axis.
-            seed: of the scatter.
-
-        Returns:
-            (n, 3, 3), the target's axes in tracker coordinates.
-        """
-        random = np.random.default_rng(seed)
-        tools = self.settle(q, payload, temperature)[1][:, :3, :3]
-        wrong = [rigid(random.normal(0.0, sigma_rad, 3), np.zeros(3))[:3, :3] for _ in tools]
-        return self.tracker[:3, :3] @ tools @ np.stack(wrong)
-
     def settle(self, q: Array, payload: Array, temperature: Array) -> tuple[Array, Array]:
         """Where joints and last link come to rest after each command.
 

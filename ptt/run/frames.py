@@ -31,20 +31,6 @@ def align(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return turn, shift
 
 
-def best_fit(place: np.ndarray, reading: np.ndarray) -> np.ndarray:
-    """Readings after the rigid motion that brings them nearest to their places.
-
-    Args:
-        place: (m, 3) mm.
-        reading: (m, 3) mm.
-
-    Returns:
-        (m, 3) mm.
-    """
-    turn, shift = align(place, reading)
-    return (reading - shift) @ turn
-
-
 def rotation(vector: Tensor) -> tuple[Tensor, Tensor]:
     """Rotation matrices of rotation vectors, with derivatives.
 

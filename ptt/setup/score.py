@@ -16,8 +16,6 @@ from ptt.setup.setup import Setup
 FEWEST = 5  # rows: with fewer a rigid motion alone explains nearly everything
 LOST = 100.0  # mm that a command which does not close is wrong by, at least: links in metres are short
 FLOOR = 0.05  # mm: agreement beyond this is no further proof
-PAIRS = ("targets", "commands", "between")
-"""Readings against targets, readings against commands, and targets against commands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +23,8 @@ class Agreement:
     """What stays between the three columns of a run.
 
     Attributes:
-        rms: (3,) mm, in the order of `PAIRS`; NaN for a pair that the run does not have.
+        rms: (3,) mm, readings against targets, readings against commands, targets against commands; NaN for a pair
+            that the run does not have.
         turn: (3, 3) rotation of the tracker frame against the drawing.
         shift: (3,) mm.
         width: how far the closest of the three lie apart, mm: an error shrinks with it and is none the smaller.

@@ -89,7 +89,6 @@ class Card(Record):
         error_um: of the model as given.
         left_um: with all findings.
         noise_um: of one reading, total.
-        noise_from: how that is known.
         findings: the largest first.
         measured_next: what to measure to part ties, a line each.
     """
@@ -101,7 +100,6 @@ class Card(Record):
     error_um: float
     left_um: float
     noise_um: float
-    noise_from: str
     findings: tuple[Cause, ...]
     measure_next: tuple[str, ...]
 
@@ -127,7 +125,6 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
         error_um=float(found.rms_um["before"]["total"]),
         left_um=float(found.rms_um["after"]["total"]),
         noise_um=float(noise["total"]),
-        noise_from=str(noise["source"]),
         findings=findings,
         measure_next=tuple(map(pretty, found.measure_next)),
     )
