@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.again.atoms import side_by_side
 from ptt.again.before import Before
-from ptt.diagnosis.atoms import LARGEST_EFFECT, Atom
+from ptt.diagnosis.atoms import Atom
 from ptt.effects import Effect
 from ptt.model.model import parameter_names
 
@@ -119,12 +120,6 @@ def atoms_of_changes(changes: Sequence[Change], first: int) -> dict[str, Atom]:
     Returns:
         The atoms by key.
     """
-    odds, atoms = CHANGE_ODDS + float(np.log(max(len(changes), 1))), dict[str, Atom]()
-    for change in changes:
-        width = change.ways.shape[1]
-        atoms[change.key] = Atom(
-            change.key, change.key, np.arange(first, first + width), np.zeros(width, dtype=int),
-            np.array([LARGEST_EFFECT]), odds, np.zeros(width, dtype=bool), effect=change.effect,
-        )  # fmt: skip
-        first += width
-    return atoms
+    return side_by_side(
+        [(change.key, change.effect, change.ways.shape[1]) for change in changes], CHANGE_ODDS, len(changes), first
+    )

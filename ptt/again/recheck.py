@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.again.before import look_back
+from ptt.again.before import Before, look_back
 from ptt.again.beside import sure_beside
 from ptt.again.beyond import beyond_notes
 from ptt.again.changes import PREFIX, Change
@@ -64,14 +64,7 @@ def recheck(
         notes.append(f"of {problem.table.rows} rows, stretches of about {SAMPLE} in all were looked at")
         problem = take(problem, sample_stretches(problem, SAMPLE))
     before = look_back(model, problem)
-    found = with_cures(weigh(before, problem, known, tell), problem, known, tell)
-    now, news = _with_news(found, problem, known, tell, seed)
-    if news.diagnosis is not None and found.changed:
-        sure = sure_beside(found, news.diagnosis, problem, known, tell)
-        if sure is not found:
-            then = _with_news(sure, problem, known, tell, seed)
-            if then[1].diagnosis is not None:  # else what was new had needed the changes
-                found, (now, news) = sure, then
+    found, now, news = _weighed(before, problem, known, tell, seed)
     made = {"before": made_by(found, before.values), "now": made_by(found, found.before.start + _stands(found))}
     cured = {key for key, size in made["now"].items() if size < GONE * made["before"][key]}
     changed = _changed(found, problem, cured)
@@ -100,6 +93,19 @@ def recheck(
         model=replace(model, terms=_merged(model, now)),
     )
     return replace(result, words=explain(result))
+
+
+def _weighed(before: Before, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Weighed, Model, News]:
+    """What has changed, the model with its values as the run has them, and what is new beside it."""
+    found = with_cures(weigh(before, problem, known, tell), problem, known, tell)
+    now, news = _with_news(found, problem, known, tell, seed)
+    if news.diagnosis is not None and found.changed:
+        sure = sure_beside(found, news.diagnosis, problem, known, tell)
+        if sure is not found:
+            then = _with_news(sure, problem, known, tell, seed)
+            if then[1].diagnosis is not None:  # else what was new had needed the changes
+                return sure, *then
+    return found, now, news
 
 
 def _with_news(found: Weighed, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Model, News]:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ptt.diagnosis.atoms import EFFECT_ODDS, LARGEST_EFFECT, Atom
+from ptt.again.atoms import side_by_side
+from ptt.diagnosis.atoms import EFFECT_ODDS, Atom
 from ptt.effects import Effect, library
 from ptt.fitting.kept import Kept
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
@@ -114,12 +115,6 @@ def atoms_then(rooms: Rooms, first: int) -> dict[str, Atom]:
     Returns:
         The atoms by key.
     """
-    odds, atoms = EFFECT_ODDS + float(np.log(max(len(library()), 1))), dict[str, Atom]()
-    for room in rooms.each:
-        width = room.seen.shape[1]
-        atoms[room.key] = Atom(
-            room.key, room.key, np.arange(first, first + width), np.zeros(width, dtype=int),
-            np.array([LARGEST_EFFECT]), odds, np.zeros(width, dtype=bool), effect=room.effect,
-        )  # fmt: skip
-        first += width
-    return atoms
+    return side_by_side(
+        [(room.key, room.effect, room.seen.shape[1]) for room in rooms.each], EFFECT_ODDS, len(library()), first
+    )

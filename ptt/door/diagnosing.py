@@ -173,31 +173,8 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
         Lines.
     """
     lines = [f"verdict: {result.verdict}", "", result.words, ""]
-    if result.candidates:
-        lines.append(f"{'effect':<22} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from")
-        for candidate in result.candidates:
-            mark = "+" if any(candidate.effect == step[0] for step in result.suggested) else " "
-            fall = f"{candidate.heldout_before:.1f} -> {candidate.heldout_after:.1f}"
-            ties = ", ".join(candidate.indistinguishable_from)
-            figures = f"{candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}"
-            lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
-        lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given"]
-        lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
-        lines += ["step anew, so that its held-out figures differ somewhat"]
-        last = result.candidates[len(result.suggested) - 1] if result.suggested else None
-        if last is not None and (doubt := doubt_in_words(last.heldout_after, last.tool_doubt, SHOWN)):
-            lines += [f"{doubt}: others that fit as well have the machine stand elsewhere"]
-        lines.append("")
-    if result.depends_on:
-        lines.append("what is left depends on:")
-        for item in result.depends_on:
-            period = f", period {item.period_mm:.3g} {item.unit}" if item.period_mm else ""
-            place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""
-            place = f", varying with {item.with_}" if item.with_ else place
-            acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
-            share = f"{item.share:.0%} (p = {item.p_value:.1g}{period}{place})"
-            lines += [f"  {item.residual} on {item.on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]
-        lines.append("")
+    lines += [*_candidates(result), ""] if result.candidates else []
+    lines += [*_dependences(result), ""] if result.depends_on else []
     if result.verdict == "unknown" and any(is_variable(item.on) for item in result.depends_on[:1]):
         lines += [
             "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json",
@@ -223,3 +200,34 @@ def _opening(rows: int) -> str:
         return ""
     which = "the row that opens the run" if rows == 1 else f"{rows} rows that open runs"
     return f"; {which} left aside, nobody knows from where the machine came"
+
+
+def _candidates(result: "Diagnosis") -> list[str]:
+    """A line for each effect, the steps of the path first, and what the columns mean."""
+    lines = [f"{'effect':<22} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from"]
+    for candidate in result.candidates:
+        mark = "+" if any(candidate.effect == step[0] for step in result.suggested) else " "
+        fall = f"{candidate.heldout_before:.1f} -> {candidate.heldout_after:.1f}"
+        ties = ", ".join(candidate.indistinguishable_from)
+        figures = f"{candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}"
+        lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
+    lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given"]
+    lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
+    lines += ["step anew, so that its held-out figures differ somewhat"]
+    last = result.candidates[len(result.suggested) - 1] if result.suggested else None
+    if last is not None and (doubt := doubt_in_words(last.heldout_after, last.tool_doubt, SHOWN)):
+        lines += [f"{doubt}: others that fit as well have the machine stand elsewhere"]
+    return lines
+
+
+def _dependences(result: "Diagnosis") -> list[str]:
+    """What is left follows this, a line or two each."""
+    lines = ["what is left depends on:"]
+    for item in result.depends_on:
+        period = f", period {item.period_mm:.3g} {item.unit}".rstrip() if item.period_mm else ""
+        place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""
+        place = f", varying with {item.with_}" if item.with_ else place
+        acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
+        share = f"{item.share:.0%} (p = {item.p_value:.1g}{period}{place})"
+        lines += [f"  {item.residual} on {item.on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]
+    return lines
