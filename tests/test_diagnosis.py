@@ -15,7 +15,7 @@ from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.diagnosis import noise
 from ptt.diagnosis.floor import noise_floor
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.verdict import Diagnosis, diagnose, enough
 from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
@@ -30,6 +30,7 @@ from ptt.rig.simulate import simulate, write_run
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
+from ptt.run.table import take_rows
 
 MACHINE = bench_machine()
 
@@ -94,6 +95,18 @@ def test_noise_that_is_stated_too_small_follows_nothing_and_it_is_said(tmp_path,
     assert found.suggested == () and found.depends_on == ()
     assert found.verdict == ("nothing-missing" if understated < 2.0 else "unknown")
     assert ("understates the scatter" in found.words) == (understated > 2.0)
+
+
+def test_readings_that_their_frames_take_are_too_few(tmp_path):
+    """Thirteen readings of three set-ups leave 21 numbers; in one frame they leave 33, as many as twelve need."""
+    _, path = run(tmp_path, "none", 11, rows=60)
+    table = take_rows(table := read_table(path), np.flatnonzero(table.observed & (table.role == "pose"))[:13])
+    set_ups = table.replace(run=np.arange(13) // 5, run_label=("a", "b", "c"))
+    own = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "fitted-per-run"}))
+    enough(build_problem(MACHINE, set_ups))
+    with pytest.raises(TableError, match="13 readings in 3 frames are too few"):
+        enough(build_problem(own, set_ups))
+    enough(build_problem(own, table.replace(run=np.arange(13) // 12, run_label=("a", "b"))))
 
 
 def test_silent_on_few_rows_and_among_gross_errors(tmp_path):

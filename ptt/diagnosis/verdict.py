@@ -34,6 +34,8 @@ from ptt.run.problem import Problem
 
 Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 LEAST = 12  # readings: twice what a rigid motion alone takes
+MOTION = 6  # coordinates that a rigid motion takes
+FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
 EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
 
 
@@ -151,11 +153,21 @@ def enough(problem: Problem) -> None:
         problem: the readings.
 
     Raises:
-        TableError: too few for any verdict.
+        TableError: too few for any verdict, by themselves or beside what their frames take.
     """
-    if (count := int(problem.used.sum())) < LEAST:
-        fix = f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
+    count, fix = int(problem.used.sum()), f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
+    if count < LEAST:
         raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
+    each = np.bincount(problem.frame[problem.used])
+    if (
+        problem.frames == len(each) > 1
+        and problem.base is None
+        and 3 * count - np.minimum(3 * each, MOTION).sum() < FREE
+    ):
+        what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes two of them"
+        raise TableError(
+            what, where=problem.table.source, fix=f"measure more poses without moving the tracker, or {fix}"
+        )
 
 
 def conclude(

@@ -11,6 +11,7 @@ from ptt.door.model import Model, as_model
 from ptt.door.options import Reading
 from ptt.door.reading import read_rows
 from ptt.door.result import Note, unheard
+from ptt.run.blanks import fill_blanks
 from ptt.run.readers import Ask
 from ptt.run.table import Table, table_to_frame
 
@@ -122,8 +123,11 @@ def read_path(path: str | Path, model: Model, reading: Reading, *, ask: Ask | No
     Returns:
         The run.
     """
-    table = read_rows(path, model.file, reading, checked=True, ask=ask, note=note)
-    return Run(table, (Path(path), *map(Path, reading.also or ())), reading, tuple(table.understood.lines))
+    table, blanks = fill_blanks(read_rows(path, model.file, reading, checked=True, ask=ask, note=note))
+    for line in blanks:
+        note(line)
+    files = (Path(path), *map(Path, reading.also or ()))
+    return Run(table, files, reading, (*table.understood.lines, *blanks))
 
 
 def read_targets(

@@ -44,6 +44,8 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
     _require_columns(export, target, command, prefix, joints, purpose)
     _require_cells(export, target, command, role == "base", prefix)
     run, labels = _runs(export)
+    if purpose == "run":
+        _require_labels(export, run, labels, role == "base")
     fields: dict[str, Any] = {
         "target": _nan(export.n, 3) if target is None else target,
         "command": command,
@@ -63,7 +65,7 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
         "source": export.source,
         "extra": export.extra,
     }
-    return fields, _warnings(export, prefix)
+    return fields, [*_warnings(export, prefix), *(_taking_turns(run, labels) if purpose == "run" else [])]
 
 
 def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.ndarray]:
@@ -231,6 +233,27 @@ def _runs(export: Export) -> tuple[np.ndarray, tuple[str, ...]]:
     labels, first, codes = np.unique(export.columns["run"], return_index=True, return_inverse=True)
     order = np.argsort(first)
     return np.argsort(order)[codes].astype(np.int64), tuple(str(label) for label in labels[order])
+
+
+def _require_labels(export: Export, run: np.ndarray, labels: tuple[str, ...], is_base: np.ndarray) -> None:
+    """Refuse rows that do not say of which run they are where others do: they would be a run between the runs."""
+    empty = np.flatnonzero((np.array(labels) == "")[run] & ~is_base)
+    if len(labels) > 1 and empty.size:
+        raise TableError(
+            "no run, while other rows say theirs",
+            where=place(export, int(empty[0]), "run"),
+            fix="write the run into each of its rows, or into none",
+        )
+
+
+def _taking_turns(run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
+    """A word on a run that goes on after rows of another: from where the first row after them came is not known."""
+    starts = np.flatnonzero(np.diff(run, prepend=-1))
+    again = starts[starts > np.unique(run, return_index=True)[1][run[starts]]] if len(run) else starts
+    if not len(again):
+        return []
+    where, times = labels[run[again[0]]], f"{len(again)} time{'' if len(again) == 1 else 's'}"
+    return [f"run '{where}' goes on after rows of another; {times} in all travel begins anew where a run goes on"]
 
 
 def _directions(export: Export, joints: int) -> np.ndarray | None:

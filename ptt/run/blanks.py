@@ -1,0 +1,82 @@
+"""Empty cells of what a reading was taken under: clock and warmth go on between two values, loads and feeds do not."""
+
+import numpy as np
+
+from ptt.run.table import Table
+
+STEADY = ("payload_kg", "feed_mm_s")  # set by somebody: between two values anything may have been
+
+
+def fill_blanks(table: Table) -> tuple[Table, list[str]]:
+    """Fill what goes on between two values of a run; leave readings aside under a load or feed that nobody wrote down.
+
+    One empty cell of a hundred would otherwise keep all that depends on its column from being looked at.
+
+    Args:
+        table: n rows in travel order.
+
+    Returns:
+        The table, and a line for each column that had empty cells.
+    """
+    lines = list[str]()
+    along, how = np.arange(table.rows, dtype=float), "row by row"
+    for name in ("time_s", "temp_c"):
+        values = getattr(table, name)
+        if values is None or np.isnan(values).all():
+            continue
+        filled = _between(values, along, table.run)
+        count = int(((table.role != "base") & np.isnan(values) & ~np.isnan(filled)).sum())
+        lines += [f"{name} is empty in {_rows(count)}: taken between the values beside, {how}"] if count else []
+        table = table.replace(**{name: filled})
+        if name == "time_s" and np.isfinite(filled).all():
+            along, how = filled, "by the clock"
+    for name in STEADY:
+        values = getattr(table, name)
+        if values is not None and np.isnan(values).any() and not np.isnan(values).all():
+            table, line = _as_before(table, name, values)
+            lines += line
+    return table, lines + [line for name in ("time_s", "temp_c", *STEADY) for line in _unknown(table, name)]
+
+
+def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list[str]]:
+    """A table whose rows with a blank are as the row before, their readings left aside unless all rows are alike."""
+    filled, known = values.copy(), np.isfinite(values)
+    for code in np.unique(table.run[~known]):
+        rows = np.flatnonzero(table.run == code)
+        there = rows[known[rows]]
+        if len(there):
+            filled[rows] = values[there[np.maximum(np.searchsorted(there, rows, side="right") - 1, 0)]]
+    blank = (table.role != "base") & ~known & np.isfinite(filled) & table.observed
+    table = table.replace(**{name: filled})
+    if not blank.any():
+        return table, []
+    where = f"{name} is empty in {_rows(int(blank.sum()))} with a reading"
+    if np.ptp(values[known]) == 0.0:
+        return table, [f"{where}: taken as {values[known][0]:g}, as elsewhere"]
+    table = table.replace(measured=np.where(blank[:, None], np.nan, table.measured))
+    return table, [f"{where}: left aside; write the value into each row that it holds for"]
+
+
+def _unknown(table: Table, name: str) -> list[str]:
+    """A word on runs without any value of what others have."""
+    values = getattr(table, name)
+    if values is None or not (missing := np.isnan(values)).any() or missing.all():
+        return []
+    run = table.run_label[table.run[np.flatnonzero(missing)[0]]]
+    return [f"{name} is empty in all of run '{run}': nothing that depends on it is looked at"]
+
+
+def _rows(count: int) -> str:
+    return f"{count} row{'' if count == 1 else 's'}"
+
+
+def _between(values: np.ndarray, along: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Values (n,) with blanks on the line between the nearest known ones of their run; a run without any as it is."""
+    filled = values.copy()
+    for code in np.unique(run[np.isnan(values)]):
+        rows = np.flatnonzero(run == code)
+        known = rows[np.isfinite(values[rows])]
+        if len(known):
+            blank = rows[np.isnan(values[rows])]
+            filled[blank] = np.interp(along[blank], along[known], values[known])
+    return filled

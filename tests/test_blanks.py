@@ -1,0 +1,89 @@
+"""Empty cells of clock, warmth, load, feed and run: filled where they go on, else left aside or refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptt.errors import TableError
+from ptt.run.blanks import fill_blanks
+from ptt.run.reading import read_table
+from ptt.run.table import Table
+
+ROWS = 12
+
+
+@pytest.fixture
+def frame() -> pd.DataFrame:
+    row = np.arange(ROWS)
+    columns = {
+        f"{axis}_{kind}": 10.0 * np.sin(row + shift) for shift, axis in enumerate("xyz") for kind in ("cmd", "meas")
+    }
+    run = np.where(row < 6, "a", "b")
+    return pd.DataFrame({"run": run, "time_s": 10.0 * row**2, "temp_c": 20.0 + 0.1 * row**2, **columns})
+
+
+def written(frame: pd.DataFrame, folder: Path) -> Table:
+    frame.to_csv(folder / "run.csv", index=False)
+    return read_table(folder / "run.csv")
+
+
+def read(frame: pd.DataFrame, folder: Path) -> tuple[Table, list[str]]:
+    return fill_blanks(written(frame, folder))
+
+
+def test_clock_and_warmth_go_on_between_two_values_of_a_run(frame, tmp_path):
+    whole, lines = read(frame, tmp_path)
+    assert lines == []
+    frame.loc[[2, 3], "temp_c"] = np.nan  # warmth follows the clock here, so that both values come back
+    frame.loc[[5, 6], "temp_c"] = np.nan  # at the ends of two runs: nothing goes on from one to the next
+    table, lines = read(frame, tmp_path)
+    np.testing.assert_allclose(table.temp_c[2:4], whole.temp_c[2:4])
+    np.testing.assert_allclose(table.temp_c[5:7], whole.temp_c[[4, 7]])
+    assert np.isfinite(table.measured).all()
+    assert "temp_c is empty in 4 rows: taken between the values beside, by the clock" in lines
+    frame.loc[8, "time_s"] = np.nan
+    assert read(frame, tmp_path)[0].time_s[8] == pytest.approx(0.5 * (whole.time_s[7] + whole.time_s[9]))
+
+
+@pytest.mark.parametrize("column", ["payload_kg", "feed_mm_s"])
+def test_a_reading_under_a_load_or_feed_that_nobody_wrote_down_is_left_aside(frame, tmp_path, column):
+    frame[column] = np.where(np.arange(ROWS) < 8, 1.0, 4.0)
+    frame.loc[[0, 5], column] = np.nan
+    frame.loc[5, ["x_meas", "y_meas", "z_meas"]] = np.nan  # a row without a reading misses nothing
+    table, lines = read(frame, tmp_path)
+    assert np.isnan(table.measured[[0, 5]]).all() and np.isfinite(np.delete(table.measured, [0, 5], axis=0)).all()
+    assert np.isfinite(getattr(table, column)).all()
+    assert any(line.startswith(f"{column} is empty in 1 row with a reading: left aside") for line in lines)
+    frame[column] = 2.0
+    frame.loc[4, column] = np.nan
+    table, lines = read(frame, tmp_path)
+    assert (getattr(table, column) == 2.0).all() and np.isfinite(table.measured[4]).all()
+
+
+def test_a_column_without_any_value_is_as_it_was(frame, tmp_path):
+    table, lines = read(frame.assign(payload_kg=np.nan), tmp_path)
+    assert np.isfinite(table.measured).all() and lines == []
+
+
+def test_a_run_without_any_value_of_what_another_has_keeps_its_readings_and_it_is_said(frame, tmp_path):
+    frame["payload_kg"] = np.where(np.arange(ROWS) % 2, 1.0, 4.0)
+    frame.loc[6:, ["payload_kg", "temp_c"]] = np.nan
+    table, lines = read(frame, tmp_path)
+    assert np.isfinite(table.measured).all() and np.isnan(table.payload_kg[6:]).all()
+    assert lines == [
+        f"{name} is empty in all of run 'b': nothing that depends on it is looked at"
+        for name in ("temp_c", "payload_kg")
+    ]
+
+
+def test_a_row_that_does_not_say_its_run_is_refused_and_one_that_comes_back_is_told(frame, tmp_path):
+    frame.loc[4, "run"] = None
+    with pytest.raises(TableError, match="row 6, column run: no run, while other rows say theirs"):
+        written(frame, tmp_path)
+    frame["run"] = None
+    assert written(frame, tmp_path).run_label == ("",)
+    frame["run"] = list("aaaabbaabbbb")
+    told = "run 'a' goes on after rows of another; 2 times in all travel begins anew where a run goes on"
+    assert told in written(frame, tmp_path).understood.lines
