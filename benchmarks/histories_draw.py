@@ -23,7 +23,8 @@ from ptt.effects.registry import make_effect, parse_key
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, parse_machine
-from ptt.model.model import Model, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import PROTOCOLS, DrawnRig
 from ptt.rig.draw_foreign import draw_foreign

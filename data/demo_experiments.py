@@ -12,7 +12,8 @@ from ptt.correct.training.train import PROTOCOLS, correction_of, fit_physics, le
 from ptt.effects.registry import library, make_effect
 from ptt.judge.evaluate import AXES, Evaluation, compare_errors, errors_of, evaluate_pair
 from ptt.machine import load_machine
-from ptt.model.model import Model, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model
 from ptt.rig import Rig, load_rig, simulate, write_run
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem, build_problem

@@ -23,7 +23,7 @@ from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.evaluate import errors_of
 from ptt.judge.ladder.climb import Ladder, climb
 from ptt.machine import MachineFile, load_machine, save_machine
-from ptt.model.model import read_model, write_model
+from ptt.model.entries import read_model, write_model
 from ptt.rig import simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table

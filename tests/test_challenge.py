@@ -34,7 +34,8 @@ from ptt.effects.registry import make_effect
 from ptt.errors import InputError
 from ptt.fitting.solve import fit
 from ptt.machine import load_machine, save_machine
-from ptt.model.model import Model, Term, write_model
+from ptt.model.entries import write_model
+from ptt.model.model import Model, Term
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
 from ptt.rig.draw_serial import ARM_LEVELS, draw_serial

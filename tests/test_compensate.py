@@ -21,7 +21,8 @@ from ptt.machine import load_machine, save_machine
 from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
-from ptt.model.model import Model, Term, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model, Term
 from ptt.rig import parse_rig, simulate
 from ptt.run.reading import read_table
 from ptt.run.table import Table, make_table, write_table

@@ -21,7 +21,8 @@ from ptt.machine import parse_machine
 from ptt.mechanisms.statics import GRAVITY
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.chain import differentiate, predict
-from ptt.model.model import Model, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model
 from ptt.run.table import make_table
 from ptt.run.viewing import build_view
 

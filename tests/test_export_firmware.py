@@ -20,7 +20,7 @@ from ptt.files import sha256
 from ptt.machine import MachineFile, load_machine, parse_machine, save_machine
 from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
-from ptt.model.model import read_model
+from ptt.model.entries import read_model
 from ptt.plan.space import build_space, draw_poses
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import can_reach, draw_machine, nominal_sliders

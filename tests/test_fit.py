@@ -25,7 +25,8 @@ from ptt.fitting.solve import fit, residual_of, rms, unseen_directions
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.machine_schema import BasePoint
 from ptt.model.chain import predict
-from ptt.model.model import Model, Term, read_model, write_model
+from ptt.model.entries import read_model, write_model
+from ptt.model.model import Model, Term
 from ptt.run.frames import rotation
 from ptt.run.holdout import BLOCKS, blocks, folds, pose_groups
 from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise, noise_from_repeats, noise_from_std

@@ -24,7 +24,7 @@ from ptt.fleet.work import work
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, parse_machine
-from ptt.model.model import read_model
+from ptt.model.entries import read_model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume

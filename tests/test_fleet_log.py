@@ -19,12 +19,14 @@ from ptt.fleet.log import open_log
 from ptt.fleet.shares import Passes
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model.model import Model, Term, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model, Term
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
+from ptt.run.base_frame import into_base
 from ptt.run.noise import Noise
-from ptt.run.problem import build_problem, into_base
+from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import make_table, table_to_frame
 

@@ -27,7 +27,7 @@ from ptt.files import temporary, write_text
 from ptt.judge.history import read_entries
 from ptt.judge.iso.figures import read_axis_figures
 from ptt.machine import ThreePttSpec, format_machine, parse_machine
-from ptt.model.model import read_model
+from ptt.model.entries import read_model
 from ptt.run.backlash.scale import read_scale_log
 from ptt.run.readers.columns import GREATEST
 from ptt.run.reading import read_table

@@ -13,7 +13,7 @@ from ptt.commands.main import app
 from ptt.correct.compensate import compensate
 from ptt.machine import load_machine, save_machine
 from ptt.machine_schema import TrackerSpec
-from ptt.model.model import read_model
+from ptt.model.entries import read_model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume

@@ -18,7 +18,7 @@ from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError, PosesError
 from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.machine_schema import EffectEntry, ParameterEntry, TargetsSpec
-from ptt.model.model import read_model
+from ptt.model.entries import read_model
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import draw_machine, nominal_sliders
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ptt.machine import load_machine
-from ptt.model.model import read_model
+from ptt.model.entries import read_model
 from ptt.plan.first_run import plan_first_run
 from ptt.progress import Pace
 

@@ -22,7 +22,8 @@ from ptt.errors import ModelError
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, parse_machine, save_machine
-from ptt.model.model import Model, Term, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model, Term
 from ptt.model.of_run import for_runs
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import draw_machine

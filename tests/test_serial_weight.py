@@ -152,7 +152,7 @@ def test_payload_pulls_along_the_machines_gravity() -> None:
 
 
 def test_zero_sag_is_nominal_and_a_saved_model_reads_back() -> None:
-    from ptt.model.model import read_model, write_model
+    from ptt.model.entries import read_model, write_model
 
     file = arm("ur10")
     random = np.random.default_rng(3)

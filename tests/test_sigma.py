@@ -16,7 +16,8 @@ from ptt.judge.history import record
 from ptt.judge.ladder.climb import Ladder, climb
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
 from ptt.machine_schema import TrackerSpec
-from ptt.model.model import Model, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table

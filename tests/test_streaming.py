@@ -11,7 +11,7 @@ from ptt.correct import blocks, stream
 from ptt.door import streaming
 from ptt.door.streaming import merged
 from ptt.machine import MachineFile, format_machine
-from ptt.model.model import write_model
+from ptt.model.entries import write_model
 from ptt.run.readers import parts
 from ptt.run.spool import Spool
 from ptt.run.table import Table, write_table

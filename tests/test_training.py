@@ -26,7 +26,7 @@ from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError, TableError
 from ptt.judge.evaluate import evaluate_pair
 from ptt.machine import load_machine
-from ptt.model.model import read_model
+from ptt.model.entries import read_model
 from ptt.rig import load_rig, simulate, write_run
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import build_problem

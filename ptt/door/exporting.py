@@ -17,7 +17,7 @@ from ptt.door.result import Result
 from ptt.door.words import as_run
 from ptt.errors import InputError
 from ptt.machine import format_machine
-from ptt.model.model import write_model
+from ptt.model.entries import write_model
 from ptt.run.table import Table
 
 if TYPE_CHECKING:

@@ -12,8 +12,9 @@ from ptt.effects.registry import Library, library, make_effect, parse_key
 from ptt.errors import InputError, ModelError
 from ptt.machine import MachineFile, format_machine, parse_machine, save_machine
 from ptt.mechanisms import build_mechanism
+from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model as Physics
-from ptt.model.model import parameter_names, read_model, write_model
+from ptt.model.model import parameter_names
 
 if TYPE_CHECKING:
     from ptt.correct.predictor import Predictor

@@ -15,7 +15,8 @@ from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.result import FitResult
 from ptt.machine_schema import CovarianceSpec, MaskedSpec
 from ptt.model.chain import Shifts, linearise
-from ptt.model.model import Model, parameter_names, write_model
+from ptt.model.entries import write_model
+from ptt.model.model import Model, parameter_names
 from ptt.run.problem import apply_frames
 from ptt.run.view import View
 

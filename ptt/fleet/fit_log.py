@@ -28,7 +28,8 @@ from ptt.fleet.shares import EDGES, Passes, Share, Tell
 from ptt.fleet.workers import cluster
 from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.model.chain import Prediction
-from ptt.model.model import Model, Term, read_model, write_model
+from ptt.model.entries import read_model, write_model
+from ptt.model.model import Model, Term
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.tails import chi2_ppf
 

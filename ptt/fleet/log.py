@@ -18,8 +18,9 @@ from ptt.fitting.chunks import BESIDE, CHUNK, stretches, take_entered
 from ptt.fleet.database import ONE_THREAD, duckdb
 from ptt.fleet.readings import columns_to_table, plain_columns
 from ptt.machine import MachineFile
+from ptt.run.base_frame import into_base
 from ptt.run.noise import Noise
-from ptt.run.problem import Problem, build_problem, into_base
+from ptt.run.problem import Problem, build_problem
 from ptt.run.ranges import ranges_of
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base

@@ -18,7 +18,8 @@ from ptt.fleet.told import told_by
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine
-from ptt.model.model import Model, Term, write_model
+from ptt.model.entries import write_model
+from ptt.model.model import Model, Term
 
 Tell = Callable[[str], None]
 

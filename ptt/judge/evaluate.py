@@ -9,9 +9,10 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile
+from ptt.run.base_frame import into_base
 from ptt.run.frames import align
 from ptt.run.noise import Noise, noise_from_repeats
-from ptt.run.problem import build_problem, into_base
+from ptt.run.problem import build_problem
 from ptt.run.same_pose import count_places, same_places
 from ptt.run.table import Table
 from ptt.run.travel import arrival_direction, run_starts

@@ -12,7 +12,8 @@ from ptt.files import sha256
 from ptt.fitting.kept import keep_covariance
 from ptt.judge.ladder.climb import Ladder, Step
 from ptt.machine import MachineFile
-from ptt.model.model import Model, write_model
+from ptt.model.entries import write_model
+from ptt.model.model import Model
 
 AXES = ("x", "y", "z", "total")
 

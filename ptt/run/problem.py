@@ -1,6 +1,5 @@
 """One identification problem: the view, the readings brought near the base frame, and what the tracker frame may do."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,36 +8,19 @@ from torch import Tensor
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile
-from ptt.run.base_visits import sound_visits, visits_apart
+from ptt.run.base_frame import BaseReadings, from_base, from_poses, into_base, refuse_untrue, weigh_base
 from ptt.run.driven import as_driven
-from ptt.run.frames import align, rotation
+from ptt.run.frames import rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
-from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise
+from ptt.run.noise import Noise, given_noise
 from ptt.run.table import Table
-from ptt.run.target_frame import LIMIT, RunFrame, in_base, target_frames
+from ptt.run.target_frame import RunFrame, in_base, target_frames
 from ptt.run.view import View
 from ptt.run.viewing import build_view
 
 SHIFT_USUAL = 10.0  # mm: the frame takes what it can; machine parameters only what it cannot
 TURN_USUAL = 0.05  # rad
 MOUNT_USUAL = 10.0  # mm
-
-
-@dataclass(frozen=True)
-class BaseReadings:
-    """Base reflectors as seen: one averaged reading for each point and frame.
-
-    Attributes:
-        place: (m, 3) mm, drawn.
-        reading: (m, 3) mm, read, near the base frame.
-        sigma: (m,) mm, of one coordinate, the drawn place's uncertainty included.
-        frame: (m,) int, index of the frame.
-    """
-
-    place: np.ndarray
-    reading: np.ndarray
-    sigma: np.ndarray
-    frame: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -157,7 +139,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     used = observed & (table.role != "base")
     policy = file.tracker.frame
     if policy == "trusted":
-        _refuse_untrue(table, view, stated_in, used)
+        refuse_untrue(table, view, stated_in, used)
     if used.sum() < 4:
         raise TableError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
     frame = (
@@ -170,38 +152,23 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     base = None
     if policy == "measured":
-        rotations, shifts, base = _from_base(file, table, frame, count)
+        rotations, shifts, base = from_base(file, table, frame, count)
     if mount.max() >= 0:
         near = into_base(table.measured, frame, rotations, shifts)
         view = find_mounts(view, near, used, mount, frame, free=policy not in ("trusted", "measured"))
     if policy in ("fitted", "fitted-per-run"):
-        rotations, shifts = _from_poses(view, table, used, frame, count)
+        rotations, shifts = from_poses(view, table, used, frame, count)
     measured = into_base(table.measured, frame, rotations, shifts)
     # Encoders that report where an arm stands differ a little from repeat to repeat, and so does its place.
     scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured
     noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm)
     if base is not None:
-        base = _weigh_base(base, noise)
+        base = weigh_base(base, noise)
     frames = 0 if policy == "trusted" else count
     mounts = int(mount.max()) + 1
     return Problem(
         file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise, stated_in
     )  # fmt: skip
-
-
-def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    """Bring readings into the base frame.
-
-    Args:
-        reading: (n, 3) mm in tracker coordinates.
-        frame: (n,) int, frame of each row.
-        rotations: (f, 3, 3), base axes in tracker coordinates.
-        shifts: (f, 3) mm, base origin in tracker coordinates.
-
-    Returns:
-        (n, 3) mm.
-    """
-    return np.einsum("ni,nij->nj", reading - shifts[frame], rotations[frame])
 
 
 def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tuple[Tensor, Tensor]:
@@ -221,74 +188,3 @@ def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tupl
     turned = torch.einsum("nijc,nj->nic", by_vector[index], reading)
     eye = torch.eye(3, dtype=reading.dtype).expand(len(reading), 3, 3)
     return moved + parameters[index, :3], torch.cat([eye, turned], dim=-1)
-
-
-def _refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used: np.ndarray) -> None:
-    """Refuse a frame that is said to be the base's where readings follow targets that are stated in another."""
-    for run, frame in enumerate(stated_in):
-        here = used & (table.run == run) & np.isfinite(table.target).all(axis=1)
-        if frame.source not in ("stated", "commands") or not here.any():
-            continue
-        read, place = table.measured[here], view.p.numpy()[here]
-        apart, beside = (np.median(np.linalg.norm(read - to, axis=1)) for to in (place, table.target[here]))
-        if beside < LIMIT < apart:
-            raise TableError(
-                f'frame = "trusted", but the readings are in the frame of the targets, {apart:.0f} mm from the base\'s',
-                where=table.source,
-                fix='set frame = "fitted" under [tracker] in the machine file',
-            )
-
-
-def _from_poses(
-    view: View, table: Table, used: np.ndarray, frame: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Each frame's best rigid motion onto the drawing."""
-    rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-    for index in range(count):
-        rows = used & (frame == index)
-        if rows.sum() >= 4:
-            rotations[index], shifts[index] = align(view.p.numpy()[rows], table.measured[rows])
-    return rotations, shifts
-
-
-def _from_base(
-    file: MachineFile, table: Table, frame: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray, BaseReadings]:
-    drawn = {point.name: point for point in file.tracker.base_point}
-    rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-    rows: list[tuple[np.ndarray, np.ndarray, float, int]] = []
-    for index in range(count):
-        here = (table.role == "base") & (frame == index) & np.isfinite(table.measured).all(axis=1)
-        unknown = sorted(set(table.name[here]) - set(drawn))
-        if unknown:
-            raise TableError(
-                f"base reflector '{unknown[0]}' is not in the machine file",
-                where=table.source,
-                fix="add a [[tracker.base_point]] for it",
-            )
-        seen = [name for name in drawn if (here & (table.name == name)).any()]
-        if len(seen) < 3:
-            raise TableError(
-                f'frame = "measured" but run {table.run_label[index]} reads only {len(seen)} base reflectors',
-                where=table.source,
-                fix='add rows with role = "base", or set frame = "fitted" in the machine file',
-            )
-        visits = {name: table.measured[here & (table.name == name)] for name in seen}
-        spots = {name: np.array(drawn[name].xyz_mm) for name in seen}
-        readings = sound_visits(visits, spots, max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in seen)))
-        place = np.array([drawn[name].xyz_mm for name in seen])
-        mean = np.array([np.median(readings[name], axis=0) for name in seen])
-        rotations[index], shifts[index] = align(place, mean)
-        near = into_base(mean, np.full(len(mean), index), rotations, shifts)
-        apart = visits_apart(list(readings.values()))
-        read = [max(DEFAULT_SIGMA / np.sqrt(len(readings[name])), apart) for name in seen]
-        rows += [(place[i], near[i], np.hypot(drawn[name].sigma_mm, read[i]), index) for i, name in enumerate(seen)]
-    base = BaseReadings(*(np.array(column) for column in zip(*rows, strict=True)))
-    return rotations, shifts, base
-
-
-def _weigh_base(base: BaseReadings, noise: Noise | None) -> BaseReadings:
-    """Nothing fixed to the base is read better than the noise floor allows for one visit in four."""
-    if noise is None:
-        return base
-    return replace(base, sigma=np.hypot(base.sigma, noise.total / np.sqrt(3.0) / 2.0))

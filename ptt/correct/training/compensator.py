@@ -17,7 +17,8 @@ from ptt.files import sha256, write_text
 from ptt.fitting.kept import keep_covariance
 from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
-from ptt.model.model import Model, read_model, write_model
+from ptt.model.entries import read_model, write_model
+from ptt.model.model import Model
 from ptt.version import __version__
 
 NETWORK = "rbf.safetensors"

@@ -27,7 +27,8 @@ from ptt.judge.iso.figures import IsoPoses, iso_of_poses
 from ptt.judge.ladder.climb import Ladder, climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
-from ptt.model.model import Model, read_model
+from ptt.model.entries import read_model
+from ptt.model.model import Model
 from ptt.progress import Progress, Tell
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table

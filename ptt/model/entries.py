@@ -1,0 +1,147 @@
+"""Effects of a model as entries of a machine file, read and written."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from ptt.effects import Effect, Library, Parameter, library
+from ptt.effects.base import sizes, total_size
+from ptt.effects.dated import is_dated
+from ptt.effects.registry import make_effect
+from ptt.errors import ModelError, shown
+from ptt.machine import MachineFile
+from ptt.machine_schema import EffectEntry, ParameterEntry
+from ptt.model.model import Model, Term, by_stage
+
+
+def read_model(file: MachineFile, known: Library | None = None) -> Model:
+    """Turn a machine file into a model.
+
+    Args:
+        file: the machine, bare or fitted.
+        known: effects by name; None for the library.
+
+    Returns:
+        The model.
+
+    Raises:
+        ModelError: an unknown effect, the same twice, an unknown parameter or one of the wrong size.
+    """
+    known = library() if known is None else known
+    model = Model(file)
+    for entry in file.effect:
+        try:
+            model = model + _read_term(entry, make_effect(known, entry.name, entry.label), model)
+        except ModelError as error:
+            raise ModelError(error.what, where=f"{file.source} [[effect]] {shown(entry.name)}", fix=error.fix) from None
+    return model
+
+
+def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
+    """Turn a model into a machine file.
+
+    Args:
+        model: the model.
+        runs: SHA-256 of the run files that it was fitted on, in their order; effects of a run belong to them.
+
+    Returns:
+        The file with the model's effects in it, those of other runs too.
+    """
+    terms = [
+        replace(term, runs=tuple(runs)) if is_dated(term.effect) and len(term.theta) and not term.runs else term
+        for term in model.terms
+    ]
+    taken = {term.effect.key for term in terms}
+    for term in model.aside:
+        if term.effect.key in taken:  # this run has one of its own by that name
+            term = replace(term, effect=replace(term.effect, label=f"{term.effect.label} {term.runs[0][:8]}".strip()))
+        taken.add(term.effect.key)
+        terms.append(term)
+    return replace(model.file, effect=tuple(_write_term(term, model) for term in sorted(terms, key=by_stage)))
+
+
+def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
+    kind, joints = model.file.machine.kind, model.joints
+    specs = {parameter.on(kind).name: parameter for parameter in effect.parameters}
+    unknown = [name for name in entry.parameters if name not in specs]
+    if unknown:
+        raise ModelError(f"parameter '{unknown[0]}' is not one of its own", fix=f"it has: {', '.join(specs)}")
+    if not entry.parameters:
+        return Term(effect, torch.zeros(0, dtype=torch.float64))
+    values, stds, measured = [], [], []
+    renewed = _renewed(entry, effect, specs, joints)
+    for name, parameter in specs.items():
+        size = parameter.size(joints)
+        given = entry.parameters.get(name)
+        if given is None and parameter.role != "linear":
+            raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
+        if parameter.stem in renewed:
+            values.append(_spread(renewed[parameter.stem], size, name))
+            given = None  # standard errors were of the older form
+        else:
+            values.append(_spread(given.value if given else 0.0, size, name))
+        stds.append(_spread(torch.nan if given is None or given.std is None else given.std, size, name))
+        measured.append(_spread(True if given is None or given.measured is None else given.measured, size, name).bool())
+    fixed = frozenset(p.stem for name, p in specs.items() if name in entry.parameters and entry.parameters[name].fixed)
+    return Term(effect, torch.cat(values), torch.cat(stds), torch.cat(measured), fixed, _runs_of(entry, effect, model))
+
+
+def _runs_of(entry: EffectEntry, effect: Effect, model: Model) -> tuple[str, ...]:
+    """Runs that an effect belongs to; where the entry does not say, those of the step that brought it in."""
+    if entry.runs or not is_dated(effect):
+        return entry.runs
+    steps = [row for row in model.file.history if effect.key in row.get("added", ())]
+    return tuple(item["sha256"] for item in steps[-1].get("files", ())) if steps else ()
+
+
+def _renewed(entry: EffectEntry, effect: Effect, specs: Mapping[str, Parameter], joints: int) -> dict[str, Tensor]:
+    """Values, by stem, that the file has in an older form."""
+    found = {
+        parameter.stem: torch.as_tensor(entry.parameters[name].value, dtype=torch.float64).reshape(-1)
+        for name, parameter in specs.items()
+        if name in entry.parameters
+    }
+    new = effect.renew(found, joints)
+    return {stem: value for stem, value in new.items() if value is not found.get(stem)}
+
+
+def _spread(value: object, size: int, name: str) -> Tensor:
+    tensor = torch.as_tensor(value, dtype=torch.float64).reshape(-1)
+    if len(tensor) not in (1, size):
+        raise ModelError(f"parameter '{name}' has {len(tensor)} values", fix="give one" + f", or {size}" * (size > 1))
+    return tensor.expand(size).clone()
+
+
+def _write_term(term: Term, model: Model) -> EffectEntry:
+    kind, joints = model.file.machine.kind, model.joints
+    effect = term.effect
+    entries: dict[str, ParameterEntry] = {}
+    if len(term.theta) == total_size(effect, joints):
+        start = 0
+        for parameter, size in zip(effect.parameters, sizes(effect, joints), strict=True):
+            part = slice(start, start + size)
+            start += size
+            fitted = term.std is not None and parameter.role != "given" and parameter.stem not in term.fixed
+            entries[parameter.on(kind).name] = ParameterEntry(
+                value=_plain(term.theta[part]),
+                std=_plain(term.std[part]) if fitted and term.std is not None and _known(term.std[part]) else None,
+                measured=_plain_flags(term.measured[part]) if fitted and term.measured is not None else None,
+                fixed=parameter.stem in term.fixed,
+            )
+    return EffectEntry(name=effect.name, label=effect.label, runs=term.runs, parameters=entries)
+
+
+def _known(values: Tensor) -> bool:
+    return bool(torch.isfinite(values).all())
+
+
+def _plain(values: Tensor) -> float | tuple[float, ...]:
+    numbers = tuple(float(value) for value in values)
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _plain_flags(values: Tensor) -> bool | tuple[bool, ...]:
+    flags = tuple(bool(value) for value in values)
+    return flags[0] if len(flags) == 1 else flags
