@@ -196,7 +196,7 @@ def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
 
 def _after(task: Task, solved: Solved) -> np.ndarray:
     """What becomes of each row once the model has been asked; the gravest last."""
-    limits = joint_limits(task.model.file, solved.q.shape[1])
+    limits = joint_limits(task.model.file)
     status = np.full(len(solved.q), OK, dtype=object)
     status[((solved.q < limits[:, 0]) | (solved.q > limits[:, 1])).any(dim=1).numpy()] = OUT_OF_TRAVEL
     shift = torch.maximum(task.shift(solved.height), task.shift(solved.q))

@@ -91,9 +91,9 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
     path = Path(file)
     rows = _rows_of(path)
     step = max(rows // SPREAD, 1)
-    spread = build_problem(machine, _read(path, f"WHERE file_row_number % {step} = 0", rows))
+    spread = build_problem(machine, _read(path, f"WHERE file_row_number % {step} = 0"))
     _require_one_run(spread, path)
-    table = _read(path, f"LIMIT {CHUNK}", rows)
+    table = _read(path, f"LIMIT {CHUNK}")
     first = build_problem(machine, table)
     seen = build_view(machine, in_base(table, first.stated_in))
     driven = ("speed" in seen.varies) == ("speed" in first.view.varies)
@@ -135,7 +135,7 @@ def read_part(log: Log, part: Part) -> Problem:
         The rows as a problem; `enter_part` cuts off those beside.
     """
     low, high = max(part[0] - BESIDE, 0), min(part[1] + BESIDE, log.rows)
-    table, whole = _read(log.file, f"LIMIT {high - low} OFFSET {low}", log.rows), log.whole
+    table, whole = _read(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
     view = build_view(log.machine, in_base(table, whole.stated_in))
     still = torch.zeros_like(view.velocity)
     time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
@@ -188,7 +188,7 @@ def _rows_of(path: Path) -> int:
     return int(_ask(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
 
 
-def _read(path: Path, which: str, total: int) -> Table:
+def _read(path: Path, which: str) -> Table:
     columns = plain_columns(_ask(path, f"SELECT * FROM {SOURCE} {which}"))
     number = columns.pop("file_row_number")
     if missing := [name for name in ("x_meas", "y_meas", "z_meas") if name not in columns]:

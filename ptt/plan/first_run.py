@@ -96,7 +96,7 @@ def plan_first_run(
     sigma = model.file.tracker.sigma_mm or DEFAULT_SIGMA
     random = np.random.default_rng([seed, 32])
     shares = np.diff(np.round(np.linspace(0, rows, len(levels) + 1)).astype(int))
-    groups = _fewest_groups(model, space, int(shares.min()), len(levels), freedom)
+    groups = _fewest_groups(int(shares.min()), len(levels), freedom)
     visits: list[Visit] = []
     for level, share in zip(levels, shares, strict=True):
         parts = _parts(model, space, share, groups, random, known, sigma, progress)
@@ -129,7 +129,7 @@ def repeats_in(table: Table, direction: np.ndarray) -> int:
     return int(len(group) - len(np.unique(group)))
 
 
-def _fewest_groups(model: Model, space: Space, share: int, levels: int, freedom: int) -> int:
+def _fewest_groups(share: int, levels: int, freedom: int) -> int:
     """Groups of repeats that each part of the run needs; three degrees of freedom each, and what datum visits add."""
     datums = max(share // DATUM_EVERY, 1)
     wanted = -(-(freedom + 2) // levels) - (datums - 2)

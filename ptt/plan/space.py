@@ -61,7 +61,7 @@ def build_space(file: MachineFile, half_size: tuple[float, float, float] | None 
         WorkspaceError: nothing inside the box can be reached.
     """
     mechanism = build_mechanism(file.machine)
-    limits = joint_limits(file, file.machine.joints)
+    limits = joint_limits(file)
     margin = MARGIN * (limits[:, 1] - limits[:, 0])
     lower, upper = limits[:, 0] + margin, limits[:, 1] - margin
     by_tool = isinstance(mechanism, ThreePtt)

@@ -97,7 +97,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         platform_mass=spec.platform_mass_kg if spec.kind == "three-ptt" else 0.0,
         platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
         growth=_growth(file, mechanism),
-        travel_limits=joint_limits(file, mechanism.joints),
+        travel_limits=joint_limits(file),
         gravity=gravity_of(spec),
         link_load=link_torques(mechanism, file.machine, commands),
         varies=_what_varies(table, travel),
@@ -123,12 +123,11 @@ def elapsed(table: "Table") -> Tensor:
     return _tensor(np.cumsum(np.where(run_starts(table.run) & (step < 0.0), 0.0, step)))
 
 
-def joint_limits(file: "MachineFile", joints: int) -> Tensor:
+def joint_limits(file: "MachineFile") -> Tensor:
     """Limits of each joint by the drawing.
 
     Args:
         file: the machine.
-        joints: k.
 
     Returns:
         (k, 2) mm or rad.

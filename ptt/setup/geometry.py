@@ -165,7 +165,7 @@ def _tell(plain: Judged, best: Judged, ties: list[Judged]) -> list[Finding]:
     pair = int(np.nanargmax(plain.agreement.rms / np.maximum(best.agreement.rms, FLOOR)))
     before, after = (1e3 * float(item.agreement.rms[pair]) for item in (plain, best))
     undone = " and ".join(step.undone for step in best.steps)
-    same = _one_of_each(best, ties)
+    same = _one_of_each(ties)
     also = f"; {_listed(same)} would do the same" if same else ""
     words = f"{APART[pair]} {_um(before)} um; with {undone} the error falls to {_um(after)} um{also}"
     source, files, findings = plain.setup.table.source, plain.setup, []
@@ -188,7 +188,7 @@ def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:
     return bool(moved > BUILT or (np.isfinite(apart) and apart > EXACT[0] and moved > SLIP))
 
 
-def _one_of_each(best: Judged, ties: list[Judged]) -> list[str]:
+def _one_of_each(ties: list[Judged]) -> list[str]:
     """Other things that are the same, the first of every kind."""
     kinds: dict[tuple[str, ...], str] = {}
     for tie in ties:

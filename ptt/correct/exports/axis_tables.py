@@ -81,7 +81,7 @@ def read_drives(ground: Ground) -> Drives:
         What they do; nothing where the drawing cannot be there.
     """
     model = ground.compensator.model
-    limits = joint_limits(model.file, ground.nominal.shape[1]).numpy()
+    limits = joint_limits(model.file).numpy()
     at = np.linspace(limits[:, 0], limits[:, 1], FINE)
     terms = [item for item in split_terms(model)[0] if item[0].stage == "drive"]
     of = _shifts(ground, terms, at)

@@ -96,7 +96,7 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     graph = Graph()
     file = compensator.model.file
     stated = Node(graph, "p")
-    place = _into_base(graph, stated, file)
+    place = _into_base(stated, file)
     steady, _, _ = split_terms(compensator.model, "none")
     names = {effect.name for effect, _ in steady}
     uses = {need for name in names for need in EFFECTS[name].context}
@@ -161,7 +161,7 @@ def _model(
     )
 
 
-def _into_base(graph: Graph, stated: Node, file: MachineFile) -> Node:
+def _into_base(stated: Node, file: MachineFile) -> Node:
     (frame,) = target_frames(file, make_table(np.zeros((1, 3))))
     return stated if frame.source == "base" else stated @ frame.rotation.T + frame.origin[None]
 

@@ -114,7 +114,7 @@ def correct_program(
     if not len(places.move):
         raise InputError("holds no move", where=source, fix="is it a G-code program?")
     commands, lacking = _command(compensator, places, limit, source, context or {})
-    _refuse(read, places, commands, compensator.network is not None, source)
+    _refuse(read, places, commands, source)
     corrected = frame.from_base(mechanism.forward(torch.as_tensor(commands.q)).numpy())
     pieces, deviation = _pieces(read.moves, places, corrected, 1e-3 * chord_um)
     return Corrected(
@@ -161,7 +161,7 @@ def _command(
     return commands, missing_context(model, table)
 
 
-def _refuse(read: Read, places: Places, commands: Commands, network: bool, source: str) -> None:
+def _refuse(read: Read, places: Places, commands: Commands, source: str) -> None:
     """Refuse a program with lines that cannot be run, by line and reason."""
     status = np.where(commands.in_domain | ~sent_rows(commands.status), commands.status, OUTSIDE)
     bad = np.flatnonzero(~sent_rows(status))

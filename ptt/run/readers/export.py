@@ -82,7 +82,7 @@ def read_raw(raw: RawText, request: Request) -> Export:
     notes, delimiter = list[str](), raw.delimiter
     if is_spatial_analyzer(raw):
         raw, notes = reshape(raw)
-    raw, titles, meanings = _titles(raw, request)
+    raw, titles, meanings = _titles(raw)
     columns = understand(titles, meanings, request.purpose, raw.source, request.mapping, request.ask)
     if not any(column.quantity for column in columns):
         _refuse_unknown(raw, titles)
@@ -111,10 +111,10 @@ def read_titles(path: str | Path, request: Request) -> tuple[RawText, tuple[str,
         TableError: the file cannot be cut into cells.
     """
     raw = read_text(path, request.mapping, request.ask)
-    return _titles(reshape(raw)[0] if is_spatial_analyzer(raw) else raw, request)
+    return _titles(reshape(raw)[0] if is_spatial_analyzer(raw) else raw)
 
 
-def _titles(raw: RawText, request: Request) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
+def _titles(raw: RawText) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
     if raw.header is None:
         header = _header_in_comments(raw)
         raw = raw if header is None else replace(raw, header=header)

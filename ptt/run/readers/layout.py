@@ -55,10 +55,10 @@ def understand(
     meanings = [_mapped(title, meaning, mapping, where) for title, meaning in zip(titles, meanings, strict=True)]
     if purpose == "beside":  # readings were taken at what a file of `ptt predict` sent, not at the drawing's commands
         purpose = "sliders" if "reversal1" in titles else "targets"
-    meanings = _settle_bare(meanings, purpose, where, mapping, ask)
+    meanings = _settle_bare(meanings, purpose, where, ask)
     meanings = _settle_double(titles, meanings, where, ask)
     return [
-        _with_unit(index, title, meaning, where, mapping, ask)
+        _with_unit(index, title, meaning, where, ask)
         for index, (title, meaning) in enumerate(zip(titles, meanings, strict=True))
     ]
 
@@ -127,9 +127,7 @@ def _mapped(title: str, meaning: Meaning | None, mapping: Mapping, where: str) -
     return Meaning(known.quantity, stated if stated is not None else meaning.unit if meaning else known.unit)
 
 
-def _settle_bare(
-    meanings: list[Meaning | None], purpose: str, where: str, mapping: Mapping, ask: Ask | None
-) -> list[Meaning | None]:
+def _settle_bare(meanings: list[Meaning | None], purpose: str, where: str, ask: Ask | None) -> list[Meaning | None]:
     """Bare x, y, z and b1 or q1 take the role that the purpose and the other columns leave."""
     have = {meaning.quantity for meaning in meanings if meaning}
     role = "meas" if purpose == "run" else "cmd"
@@ -186,9 +184,7 @@ def _settle_double(
     return settled
 
 
-def _with_unit(
-    index: int, title: str, meaning: Meaning | None, where: str, mapping: Mapping, ask: Ask | None
-) -> Column:
+def _with_unit(index: int, title: str, meaning: Meaning | None, where: str, ask: Ask | None) -> Column:
     if meaning is None:
         return Column(index, title)
     dimension = dimension_of(meaning.quantity)

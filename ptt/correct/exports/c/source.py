@@ -125,7 +125,7 @@ def _macros(compensator: "Compensator", parts: Parts) -> str:
 def _family(file: MachineFile, parts: Parts) -> str:
     mechanism = build_mechanism(file.machine)
     home = table("ptt_home", mechanism.home()) if "ptt_home" in parts.functions else ""
-    limits = joint_limits(file, mechanism.joints).numpy()
+    limits = joint_limits(file).numpy()
     text = home + table("ptt_travel", limits, note="ends of travel, mm or rad")
     if isinstance(mechanism, ThreePtt):
         return text + _three_ptt(mechanism, file, parts) + "\n" + kernel("three_ptt.c.in")
