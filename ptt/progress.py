@@ -55,3 +55,7 @@ def _left(seconds: float) -> str:
     if seconds < 90.0:
         return f"{seconds:.0f} s left"
     return f"{seconds / 60.0:.0f} min left" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h left"
+
+
+def unwatched(what: str, done: int, of: int) -> None:
+    """Take progress where nobody watches."""

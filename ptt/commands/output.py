@@ -9,7 +9,7 @@ import typer
 
 from ptt.door.result import plain
 from ptt.errors import HostError
-from ptt.progress import Pace, Progress
+from ptt.progress import Pace, Progress, unwatched
 
 _waiting: list[str] = []
 
@@ -85,7 +85,7 @@ def progress() -> Iterator[Progress]:
         tell(what, done, of): what is being done, how much of how much.
     """
     if not sys.stderr.isatty():  # nobody watches, so no bar has to be loaded
-        yield lambda what, done, of: None
+        yield unwatched
         return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn

@@ -18,7 +18,7 @@ from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import elapsed
@@ -70,7 +70,7 @@ def compensate(
     Raises:
         TableError: a row without target.
     """
-    tell = progress or (lambda what, done, of: None)
+    tell = progress or unwatched
     tell("invert", 0, 1)
     plan = plan_of(model, reversal, limit, network)
     task, rows = prepare(plan, targets, correction), targets.rows

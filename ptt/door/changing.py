@@ -10,7 +10,7 @@ from ptt.diagnosis.words import sentences
 from ptt.door.handed import RowsLike
 from ptt.door.model import EffectLike, Model, as_model, model_of
 from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import ModelError
@@ -18,7 +18,7 @@ from ptt.fitting.report import format_fit
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import Ladder, Step, climb, descend
 from ptt.judge.ladder.text import format_ladder
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.fitting.chunks import LONG, sample_stretches, take
 from ptt.judge.before_after import BeforeAfter, compare_pair, format_pair
 from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.compare.text import format_comparison
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,13 +14,13 @@ from ptt.diagnosis.words import doubt_in_words
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
 from ptt.fitting.chunks import CHUNK
 from ptt.machine import MachineFile
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
 from ptt.run.table import Table, write_table
 from ptt.setup import Check, setup_verdict

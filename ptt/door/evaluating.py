@@ -11,13 +11,13 @@ from ptt.door.model import Model, as_model
 from ptt.door.opened import meet
 from ptt.door.options import Reading
 from ptt.door.reading import read_rows, require_mm
-from ptt.door.result import Heard, Note, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.run import Rows, Run
 from ptt.door.words import as_run
 from ptt.errors import InputError
 from ptt.judge.alike import hints_on
 from ptt.judge.evaluate import GOALS, Datum, Evaluation, evaluate_pair
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.record import plain
 from ptt.run.readers import Ask
 from ptt.run.table import Table

@@ -11,14 +11,14 @@ from ptt.diagnosis.floor import noise_floor
 from ptt.door.model import Model, load
 from ptt.door.options import Reading
 from ptt.door.reading import require_commands
-from ptt.door.result import Heard, Note, unheard, unwatched
+from ptt.door.result import Heard, Note, unheard
 from ptt.door.run import Run, Targets, read_path
 from ptt.effects.registry import Library
 from ptt.errors import SetupError, TableError
 from ptt.machine import MachineFile
 from ptt.model.model import Model as Physics
 from ptt.model.of_run import for_runs
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.readers import Ask

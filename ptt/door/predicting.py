@@ -13,12 +13,12 @@ from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import check_rows
 from ptt.door.outputs import refuse_readings
-from ptt.door.result import Heard, Note, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.tally import Tally, tally
 from ptt.door.words import as_targets
 from ptt.errors import InputError, TableError
 from ptt.files import write_parts
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.readers.columns import file_title
 from ptt.run.readers.mapping import IGNORE
 from ptt.run.table import Table

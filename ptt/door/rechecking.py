@@ -11,9 +11,9 @@ from ptt.again.result import Recheck
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
 
 if TYPE_CHECKING:

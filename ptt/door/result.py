@@ -46,10 +46,6 @@ def unheard(text: str) -> None:
     """Take a note where nobody listens."""
 
 
-def unwatched(what: str, done: int, of: int) -> None:
-    """Take progress where nobody watches."""
-
-
 class Heard:
     """A listener that keeps what it is told, and passes it on.
 

@@ -26,12 +26,12 @@ from ptt.door.predicting import (
     text_of_figures,
     warnings_of,
 )
-from ptt.door.result import Note, Result, unheard, unwatched
+from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Targets
 from ptt.door.tally import Tally, tally
 from ptt.files import write_parts
 from ptt.fitting.chunks import CHUNK, STRETCH
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.cores import map_cores
 from ptt.run.readers import Ask
 from ptt.run.readers.parts import NotInParts

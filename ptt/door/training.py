@@ -12,11 +12,11 @@ from ptt.correct.training.train import train as train_model
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard, unwatched
+from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import InputError
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.record import plain
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from ptt.fleet.store import Store, shown
 from ptt.fleet.task import Task
 from ptt.judge.history import read_entries
 from ptt.machine import parse_machine
+from ptt.progress import Tell
 from ptt.record import Record
 
-Tell = Callable[[str], None]
 Work = Callable[[Task], str]
 RUNS = """
 SELECT runs.*, outcomes.verdict FROM runs LEFT JOIN outcomes USING (run) WHERE runs.machine = ? ORDER BY date, place"""

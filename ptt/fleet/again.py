@@ -1,6 +1,5 @@
 """Has a machine changed since its model was made? `ptt recheck`; a diagnosis where the model has nothing to recheck."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,9 +7,8 @@ from ptt.again.recheck import recheck
 from ptt.diagnosis.long import choose_diagnosis
 from ptt.effects import Library
 from ptt.model.model import Model
+from ptt.progress import Tell
 from ptt.run.problem import Problem
-
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,13 @@ from ptt.fitting.search import open_terms
 from ptt.fitting.solve import ROUNDS, conclude, near
 from ptt.fitting.whitened import Total
 from ptt.fleet.log import Log, enter_part, open_log, read_part, to_parquet
-from ptt.fleet.shares import EDGES, Passes, Share, Tell
+from ptt.fleet.shares import EDGES, Passes, Share
 from ptt.fleet.workers import cluster
 from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.model.chain import Prediction
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
+from ptt.progress import Progress
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.tails import chi2_ppf
 
@@ -107,7 +108,7 @@ class LogFit:
         return replace(written, history=(*model.file.history, step), covariance=covariance)
 
 
-def fit_log(model: Model, log: Log, client: Any = None, tell: Tell | None = None) -> LogFit:
+def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = None) -> LogFit:
     """Fit a model to a log.
 
     Args:
@@ -155,7 +156,7 @@ def fit_log(model: Model, log: Log, client: Any = None, tell: Tell | None = None
 
 def fit_file(
     log: Path, model: Path, out: Path, scheduler: str | None = None, workers: int | None = None,
-    tell: Tell | None = None,
+    tell: Progress | None = None,
 ) -> LogFit:  # fmt: skip
     """Fit a model to a log in a file, and write it.
 

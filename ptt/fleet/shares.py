@@ -16,14 +16,13 @@ from ptt.fitting.long import add_totals
 from ptt.fitting.outliers import limit_of
 from ptt.fitting.whitened import Total, build_system
 from ptt.fleet.log import Log, Part, State, enter_part, hand_on, read_part
+from ptt.progress import Progress, unwatched
 from ptt.run.noise import Noise
 
 EDGES = np.linspace(np.log(1e-9), np.log(1e12), 5000)  # of squared distances: a quantile to one in a hundred
 POSES = 4096  # drawers that poses are sorted into: readings of one pose always fall into the same
 PLACE = 0.01  # mm: targets that differ by less are one pose
 MOST = 0.02  # share of a part's rows that may be gross errors; a share beyond is the machine or the model
-
-Tell = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -50,9 +49,9 @@ class Share:
 class Passes:
     """Passes over a log: in this process, or by the workers of a dask cluster."""
 
-    def __init__(self, log: Log, client: Any = None, tell: Tell | None = None) -> None:
+    def __init__(self, log: Log, client: Any = None, tell: Progress | None = None) -> None:
         self.log, self.client, self.count = log, client, 0
-        self._tell = tell or (lambda what, done, of: None)
+        self._tell = tell or unwatched
         self.states = self._states()
 
     def _states(self) -> list[Any]:

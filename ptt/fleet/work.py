@@ -1,7 +1,6 @@
 """One run: check the set-up, diagnose or recheck it, and say what its rows tell of the parameters."""
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -20,8 +19,7 @@ from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
-
-Tell = Callable[[str], None]
+from ptt.progress import Tell
 
 
 def work(task: Task, tell: Tell | None = None) -> Outcome:

@@ -11,7 +11,7 @@ from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, 
 from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_rest, rest_of, spaces_of
 from ptt.fitting.solve import rms
 from ptt.model.model import Model
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.problem import Problem
 
 __all__ = [
@@ -85,7 +85,7 @@ def train(
     """
     problem = problem.anchored()
     protocol = protocol or block_protocol(problem)
-    tell = progress or (lambda what, done, of: None)
+    tell = progress or unwatched
     spaces = spaces_of(problem)
     steps = 1 + len(spaces) + len(protocol.folds)
     tell("fit", 0, steps)

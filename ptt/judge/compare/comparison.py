@@ -14,7 +14,7 @@ from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.judge.compare.lack_of_fit import LackOfFit, lack_of_fit_of
 from ptt.model.model import Model
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -148,7 +148,7 @@ def compare_run(
     Returns:
         The comparison.
     """
-    tell = progress or (lambda what, done, of: None)
+    tell = progress or unwatched
     noise = noise or problem.noise
     tell("residual", 0, 3)
     fitted = residual_of(model, problem, noise)

@@ -17,7 +17,7 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, hold, residual_of, rms
 from ptt.judge.ladder.rung import fit_rung
 from ptt.model.model import Model, Term
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.record import Record
 from ptt.run.holdout import folds, pose_groups
 from ptt.run.noise import Noise
@@ -187,7 +187,7 @@ def _measure(
     progress: Progress | None,
 ) -> Ladder:  # fmt: skip
     """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
-    tell = progress or (lambda what, done, of: None)
+    tell = progress or unwatched
     problem = problem.anchored()  # else a moved frame would pass for what an effect took
     hidden = folds(problem.table, FOLDS)
     total, done = len(rungs) * (len(hidden) + 1), 0

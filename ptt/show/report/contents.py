@@ -29,7 +29,7 @@ from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.model.model import Model
-from ptt.progress import Progress, Tell
+from ptt.progress import Progress, Tell, unwatched
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
 from ptt.run.taken import set_up
@@ -168,7 +168,7 @@ def gather(
     Raises:
         InputError: run and machine cannot be brought together.
     """
-    tell, source, known = progress or (lambda what, done, of: None), source or MadeOf(), known or library()
+    tell, source, known = progress or unwatched, source or MadeOf(), known or library()
     compensator = machine if isinstance(machine, Compensator) else Compensator(read_model(machine, known), None, {})
     model, shown = compensator.model, shown_table(table, source)
     problem = replace(problem or build_problem(model.file, table), table=shown)

@@ -6,8 +6,7 @@ from ptt.correct.training.compensator import Compensator, load_compensator
 from ptt.diagnosis.verdict import Diagnosis
 from ptt.door.opened import Opened
 from ptt.door.options import Reading
-from ptt.door.result import unwatched
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 from ptt.show.report.contents import Contents, with_network
 from ptt.show.report.html import write_report
