@@ -11,7 +11,7 @@ import torch
 from ptt.again.figures import TOTAL, Moved
 from ptt.effects import Effect
 from ptt.effects.base import family
-from ptt.effects.phrases import Said, compose, figure, listed, sizes_in_words
+from ptt.effects.phrases import Said, capital, compose, figure, listed, sizes_in_words
 from ptt.run.view import View
 
 WORST = 3  # effects that are worth a word after a repair
@@ -52,7 +52,7 @@ def say_change(effect: Effect, place: int, moved: Moved, view: View, since: str 
         error = figure(moved.std * abs(now.size / moved.now) if moved.now else 0.0)
         model = "by the model" if since is None else f"by the model of {then.removeprefix('on ')}"
         return f"Repaired: {compose([before], noun)} {model}, {sizes_in_words([left])} (+- {error}) in this run."
-    return f"{_upper(_beside(before, now, noun, then))}."
+    return f"{capital(_beside(before, now, noun, then))}."
 
 
 def say_whole(effect: Effect, at: np.ndarray, values: Sequence[Moved], view: View, since: str | None) -> str:
@@ -77,7 +77,7 @@ def say_whole(effect: Effect, at: np.ndarray, values: Sequence[Moved], view: Vie
     cured = "Repaired: " if abs(share) < max(0.2, 3.0 * error) and abs(share) < 0.5 else ""
     name = effect.called or effect.key
     body = f"{name} as a whole is {100.0 * share:.0f} % (+- {100.0 * error:.1g}) of what it was {on_date(since)}{what}"
-    return f"{cured}{body if cured else _upper(body)}."
+    return f"{cured}{body if cured else capital(body)}."
 
 
 def _noun(effect: Effect, view: View) -> str:
@@ -168,7 +168,3 @@ def tie_words(names: Sequence[str], own: str) -> str:
     if not names:
         return ""
     return f"Either {own} or {listed(list(names), ' or ')}: this run cannot tell them apart."
-
-
-def _upper(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ptt.dependence.size import Size
-from ptt.effects.phrases import SIGNIFICANT, figure, scaled
+from ptt.effects.phrases import SIGNIFICANT, capital, figure, scaled
 
 NOTHING = 0.01  # of a size: what beside it is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
@@ -84,7 +84,7 @@ def say_size(size: Size) -> str:
         case _:
             told = f"{far} at {high} than at {low.partition(' = ')[2]}"
     open_ended = "" if size.known or size.kind == "period" else ": this run does not tell which"
-    told = f"{told[:1].upper()}{told[1:]}{open_ended}"
+    told = f"{capital(told)}{open_ended}"
     return f"{told}." if size.rms is None else f"{told}; {_in_um(1e3 * size.rms)} rms at the tool."
 
 

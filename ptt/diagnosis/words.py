@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 
 from ptt.effects.base import family
-from ptt.effects.phrases import Said, compose, listed, remedies
+from ptt.effects.phrases import Said, capital, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
 from ptt.fitting.gauge import Told, sparsest
 from ptt.model.model import Term
@@ -62,7 +62,7 @@ def sentences(terms: Sequence[Term], problem: Problem, noise: Noise, widen: floa
     words = []
     for told in sparsest(known, problem, noise, widen):
         set_right = remedy(told, problem.view)
-        words.append(f"{_upper(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
+        words.append(f"{capital(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
     return words
 
 
@@ -120,7 +120,7 @@ def explain_step(
     if tie:
         return f"{tie} As {term.effect.key}: {head}; {fall}."
     alone = "" if told.alike else "Nothing else explains it as well; "
-    return f"{_upper(head)}. {_upper(alone + fall)}."
+    return f"{capital(head)}. {capital(alone + fall)}."
 
 
 def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBTED) -> str:
@@ -155,7 +155,3 @@ def headline(key: str, others: Sequence[str], together: Sequence[str]) -> str:
         either = f"Either {', '.join((key, *others[:-1]))} or {others[-1]}: this data cannot tell them apart"
         return f"{either}; {sums}." if sums else f"{either}."
     return f"Either {key}, or {sums}: this data cannot tell them apart." if sums else ""
-
-
-def _upper(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"

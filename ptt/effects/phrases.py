@@ -242,6 +242,11 @@ def figure(value: float) -> str:
     return f"{value:.{max(0, 1 - int(np.floor(np.log10(abs(value) * (1.0 + 1e-9)))))}f}"
 
 
+def capital(text: str) -> str:
+    """A text that begins a sentence."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
 def listed(items: Sequence[str], last: str = " and ") -> str:
     """Items with commas, and a word before the last; '' of none."""
     return last.join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)

@@ -5,6 +5,7 @@ import re
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,6 +101,11 @@ def rows(connection: "Connection", query: str, *values: Any) -> list[dict[str, A
     answer = connection.execute(query, _kept(values))
     names = [column[0] for column in answer.description or ()]
     return [dict(zip(names, row, strict=True)) for row in answer.fetchall()]
+
+
+def now() -> datetime:
+    """The time, UTC, as the store has it."""
+    return datetime.now(UTC).replace(tzinfo=None)
 
 
 def insert(connection: "Connection", table: str, **values: Any) -> None:

@@ -1,10 +1,9 @@
 """The models of a machine over time: which one held when, and which runs have to be held against another."""
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from ptt.fleet.database import insert, rows
+from ptt.fleet.database import insert, now, rows
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection as Connection
@@ -63,9 +62,9 @@ def accept_model(connection: "Connection", machine: str, run: str, toml: str) ->
         Later runs, up to the next whose model was accepted: they wait to be held against it.
     """
     later = [str(row["run"]) for row in rows(connection, LATER, machine, run, machine, run)]
-    insert(connection, "models", machine=machine, run=run, made="accepted", toml=toml, since=_now())
+    insert(connection, "models", machine=machine, run=run, made="accepted", toml=toml, since=now())
     # What they added to the old model is kept, under a name that no run is held against.
-    past = f"superseded {_now().isoformat()}"
+    past = f"superseded {now().isoformat()}"
     query = "UPDATE models SET made = ? WHERE made = 'solved' AND list_contains(?, run)"
     connection.execute(query, [past, later])
     let_wait(connection, later)
@@ -78,7 +77,3 @@ def let_wait(connection: "Connection", runs: Sequence[str]) -> None:
     for table in OF_RUN:
         connection.execute(f"DELETE FROM {table} WHERE list_contains(?, run)", [found])
     connection.execute("DELETE FROM models WHERE list_contains(?, run) AND made IN ('solved', 'refit')", [found])
-
-
-def _now() -> datetime:
-    return datetime.now(UTC).replace(tzinfo=None)

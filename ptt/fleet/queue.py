@@ -4,12 +4,11 @@ import json
 import math
 import platform
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
-from ptt.fleet.database import insert, rows, transaction
+from ptt.fleet.database import insert, now, rows, transaction
 from ptt.fleet.models import drawing_of, let_wait, model_at
 from ptt.fleet.owner import alive
 from ptt.fleet.readings import read_columns
@@ -60,7 +59,7 @@ def _take(store: Store, connection: "Connection", owner: str, machine: str) -> b
     if taken and (taken[0]["owner"] == owner or alive(store.workers, taken[0]["owner"])):
         return False
     connection.execute("DELETE FROM claims WHERE machine = ?", [machine])
-    insert(connection, "claims", machine=machine, owner=owner, since=_now())
+    insert(connection, "claims", machine=machine, owner=owner, since=now())
     return True
 
 
@@ -117,7 +116,7 @@ def keep(store: Store, outcome: Outcome) -> bool:
             connection, "outcomes", run=outcome.run, machine=outcome.machine, did=outcome.did, verdict=outcome.verdict,
             error_um=_number(outcome.error_um), expected_um=_number(outcome.expected_um),
             noise_um=_number(outcome.noise_um), words=outcome.words, seconds=outcome.seconds, program=program,
-            finished=_now(),
+            finished=now(),
         )  # fmt: skip
         _keep_results(connection, outcome)
         _keep_models(connection, outcome)
@@ -148,7 +147,7 @@ def _keep_results(connection: "Connection", outcome: Outcome) -> None:
 def _keep_models(connection: "Connection", outcome: Outcome) -> None:
     for made, text in (("solved", outcome.solved), ("refit", outcome.refit)):
         if text is not None:
-            insert(connection, "models", machine=outcome.machine, run=outcome.run, made=made, toml=text, since=_now())
+            insert(connection, "models", machine=outcome.machine, run=outcome.run, made=made, toml=text, since=now())
 
 
 def _keep_told(connection: "Connection", outcome: Outcome) -> None:
@@ -205,7 +204,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple | set | frozenset):
         return [_plain(item) for item in value]
     return _number(value) if isinstance(value, float) else value
-
-
-def _now() -> datetime:
-    return datetime.now(UTC).replace(tzinfo=None)

@@ -10,7 +10,7 @@ from typing import Any
 
 from ptt.errors import InputError
 from ptt.files import sha256
-from ptt.fleet.database import duckdb, insert, rows, transaction
+from ptt.fleet.database import duckdb, insert, now, rows, transaction
 from ptt.fleet.readings import write_readings
 from ptt.fleet.schema import TABLES, VERSION
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
@@ -88,7 +88,7 @@ def create_store(folder: str | Path) -> Store:
     with transaction(part) as connection:
         connection.execute(TABLES)
         insert(connection, "about", key="version", value=VERSION)
-        insert(connection, "about", key="created", value=_now().isoformat(timespec="seconds"))
+        insert(connection, "about", key="created", value=now().isoformat(timespec="seconds"))
     part.replace(store.file)
     return store
 
@@ -152,9 +152,9 @@ def add_machine(store: Store, machine: str, model: Path | None) -> MachineFile:
     with transaction(store.file) as connection:
         if not rows(connection, "SELECT 1 FROM machines WHERE machine = ?", machine):
             kind, drawing = given.machine.kind, _drawing(given)
-            insert(connection, "machines", machine=machine, kind=kind, drawing=drawing, added=_now())
+            insert(connection, "machines", machine=machine, kind=kind, drawing=drawing, added=now())
             text = format_machine(given)
-            insert(connection, "models", machine=machine, run="", made="given", toml=text, since=_now())
+            insert(connection, "models", machine=machine, run="", made="given", toml=text, since=now())
     return given
 
 
@@ -195,7 +195,7 @@ def add_run(
         place = rows(connection, "SELECT coalesce(max(place), 0) + 1 AS place FROM runs")[0]["place"]
         insert(
             connection, "runs", run=run, machine=machine, date=when, place=place, file=path.name, kept=kept,
-            readings=readings, row_count=table.rows, ordered=ordered, units_said=units_said, added=_now(),
+            readings=readings, row_count=table.rows, ordered=ordered, units_said=units_said, added=now(),
         )  # fmt: skip
     return Added(path.name, run, table.rows, told, True)
 
@@ -255,7 +255,3 @@ def _copy(path: Path, to: Path) -> None:
     part = to.with_name(f".{to.name}.part")
     shutil.copyfile(path, part)
     part.replace(to)
-
-
-def _now() -> datetime:
-    return datetime.now(UTC).replace(tzinfo=None)

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ptt.rig.draw_faults import log_uniform
+
 Random = np.random.Generator
 
 
@@ -43,16 +45,12 @@ def stated_sigma(values: dict[str, Any], distance: float) -> float:
     return float(1e-3 * np.sqrt(white**2 + own))
 
 
-def _log(random: Random, low: float, high: float) -> float:
-    return float(np.exp(random.uniform(np.log(low), np.log(high))))
-
-
 def _white(random: Random) -> dict[str, Any]:
-    return {"white_mm": _log(random, 0.0015, 0.007)}
+    return {"white_mm": log_uniform(random, 0.0015, 0.007)}
 
 
 def _heavy(random: Random) -> dict[str, Any]:
-    return {"white_mm": _log(random, 0.002, 0.005), "heavy_dof": float(random.uniform(2.5, 6.0))}
+    return {"white_mm": log_uniform(random, 0.002, 0.005), "heavy_dof": float(random.uniform(2.5, 6.0))}
 
 
 def _range(random: Random) -> dict[str, Any]:
@@ -62,7 +60,7 @@ def _range(random: Random) -> dict[str, Any]:
     return {
         "station_mm": np.round(station, 1).tolist(),
         "radial_um": float(random.uniform(0.5, 2.0)),
-        "sideways_um_per_m": _log(random, 2.0, 6.0),
+        "sideways_um_per_m": log_uniform(random, 2.0, 6.0),
     }
 
 
@@ -73,7 +71,7 @@ def _anisotropic(random: Random) -> dict[str, Any]:
     return {
         "station_mm": np.round(station, 1).tolist(),
         "radial_um": float(random.uniform(0.4, 1.0)),
-        "sideways_um_per_m": _log(random, 0.6, 1.6),
+        "sideways_um_per_m": log_uniform(random, 0.6, 1.6),
     }
 
 
@@ -85,13 +83,13 @@ def _quantised(random: Random) -> dict[str, Any]:
 
 def _wander(random: Random) -> dict[str, Any]:
     """Air and stand: a third to two and a half times the white noise, over half a minute to an hour and a half."""
-    white = _log(random, 0.0015, 0.004)
-    share, slow = _log(random, 0.3, 2.5), _log(random, 30.0, 5000.0)
+    white = log_uniform(random, 0.0015, 0.004)
+    share, slow = log_uniform(random, 0.3, 2.5), log_uniform(random, 30.0, 5000.0)
     return {"white_mm": white, "wander_um": 1e3 * white * share, "wander_s": slow}
 
 
 def _outliers(random: Random) -> dict[str, Any]:
-    share, size = float(random.uniform(0.01, 0.08)), _log(random, 0.05, 1.0)
+    share, size = float(random.uniform(0.01, 0.08)), log_uniform(random, 0.05, 1.0)
     return {**_white(random), "outlier_share": share, "outlier_mm": size}
 
 
@@ -103,7 +101,7 @@ def _axes(random: Random) -> dict[str, Any]:
 def _mixed(random: Random) -> dict[str, Any]:
     """Some of all."""
     drawn = {**_anisotropic(random), "heavy_dof": float(random.uniform(3.0, 8.0)), "quantum_um": 1.0}
-    drawn |= {"wander_um": _log(random, 1.0, 4.0), "wander_s": _log(random, 60.0, 2000.0)}
+    drawn |= {"wander_um": log_uniform(random, 1.0, 4.0), "wander_s": log_uniform(random, 60.0, 2000.0)}
     return {**drawn, "outlier_share": float(random.uniform(0.0, 0.03))}
 
 

@@ -11,7 +11,7 @@ from ptt.diagnosis.verdict_words import acting
 from ptt.diagnosis.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.base import family
 from ptt.effects.cards import card_of
-from ptt.effects.phrases import Said, sizes_in_words, worth_saying
+from ptt.effects.phrases import Said, capital, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
 from ptt.record import Record
 from ptt.run.problem import Problem
@@ -160,7 +160,7 @@ def _words(found: Diagnosis, problem: Problem) -> str:
         share = f"{percent(first.share)} of its variance{acting(first.acts_on, first.residual)}"
         return f"What is left of {first.residual} follows {on}{with_}: {share}. {first.words}".rstrip()
     reasons = found.rest.reasons
-    return f"{reasons[0][:1].upper()}{reasons[0][1:]}." if reasons else ""
+    return f"{capital(reasons[0])}." if reasons else ""
 
 
 def _doubt(steps: Sequence[Candidate]) -> str:
@@ -176,7 +176,7 @@ def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Pro
     values = tuple(_value(part, noun_of(told, problem)) for part in _said(told, problem)[:VALUES])
     return Cause(
         effect=one.effect,
-        words=pretty(f"{words[:1].upper()}{words[1:]}."),
+        words=pretty(f"{capital(words)}."),
         cause=card.cause,
         values=values,
         cure=pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),

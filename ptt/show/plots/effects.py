@@ -14,6 +14,7 @@ from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.cards import card_of
 from ptt.files import write_bytes
 from ptt.show.plots.atlas import LOAD, SPEED, UM, WARM, Field, Sign, effect_field, effect_sign, picture_theta
+from ptt.show.plots.common import round_down
 
 DPI = 120
 ARROWS = 15  # every so many points of the grid carry an arrow
@@ -58,7 +59,7 @@ def _draw_field(figure: Figure, panel: Axes, field: Field, kind: str) -> None:
             x[part], y[part], flat[..., 0], flat[..., 1], angles="xy", scale_units="xy", scale=scale, color="white",
             edgecolor="black", linewidth=0.4, width=0.006,
         )  # fmt: skip
-        nice = _round_down(largest)
+        nice = round_down(largest)
         panel.quiverkey(arrows, 0.72, -0.105, nice, f"{nice:g} um in x, y", labelpos="E", color="black")
     panel.set_box_aspect(1.0)  # both axes span the same length
     panel.set_xlabel("x [mm]")
@@ -87,9 +88,3 @@ def _draw_sign(figure: Figure, panel: Axes, sign: Sign) -> None:
     panel.set_xlabel(sign.labels[0])
     panel.set_ylabel(sign.labels[1])
     panel.set_title("sample run, no noise", fontsize=9, loc="left")
-
-
-def _round_down(value: float) -> float:
-    """Largest of 1, 2, 5 times a power of ten below a value."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-9)))

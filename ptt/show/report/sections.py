@@ -1,5 +1,6 @@
 """The sections of a report, in order."""
 
+from ptt.effects.phrases import capital
 from ptt.show.report.about_error import error_section, left_section
 from ptt.show.report.about_model import ladder_section, network_section, parameter_section
 from ptt.show.report.about_run import origin_section, run_section
@@ -56,8 +57,7 @@ def _verdict(contents: Contents) -> str:
     if found is None:
         return f"No verdict: {contents.given.why_not}."
     if contents.bare:
-        words = in_short(found)
-        return f"{words[0].upper()}{words[1:]}"
+        return capital(in_short(found))
     effects = ", ".join(contents.given.model.keys)
     before = contents.drawing.comparison.to_dict()["rms_um"]["total"]
     after = contents.given.comparison.to_dict()["rms_um"]["total"]

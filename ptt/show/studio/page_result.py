@@ -5,6 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
+from ptt.effects.phrases import capital
 from ptt.show.card.bar import COLOURS, MOST, bar_html
 from ptt.show.card.words import how_sure, length
 from ptt.show.studio.controller import LEARN, LONG, Studio
@@ -181,7 +182,7 @@ class ResultView:
             if finding["cure"]:
                 with ui.element("div").classes("st-step st-cure"):
                     ui.icon("build", size="17px").props('aria-hidden="true"')
-                    ui.label(f"{finding['cure'][:1].upper()}{finding['cure'][1:]}.")
+                    ui.label(f"{capital(finding['cure'])}.")
             if finding["off_scale"]:
                 ui.label("Far beyond what is usual: look at the drawing and the units too.").classes("st-tie")
             with ui.element("div").classes("st-tools").style("margin-top: 4px"):

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 from nicegui import ui
 
+from ptt.effects.phrases import capital
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import LONG, Studio
 from ptt.show.studio.looks import Look
@@ -98,7 +99,7 @@ def parted(lines: Sequence[str]) -> tuple[list[str], list[str]]:
     """
     first = [line for line in lines if line.startswith(FIRST)]
     told = [line.removeprefix(FIRST[0]) for line in first]
-    return [pretty(f"{words[:1].upper()}{words[1:]}.") for words in told], [line for line in lines if line not in first]
+    return [pretty(f"{capital(words)}.") for words in told], [line for line in lines if line not in first]
 
 
 def _noise(noise: object) -> str:
