@@ -190,23 +190,7 @@ def _measure(
     tell = progress or unwatched
     problem = problem.anchored()  # else a moved frame would pass for what an effect took
     hidden = folds(problem.table, FOLDS)
-    total, done = len(rungs) * (len(hidden) + 1), 0
-    fits: list[FitResult] = []
-    held_out = []
-    for name, kind, rung in rungs:
-        tell(name, done, total)
-        last = fits[-1] if fits else None
-        fits.append(
-            residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, problem, noise, last)
-        )
-        # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
-        if problem.table.rows > LONG:
-            held_out.append(_judged(hidden_residual(fits[-1], problem, hidden), problem, hidden))
-        else:
-            given = rung if kind == "given" else fits[-1].model
-            held_out.append(_held_out(given, kind, problem, fits[-1].noise, hidden))
-        done += len(hidden) + 1
-    tell("report", total, total)
+    fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
     rows = problem.used & ~fits[-1].outliers
     for residual in (*(item.residual for item in fits), *held_out):
         rows = rows & np.isfinite(residual).all(axis=1)
@@ -226,6 +210,28 @@ def _measure(
         protocol += "; moments, ranges and periods as all rows tell them"
     masked = masked_effects(steps[-1].fitted, problem)
     return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem), masked)
+
+
+def _fitted(
+    rungs: Sequence[tuple[str, str, Model]], problem: Problem, noise: Noise | None, hidden: Sequence[np.ndarray],
+    tell: Progress,
+) -> tuple[list[FitResult], list[np.ndarray]]:  # fmt: skip
+    """Every rung on all rows, and the residual of every row, (n, 3) mm, by a fit that did not see it."""
+    total, fits, held_out = len(rungs) * (len(hidden) + 1), list[FitResult](), list[np.ndarray]()
+    for number, (name, kind, rung) in enumerate(rungs):
+        tell(name, number * (len(hidden) + 1), total)
+        last = fits[-1] if fits else None
+        fits.append(
+            residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, problem, noise, last)
+        )
+        # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
+        if problem.table.rows > LONG:
+            held_out.append(_judged(hidden_residual(fits[-1], problem, hidden), problem, hidden))
+        else:
+            given = rung if kind == "given" else fits[-1].model
+            held_out.append(_held_out(given, kind, problem, fits[-1].noise, hidden))
+    tell("report", total, total)
+    return fits, held_out
 
 
 def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: Sequence[np.ndarray]) -> np.ndarray:
