@@ -79,6 +79,7 @@ class Options:
     date: datetime.date = field(default_factory=datetime.date.today)
 
 
+# What every format does: the model with its network, where to, what the user said -> what was written, what it leaves.
 Write = Callable[["Compensator", Path, Options], Exported]
 
 
@@ -88,7 +89,7 @@ class Format:
 
     Attributes:
         name: after --to.
-        module: where its `write(compensator, out, options) -> Exported` is.
+        module: where its `write` is.
         mechanisms: which machines it is for.
         about: one line.
         stepped: whether --step says anything to it.

@@ -23,16 +23,7 @@ DIGITS = 6
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
-    """Write a piece of printer.cfg; a, b, c are sliders 1, 2, 3, end stops at the upper ends of their travel.
-
-    Args:
-        compensator: the model.
-        out: the file.
-        options: what the user said.
-
-    Returns:
-        What was written, and what it leaves.
-    """
+    """Write a piece of printer.cfg; a, b, c are sliders 1, 2, 3, end stops at the upper ends of their travel."""
     return write_delta(compensator, out, options, Firmware("Klipper", "#", _lines, anticlockwise=True))
 
 

@@ -24,16 +24,7 @@ DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
-    """Write M665 and M666; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel.
-
-    Args:
-        compensator: the model.
-        out: the file.
-        options: what the user said.
-
-    Returns:
-        What was written, and what it leaves.
-    """
+    """Write M665 and M666; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel."""
     return write_delta(compensator, out, options, Firmware("Marlin", ";", _lines, anticlockwise=True))
 
 

@@ -24,16 +24,7 @@ TOWERS = np.array([210.0, 330.0, 90.0])  # deg, of X, Y, Z; so for Marlin too
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
-    """Write M665 and M666 for config.g; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel.
-
-    Args:
-        compensator: the model.
-        out: the file.
-        options: what the user said.
-
-    Returns:
-        What was written, and what it leaves.
-    """
+    """Write M665 and M666 for config.g; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel."""
     return write_delta(compensator, out, options, Firmware("RepRapFirmware", ";", _lines, tilted=True))
 
 

@@ -45,16 +45,7 @@ SHAPE = "each axis is corrected by its own position alone"
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
-    """Write a compensation table for each axis: AX1, AX2, ... are sliders or joints 1, 2, ..., in mm or degrees.
-
-    Args:
-        compensator: the model.
-        out: the file.
-        options: what the user said.
-
-    Returns:
-        What was written, and what it leaves.
-    """
+    """Write a compensation table for each axis: AX1, AX2, ... are sliders or joints 1, 2, ..., in mm or degrees."""
     ground = survey(compensator, options)
     unit = np.degrees(1.0) if compensator.model.file.machine.kind == "serial" else 1.0
     step = None if options.step is None else options.step / unit

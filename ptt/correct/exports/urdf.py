@@ -41,16 +41,7 @@ FAINT = 1e-7  # mm: a chain that leaves less is the model
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
-    """Write a URDF: links base_link, link_1, ..., tool; joints joint_1, ... turn by the commands of the controller.
-
-    Args:
-        compensator: the model of an arm.
-        out: the file.
-        options: what the user said.
-
-    Returns:
-        What was written, and what it leaves.
-    """
+    """Write a URDF: links base_link, link_1, ..., tool; joints joint_1, ... turn by the commands of the controller."""
     ground = survey(compensator, options)
     arm = build_mechanism(compensator.model.file.machine)
     assert isinstance(arm, Serial)
