@@ -22,7 +22,7 @@ import numpy as np
 from sweep_judge import leading
 
 from ptt.challenge.cases import draw, plan
-from ptt.challenge.score import remeasure
+from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.prefilled import prefilled

@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from ptt.challenge.hide import FAULTS
-from ptt.challenge.score import judge, remeasure
+from ptt.challenge.remeasure import remeasure
+from ptt.challenge.score import judge
 from ptt.challenge.truth import MICRO, READINGS, Truth, off_set_up, rms_length
 from ptt.model.model import Model
 from ptt.rig import simulate

@@ -24,7 +24,8 @@ from ptt.challenge.challenge import (
     write_challenge,
 )
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
-from ptt.challenge.score import judge, remeasure, score
+from ptt.challenge.remeasure import remeasure
+from ptt.challenge.score import judge, score
 from ptt.challenge.truth import MICRO, READINGS, find_truth, off_frame, off_set_up, reading_noise, rms_length, table_of
 from ptt.commands.challenge import app
 from ptt.diagnosis.verdict import diagnose

@@ -11,9 +11,10 @@ from ptt.dependence.chance import gumbel_tail, log_chance, slow_excess
 from ptt.dependence.contexts import context_views, joint_residual, level, residual_views
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of, depends_on
+from ptt.dependence.parts import by_level, part_of
 from ptt.dependence.periods import periodogram, refine_frequency, trial_frequencies
 from ptt.dependence.strata import find_poses, whiten
-from ptt.dependence.where import by_level, part_of, where_it_fails, worst_region
+from ptt.dependence.where import where_it_fails, worst_region
 from ptt.machine import parse_machine
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem

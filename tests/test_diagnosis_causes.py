@@ -10,7 +10,7 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
-from ptt.challenge.score import as_left, remeasure
+from ptt.challenge.remeasure import as_left, remeasure
 from ptt.challenge.truth import Truth, table_of
 from ptt.diagnosis import noise as noises
 from ptt.diagnosis.depends import _followed

@@ -12,7 +12,7 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
-from ptt.challenge.score import remeasure
+from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import exact, score, steps
 from ptt.diagnosis import find as finding

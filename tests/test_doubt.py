@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ptt.challenge.cases import draw, plan
-from ptt.challenge.score import remeasure
+from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis import verdict
 from ptt.diagnosis.doubt import tool_doubt

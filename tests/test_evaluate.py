@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.errors import TableError
-from ptt.judge.evaluate import compare_errors, errors_of, evaluate_pair, match_rows
+from ptt.judge.evaluate import compare_errors, errors_of, evaluate_pair
+from ptt.judge.match import match_rows
 from ptt.machine import load_machine
 from ptt.run.table import make_table, write_table
 

@@ -30,7 +30,8 @@ from ptt.run.viewing import build_view
 from ptt.show.card.words import pretty
 from ptt.show.report import interactive
 from ptt.show.report.blocks import side_by_side
-from ptt.show.report.contents import Contents, gather, with_network
+from ptt.show.report.contents import Contents
+from ptt.show.report.gather import gather, with_network
 from ptt.show.report.html import render, write_report
 from ptt.show.report.numbers import chance, percent, plus_minus
 from ptt.show.report.sections import sections_of

@@ -8,7 +8,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
-from ptt.judge.evaluate import evaluate_pair, match_rows
+from ptt.judge.evaluate import evaluate_pair
+from ptt.judge.match import match_rows
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
 from ptt.run.problem import build_problem

@@ -13,7 +13,8 @@ from ptt.correct.doubt import doubtful
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.kept import kept_covariance
 from ptt.judge.history import record
-from ptt.judge.ladder.climb import Ladder, climb
+from ptt.judge.ladder.climb import climb
+from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
 from ptt.machine_schema import TrackerSpec
 from ptt.model.entries import read_model

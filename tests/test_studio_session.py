@@ -29,7 +29,7 @@ from ptt.machine import parse_machine
 from ptt.machine_schema import EffectEntry, ParameterEntry
 from ptt.run.readers import Mapping
 from ptt.show.card.solids import arrows
-from ptt.show.report.contents import gather
+from ptt.show.report.gather import gather
 from ptt.show.report.of_run import report_run
 from ptt.show.studio import arrow_figure, figures, jobs, ladder_figures, machine_figure, opening
 from ptt.show.studio.answers import agreed

@@ -1,19 +1,15 @@
 """How well a model names what is hidden in a rig: found, missed, added wrongly; and what compensation makes of it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import pandas as pd
-from scipy.spatial.transform import Rotation
 
-from ptt.challenge.truth import MICRO, READINGS, UNSEEN, Fault, Truth, table_of
-from ptt.correct.compensate import Correction, compensate
-from ptt.errors import WorkspaceError
+from ptt.challenge.remeasure import ToolError, remeasure
+from ptt.challenge.truth import MICRO, UNSEEN, Fault, Truth
+from ptt.correct.compensate import Correction
 from ptt.model.model import Model, parameter_names
-from ptt.rig import Rig, RunResult, simulate
-from ptt.rig.draw import DrawnRig
 from ptt.run.noise import Noise
 
 Found = Literal["found", "explained", "missed", "too small"]
@@ -40,29 +36,6 @@ class Judgement:
     def right(self) -> bool:
         """Whether everything that counts is found or explained, and nothing was added wrongly."""
         return "missed" not in self.faults.values() and not {"wrong", "partial"} & set(self.named.values())
-
-
-@dataclass(frozen=True)
-class ToolError:
-    """Where the tool really went against where it was wanted, without noise, after the best rigid motion.
-
-    The motion is one for each run where the machine file sets the tracker up anew each time, and none where it trusts
-    the tracker's frame.
-
-    Attributes:
-        before: (n, 3) mm, with the controller's own commands.
-        after: (n, 3) mm, with the model's commands; None where the machine cannot follow them.
-        missed: by how much the commands themselves say that they miss their targets, (n,) mm, as at a reversal that no
-            command can take; None where they cannot be sent.
-    """
-
-    before: np.ndarray
-    after: np.ndarray | None
-    missed: np.ndarray | None = None
-
-    def to_dict(self) -> dict[str, dict[str, float] | None]:
-        """Root mean squares for JSON, um."""
-        return {"before": _rms(self.before), "after": None if self.after is None else _rms(self.after)}
 
 
 @dataclass(frozen=True)
@@ -176,67 +149,6 @@ def score(model: Model, truth: Truth, correction: Correction | None = None) -> S
     )
 
 
-def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = None) -> ToolError:
-    """Send a model's commands for the run's own targets to the rig, as the run has left it.
-
-    What counts is where the run was read: of places that it only passed, on its way to a pose, no reading tells.
-
-    Args:
-        model: effects with their parameters.
-        drawn: the rig and its targets.
-        correction: what a network adds to the commands.
-
-    Returns:
-        The tool's error before and after.
-    """
-    drawn = replace(drawn, rig=as_left(drawn.rig))
-    before = simulate(drawn.rig, drawn.targets, noise=False)
-    poses = before.frame["role"] != "base"
-    wanted = table_of(before.frame[poses])
-    read, missed = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None
-    try:
-        commands = compensate(model, wanted, correction=correction)
-        if not commands.sent.all():
-            return ToolError(_error(before, drawn, read), None)
-        missed = commands.missed[read]
-        sent = pd.DataFrame(commands.q, columns=drawn.rig.sent)
-        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn, read)
-    except WorkspaceError:
-        after = None
-    return ToolError(_error(before, drawn, read), after, missed)
-
-
-def as_left(rig: Rig) -> Rig:
-    """The rig after its run: what slipped or was knocked over in the middle of it stays so.
-
-    Args:
-        rig: before its run.
-
-    Returns:
-        The same with slider or tripod off its place from the first row on.
-    """
-    for name, what in (("drive", "slip"), ("tracker", "knock")):
-        section = getattr(rig, name)
-        if getattr(section, f"{what}_row") is not None or getattr(section, f"{what}_time_s") is not None:
-            off = section.model_copy(update={f"{what}_row": 0, f"{what}_time_s": None})
-            rig = replace(rig, **{name: off})
-    return rig
-
-
-def to_run_again(rig: Rig) -> Rig:
-    """The rig as its run has left it, for targets that list that run whole: each visit and each cycle's load.
-
-    Args:
-        rig: before its run.
-
-    Returns:
-        The same with nothing that would be visited more often than it is listed.
-    """
-    left = as_left(rig)
-    conditions = left.conditions.model_copy(update={"cycles": 1})
-    return replace(left, conditions=conditions, tracker=left.tracker.model_copy(update={"datum_every": 0}))
-
-
 def _explained(fault: Fault, keys: Sequence[str], truth: Truth) -> bool:
     """Whether the effects named do all the work of a fault that was not."""
     if fault.known:
@@ -247,27 +159,6 @@ def _explained(fault: Fault, keys: Sequence[str], truth: Truth) -> bool:
 def _works(key: str, keys: Sequence[str], truth: Truth) -> bool:
     """Whether an effect takes something off the run without noise that the others do not."""
     return truth.left([other for other in keys if other != key]) - truth.left(keys) >= UNSEEN
-
-
-def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray) -> np.ndarray:
-    poses = np.flatnonzero(run.frame["role"] != "base")[read]
-    wanted, went = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)[poses], run.truth[poses]
-    policy = drawn.rig.machine.tracker.frame
-    if policy == "trusted":
-        return went - wanted
-    label = run.frame["run"].to_numpy()[poses] if policy == "fitted-per-run" else np.zeros(len(went))
-    error = np.empty_like(went)
-    for one in np.unique(label):
-        rows = label == one
-        goal, here = wanted[rows] - wanted[rows].mean(axis=0), went[rows] - went[rows].mean(axis=0)
-        error[rows] = Rotation.align_vectors(goal, here)[0].apply(here) - goal
-    return error
-
-
-def _rms(error: np.ndarray) -> dict[str, float]:
-    squares = MICRO**2 * np.square(error).mean(axis=0)
-    axes: Mapping[str, float] = {axis: float(np.sqrt(square)) for axis, square in zip("xyz", squares, strict=True)}
-    return {**axes, "total": float(np.sqrt(squares.sum()))}
 
 
 def _read_parameters(model: Model) -> dict[str, tuple[tuple[str, float, float | None], ...]]:

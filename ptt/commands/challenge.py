@@ -81,7 +81,7 @@ def reveal(
 ) -> None:
     """Open the seal: what was hidden, what the model says, and where its commands put the real tool."""
     from ptt.challenge.challenge import MACHINE
-    from ptt.challenge.score import to_run_again
+    from ptt.challenge.remeasure import to_run_again
     from ptt.door.model import load
     from ptt.door.revealing import reveal as open_seal
     from ptt.files import write_text

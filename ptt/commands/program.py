@@ -91,7 +91,7 @@ def _read(source: Path) -> tuple[str, str, str]:
 
 def _context(set_: list[str] | None) -> dict[str, float]:
     from ptt.errors import InputError
-    from ptt.run.readers.assemble import require_number
+    from ptt.run.readers.required import require_number
 
     values = parse_settings(set_ or ())
     strange = [key for key in values if key not in CONTEXT]

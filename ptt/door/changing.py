@@ -16,7 +16,8 @@ from ptt.effects import Library
 from ptt.errors import ModelError
 from ptt.fitting.report import format_fit
 from ptt.judge.history import record
-from ptt.judge.ladder.climb import Ladder, Step, climb, descend
+from ptt.judge.ladder.climb import climb, descend
+from ptt.judge.ladder.ladder import Ladder, Step
 from ptt.judge.ladder.text import format_ladder
 from ptt.progress import Progress, unwatched
 

@@ -17,17 +17,10 @@ from ptt.door.model import Model
 from ptt.door.opened import check_rows
 from ptt.door.options import Reading
 from ptt.door.outputs import refuse_readings
-from ptt.door.predicting import (
-    frame_figures,
-    require_reversal,
-    sliders_columns,
-    summary_of,
-    tell_frames,
-    text_of_figures,
-    warnings_of,
-)
+from ptt.door.predicting import require_reversal, tell_frames, warnings_of
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Targets
+from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
 from ptt.files import write_parts
 from ptt.fitting.chunks import CHUNK, STRETCH

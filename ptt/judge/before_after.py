@@ -7,7 +7,8 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.judge.compare.comparison import figures
-from ptt.judge.evaluate import errors_of, match_rows
+from ptt.judge.evaluate import errors_of
+from ptt.judge.match import match_rows
 from ptt.machine import MachineFile
 from ptt.run.table import Table
 

@@ -1,13 +1,13 @@
 """Error reduction, eq. 21 of the source paper: P_g = (A_b - A_a)/A_b x 100 %, A the mean absolute error of one axis."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from ptt.errors import TableError
+from ptt.judge.match import match_rows, targets_of
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
 from ptt.run.frames import align
@@ -124,7 +124,7 @@ def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) 
         TableError: too few readings, no targets, base reflectors missing.
     """
     policy = frame or (file.tracker.frame if file is not None else "fitted")
-    target = _targets(table, file)
+    target = targets_of(table, file)
     pose = (table.role != "base") & np.isfinite(target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
     if not pose.any():
         raise TableError("no row has both a target and a reading", where=table.source, fix="check columns and roles")
@@ -176,7 +176,7 @@ def evaluate_pair(
     ]  # fmt: skip
     protocol = {
         "rows": len(first),
-        "poses": count_places(_targets(before, file)[first]),
+        "poses": count_places(targets_of(before, file)[first]),
         "frame": one.frame,
         "z_datum": z_datum,
         "measured": True,
@@ -187,49 +187,9 @@ def evaluate_pair(
     return Evaluation(pick[0], pick[1], protocol, (pick[2], pick[3]), two.noise, unmatched, matched=(first, second))
 
 
-def match_rows(
-    before: Table, after: Table, usable_before: np.ndarray, usable_after: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, dict[str, list[str]]]:
-    """Pair rows by name where both runs name their poses, else by target; repeats by their order.
-
-    Args:
-        before: n rows.
-        after: m rows.
-        usable_before: rows to be paired, (n,) bool.
-        usable_after: rows to be paired, (m,) bool.
-
-    Returns:
-        Row numbers in `before` and in `after`, and the rows left over, in words, under 'before' and 'after'.
-    """
-    by_name = bool(set(before.name[usable_before]) & set(after.name[usable_after]) - {""})
-    place = same_places(np.concatenate([before.target, after.target]))
-    places = place[: before.rows], place[before.rows :]
-    keys = [
-        _keys(table, usable, by_name, own)
-        for table, usable, own in zip((before, after), (usable_before, usable_after), places, strict=True)
-    ]
-    second_of = keys[1]
-    pairs = [(row, second_of[key]) for key, row in keys[0].items() if key in second_of]
-    open_ = [np.isnan(table.target).any(axis=1) for table in (before, after)]
-    pairs = [(i, j) for i, j in pairs if places[0][i] == places[1][j] or open_[0][i] or open_[1][j]]
-    first, second = ([pair[side] for pair in pairs] for side in (0, 1))
-    unmatched = {
-        "before": _left_over(before, set(keys[0].values()) - set(first)),
-        "after": _left_over(after, set(keys[1].values()) - set(second)),
-    }
-    return np.array(first, dtype=int), np.array(second, dtype=int), unmatched
-
-
 def _reduction(before: float, after: float) -> dict[str, Any]:
     gained = 100.0 * (before - after) / before if before > 0.0 else None
     return {"before_um": before, "after_um": after, "reduction_percent": gained}
-
-
-def _targets(table: Table, file: MachineFile | None) -> np.ndarray:
-    """(n, 3) mm; where a run has joint commands only, what they ask of the drawing."""
-    if file is None or np.isfinite(table.target).all(axis=1)[table.role != "base"].all():
-        return table.target
-    return np.where(np.isfinite(table.target), table.target, build_problem(file, table).target)
 
 
 def _align(
@@ -272,18 +232,3 @@ def _refer_z(errors: np.ndarray, table: Table, index: np.ndarray, z_datum: Datum
         same = usable[same_places(table.target[usable]) == 0]
         picked[:, 2] -= errors[same, 2].mean()
     return picked
-
-
-def _keys(table: Table, usable: np.ndarray, by_name: bool, place: np.ndarray) -> dict[tuple[Any, int], int]:
-    """(name or number of the place, occurrence) -> row."""
-    seen: Counter[Any] = Counter()
-    keys = {}
-    for row in np.flatnonzero(usable):
-        key = str(table.name[row]) if by_name and table.name[row] else int(place[row])
-        keys[(key, seen[key])] = int(row)
-        seen[key] += 1
-    return keys
-
-
-def _left_over(table: Table, rows: Sequence[int] | set[int]) -> list[str]:
-    return [f"{table.place(row)} {table.name[row]}".strip() for row in sorted(rows)]

@@ -10,7 +10,7 @@ from typing import Any
 from ptt.errors import MachineError
 from ptt.files import sha256
 from ptt.fitting.kept import keep_covariance
-from ptt.judge.ladder.climb import Ladder, Step
+from ptt.judge.ladder.ladder import Ladder, Step
 from ptt.machine import MachineFile
 from ptt.model.entries import write_model
 from ptt.model.model import Model

@@ -6,7 +6,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ptt.dependence.where import PartError, WorstRow
+from ptt.dependence.parts import PartError
+from ptt.dependence.where import WorstRow
 from ptt.judge.compare.comparison import UM, Comparison, figures, one_figure
 
 SHOWN_ROWS = 5

@@ -1,9 +1,8 @@
 """Add, refit, watch the error fall: errors after each step, on training rows and on rows that no parameter saw."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -11,87 +10,22 @@ from ptt.effects import Effect
 from ptt.errors import ModelError, PosesError
 from ptt.fitting.chunks import LONG
 from ptt.fitting.long import hidden_residual
-from ptt.fitting.masked import Masked, masked_effects
-from ptt.fitting.report import FitReport, report_fit
+from ptt.fitting.masked import masked_effects
+from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, hold, residual_of, rms
+from ptt.judge.ladder.ladder import Ladder, Step
 from ptt.judge.ladder.rung import fit_rung
 from ptt.model.model import Model, Term
 from ptt.progress import Progress, unwatched
-from ptt.record import Record
 from ptt.run.holdout import folds, pose_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.ranges import ranges_of
 
 FOLDS = 5
-CHANCE = 2.0  # standard errors by which the held-out error must fall before it counts as fallen
 FRAME_ROWS = 4  # readings of a frame that must stay visible for its hidden ones to be judged
 GIVEN, REFIT = "as given", "refit"
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step of a ladder.
-
-    Attributes:
-        effect: what was added or removed; 'as given' and 'refit' before anything was.
-        kind: 'given', 'refit', 'added' or 'removed'.
-        rms_um: error of the rows it was fitted on, x, y, z, total.
-        heldout_rms_um: error of rows that were hidden from the fit.
-        fall: fall of the held-out squared error against the step before, in its own standard errors.
-        fitted: the model after the step with its fit.
-    """
-
-    effect: str
-    kind: str
-    rms_um: dict[str, float]
-    heldout_rms_um: dict[str, float]
-    fall: float
-    fitted: FitResult
-
-    @property
-    def helped(self) -> bool:
-        """Whether held-out errors fell by more than chance would make them (removed: did not rise by more)."""
-        return self.fall > -CHANCE if self.kind == "removed" else self.fall > CHANCE
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        own = {"effect": self.effect, "kind": self.kind, "rms_um": self.rms_um, "heldout_rms_um": self.heldout_rms_um}
-        return own if self.kind == "given" else {**own, "helped": self.helped, "fall_in_standard_errors": self.fall}
-
-
-@dataclass(frozen=True)
-class Ladder(Record):
-    """The steps from the model as given on.
-
-    Attributes:
-        steps: the model as given first.
-        report: of the last fit.
-        noise_um: the line to reach.
-        protocol: which rows were held out.
-        notes: what was done besides, in words.
-        ranges: column -> lowest and highest load, temperature and speed of the run.
-        masked: what the run says of effects that the model does not have.
-    """
-
-    keys: ClassVar[str] = (
-        "steps, noise_um, rows: report.rows, parameters: report.values, unobservable: report.unobservable, "
-        "protocol, stretches: report.stretches, notes, fit: report"
-    )
-
-    steps: tuple[Step, ...]
-    report: FitReport
-    noise_um: dict[str, Any]
-    protocol: str
-    notes: tuple[str, ...] = ()
-    ranges: dict[str, list[float]] = field(default_factory=dict)
-    masked: Masked | None = None
-
-    @property
-    def model(self) -> Model:
-        """The model after the last step."""
-        return self.steps[-1].fitted.model
 
 
 def climb(

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from ptt.judge.ladder.climb import CHANCE, Ladder, Step
+from ptt.judge.ladder.ladder import CHANCE, Ladder, Step
 
 _AXES = ("x", "y", "z", "total")
 

@@ -1,26 +1,25 @@
 """From the columns of a file to the arrays of a table: what must be there, what may, and which values are allowed."""
 
-import re
 from collections.abc import Mapping as Dictionary
 from typing import Any
 
 import numpy as np
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import dimension_of, file_title, greatest, least, split_joint
+from ptt.run.readers.columns import file_title, split_joint
 from ptt.run.readers.export import Export
+from ptt.run.readers.required import (
+    CONTEXT,
+    SETTABLE,
+    foreign_to,
+    place,
+    refuse_missing,
+    require_cells,
+    require_columns,
+    require_number,
+)
 
-SHOWN = 12  # titles that a message lists
 ROLES = ("pose", "base", "datum")
-SETTABLE = {
-    "payload_kg": "payload",
-    "temp_c": "temp",
-    "feed_mm_s": "feed",
-    "x_std": "x_std",
-    "y_std": "y_std",
-    "z_std": "z_std",
-}
-_CONTEXT = {"time_s": "time", "payload_kg": "payload", "temp_c": "temp", "feed_mm_s": "feed"}
 
 
 def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tuple[dict[str, Any], list[str]]:
@@ -41,8 +40,8 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
     columns = export.columns
     role = _roles(export)
     target, command = _block(export, ["x_cmd", "y_cmd", "z_cmd"]), _commands(export, joints, prefix)
-    _require_columns(export, target, command, prefix, joints, purpose)
-    _require_cells(export, target, command, role == "base", prefix)
+    require_columns(export, target, command, prefix, joints, purpose)
+    require_cells(export, target, command, role == "base", prefix)
     run, labels = _runs(export)
     if purpose == "run":
         _require_labels(export, run, labels, role == "base")
@@ -55,7 +54,7 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
         "run": run,
         "run_label": labels,
         "repeat": columns.get("repeat", np.full(export.n, np.nan)),
-        **{field: columns.get(quantity) for field, quantity in _CONTEXT.items()},
+        **{field: columns.get(quantity) for field, quantity in CONTEXT.items()},
         "direction": _directions(export, joints),
         "torque": _filled(export, [f"tau{i + 1}" for i in range(joints)], None),
         "std": _stds(export),
@@ -90,24 +89,6 @@ def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.
     return export.columns | {SETTABLE[name]: np.full(export.n, float(value)) for name, value in values.items()}
 
 
-def require_number(name: str, value: float) -> None:
-    """Refuse a value that is set for all rows and that no machine can mean.
-
-    Args:
-        name: as in 'payload_kg'.
-        value: of it.
-
-    Raises:
-        TableError: not finite, or beyond any machine.
-    """
-    if not np.isfinite(value):
-        raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
-    if abs(value) > greatest({**_CONTEXT, **SETTABLE}[name]):
-        raise TableError(f"{name} = {value:g} is beyond any machine", where="--set", fix="correct it")
-    if value < (low := least({**_CONTEXT, **SETTABLE}[name])):
-        raise TableError(f"{name} = {value:g} is less than there can be ({low:g})", where="--set", fix="correct it")
-
-
 def _nan(n: int, width: int) -> np.ndarray:
     return np.full((n, width), np.nan)
 
@@ -118,7 +99,7 @@ def _block(export: Export, names: list[str]) -> np.ndarray | None:
     if len(missing) == len(names):
         return None
     if missing:
-        _refuse_missing(export, missing, f"the other{'s' if len(names) > 2 else ''} of {', '.join(names)} are there")
+        refuse_missing(export, missing, f"the other{'s' if len(names) > 2 else ''} of {', '.join(names)} are there")
     return np.column_stack([export.columns[name] for name in names])
 
 
@@ -138,77 +119,6 @@ def _commands(export: Export, joints: int, prefix: str) -> np.ndarray | None:
             fix="use the machine file that belongs to this run",
         )
     return _block(export, [f"{prefix}{i + 1}_cmd" for i in range(joints)])
-
-
-def _require_columns(
-    export: Export, target: np.ndarray | None, command: np.ndarray | None, prefix: str, joints: int, purpose: str
-) -> None:
-    if purpose == "sliders" and command is None:
-        _refuse_missing(export, [f"{prefix}{i + 1}" for i in range(joints)], "they are the commands to send")
-    if purpose == "run":
-        missing = [f"{axis}_meas" for axis in "xyz" if f"{axis}_meas" not in export.columns]
-        if missing:
-            _refuse_missing(export, missing, "they are the tracker's readings")
-    if command is None and purpose == "run":
-        _refuse_foreign(export, prefix, joints)
-    if target is None and command is None:
-        _refuse_foreign(export, prefix, joints)
-        other = f"{file_title(f'{prefix}1_cmd')} to {file_title(f'{prefix}{joints}_cmd')}"
-        where = f"neither they nor {other} are there; readings alone are paired with --targets T.csv"
-        _refuse_missing(export, ["x_cmd", "y_cmd", "z_cmd"], where)
-
-
-def _refuse_foreign(export: Export, prefix: str, joints: int) -> None:
-    """An arm's run with the machine file of a 3-PTT, or the reverse: no column would help.
-
-    Three joints beside targets may be the sliders of a controller that calls them axes.
-    """
-    foreign = _foreign(export, prefix)
-    axes = prefix == "b" and len(foreign) == joints and "x_cmd" in export.columns
-    if foreign and not axes:
-        own = "an arm, whose joints are" if prefix == "q" else "a 3-PTT, whose sliders are"
-        raise TableError(
-            f"run and machine do not belong together: the commands are {', '.join(foreign)}, and the machine is {own} "
-            f"{prefix}1 to {prefix}{joints}",
-            where=export.source,
-            fix="use the machine file that belongs to this run",
-        )
-
-
-def _refuse_missing(export: Export, names: list[str], why: str) -> None:
-    ignored = export.understood.ignored
-    more = ", ..." if len(ignored) > SHOWN else ""
-    kept = f"; columns not understood: {', '.join(map(shown, ignored[:SHOWN]))}{more}" if ignored else ""
-    word = "columns are" if len(names) > 1 else "column is"
-    titles = ", ".join(file_title(name) if dimension_of(name) else name for name in names)
-    raise TableError(
-        f"{word} missing: {titles} ({why}{kept})",
-        where=export.source,
-        fix="add the column, or say with --map FILE.toml which one it is",
-    )
-
-
-def _require_cells(
-    export: Export, target: np.ndarray | None, command: np.ndarray | None, is_base: np.ndarray, prefix: str
-) -> None:
-    """Each row needs its joint commands where the file has such columns, else its target; base points need neither."""
-    block = command if command is not None else target
-    if block is None:
-        return
-    empty = np.argwhere(np.isnan(block) & ~is_base[:, None])
-    if empty.size:
-        row, column = (int(index) for index in empty[0])
-        title = file_title(f"{prefix}{column + 1}_cmd") if command is not None else f"{'xyz'[column]}_cmd"
-        raise TableError(
-            "empty command",
-            where=place(export, row, title),
-            fix="fill in what was sent, or remove the row with its reading",
-        )
-
-
-def place(export: Export, row: int, title: str) -> str:
-    """`run.csv row 41, column x_meas`."""
-    return f"{export.source} row {export.line[row]}, column {title}"
 
 
 def _roles(export: Export) -> np.ndarray:
@@ -289,11 +199,5 @@ def _stds(export: Export) -> np.ndarray | None:
 
 
 def _warnings(export: Export, prefix: str) -> list[str]:
-    foreign = _foreign(export, prefix)
+    foreign = foreign_to(export, prefix)
     return [f"not used: {', '.join(foreign)} (this machine's joints are {prefix}1..)"] if foreign else []
-
-
-def _foreign(export: Export, prefix: str) -> list[str]:
-    """Titles of joint commands of the other kind of machine."""
-    other = "q" if prefix == "b" else "b"
-    return [file_title(name) for name in export.columns if re.fullmatch(rf"{other}[1-9]\d*_cmd", name)]

@@ -9,7 +9,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.judge.history import AXES, Entry
-from ptt.judge.ladder.climb import Ladder
+from ptt.judge.ladder.ladder import Ladder
 from ptt.show.plots.common import save
 
 DPI = 150

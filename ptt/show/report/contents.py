@@ -1,49 +1,24 @@
 """Everything a report says, gathered once as values: the same results that the other verbs give."""
 
-import platform
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
-from functools import partial
-from importlib.metadata import PackageNotFoundError, version
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-import torch
-
-from ptt.correct.training.compensator import Compensator
-from ptt.correct.training.heldout import evaluate_heldout
-from ptt.correct.training.protocols import PROTOCOLS
-from ptt.diagnosis.floor import noise_floor
-from ptt.diagnosis.long import choose_diagnosis
 from ptt.diagnosis.verdict import Diagnosis
-from ptt.effects.registry import Library, library
-from ptt.errors import InputError, ModelError
-from ptt.judge.before_after import BeforeAfter, compare_pair
-from ptt.judge.compare.comparison import Comparison, compare_run
+from ptt.effects.registry import Library
+from ptt.judge.before_after import BeforeAfter
+from ptt.judge.compare.comparison import Comparison
 from ptt.judge.evaluate import Evaluation
-from ptt.judge.history import Entry, read_entries, runs_of
-from ptt.judge.iso.figures import IsoPoses, iso_of_poses
-from ptt.judge.ladder.climb import Ladder, climb
+from ptt.judge.history import Entry
+from ptt.judge.iso.figures import IsoPoses
+from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile
-from ptt.mechanisms import build_mechanism
-from ptt.model.entries import read_model
 from ptt.model.model import Model
-from ptt.progress import Progress, Tell, unwatched
-from ptt.run.problem import Problem, build_problem
-from ptt.run.table import Table
+from ptt.run.problem import Problem
 from ptt.run.taken import set_up
-from ptt.show.report.commands import Command, commands_of
-from ptt.show.report.facts import RunFacts, facts_of
-from ptt.show.report.network import NetworkFacts, network_facts
-from ptt.show.report.source import MadeOf, shown_table
-from ptt.version import __version__
-
-PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
-STAGES = 6  # of a report
-NOTHING_TO_JUDGE = "the model has no effects and no network: there is no after to hold against the before"
-
-Found = TypeVar("Found")
+from ptt.show.report.commands import Command
+from ptt.show.report.facts import RunFacts
+from ptt.show.report.network import NetworkFacts
+from ptt.show.report.source import MadeOf
 
 
 @dataclass(frozen=True)
@@ -137,157 +112,6 @@ class Contents:
         }
 
 
-def gather(
-    table: Table,
-    machine: MachineFile | Compensator,
-    source: MadeOf | None = None,
-    *,
-    known: Library | None = None,
-    problem: Problem | None = None,
-    after: Table | None = None,
-    found_drawing: Diagnosis | None = None,
-    found_given: Diagnosis | None = None,
-    progress: Progress | None = None,
-) -> Contents:
-    """Work out everything that a report says.
-
-    Args:
-        table: the rows, n of them.
-        machine: machine with its model, or a compensator with its network.
-        source: files and options; None where there are no files to name.
-        known: effects by name; None for the library.
-        problem: the same table seen through the machine; None builds it.
-        after: a later run of the same machine, to be held beside this one.
-        found_drawing: what is missing from the drawing, where that is known; None works it out.
-        found_given: the same of the model.
-        progress: told what is done, how much of how much.
-
-    Returns:
-        The contents.
-
-    Raises:
-        InputError: run and machine cannot be brought together.
-    """
-    tell, source, known = progress or unwatched, source or MadeOf(), known or library()
-    compensator = machine if isinstance(machine, Compensator) else Compensator(read_model(machine, known), None, {})
-    model, shown = compensator.model, shown_table(table, source)
-    problem = replace(problem or build_problem(model.file, table), table=shown)
-    why: dict[str, str] = {}
-    say = partial(_say, tell, "the drawing", 0)
-    drawing = _look(Model(model.file), problem, known, source, found_drawing, say)
-    if not model.terms:
-        given = drawing
-    else:
-        given = _look(model, problem, known, source, found_given, partial(_say, tell, "the model", 1))
-    tell("fit", 2, STAGES)
-    noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
-    refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=tell), source)
-    tell("evaluate", 3, STAGES)
-    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem, tell), source) or {}
-    tell("iso", 4, STAGES)
-    iso = _unless("iso", why, lambda: _iso(problem), source)
-    entries = _unless("history", why, lambda: read_entries(model.file), source) or ()
-    ladders = tuple(tuple(ladder) for ladder in runs_of(entries))
-    tell("write", 5, STAGES)
-    return Contents(
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        source=source,
-        facts=facts_of(problem),
-        problem=problem,
-        known=known,
-        drawing=drawing,
-        given=given,
-        ladders=ladders,
-        refit=refit,
-        evaluation=evaluation,
-        network=None if compensator.network is None else network_facts(compensator, problem, source),
-        iso=iso,
-        why_not=why,
-        versions=_versions(),
-        commands=commands_of(source, model, compensator.network is not None),
-        pair=None if after is None else compare_pair(shown, shown_table(after, source), model.file),
-    )
-
-
 def _aside(look: ModelLook) -> dict[str, list[str]]:
     """Effects of other runs, as the verbs tell them."""
     return {"other_runs": [term.effect.key for term in look.model.aside]}
-
-
-def with_network(model: Compensator, trained: Compensator, where: str) -> Compensator:
-    """A model beside the network that was trained on what it leaves.
-
-    Args:
-        model: the model.
-        trained: from a compensator folder.
-        where: name of that folder, for messages.
-
-    Returns:
-        The model with the network.
-
-    Raises:
-        ModelError: the folder has no network, or it was trained on another model.
-    """
-    if trained.network is None:
-        raise ModelError("no network in it", where=where, fix="name the folder that train.py wrote")
-    if trained.model.keys != model.model.keys or trained.model.file.machine != model.model.file.machine:
-        theirs, ours = (", ".join(one.model.keys) or "no effects" for one in (trained, model))
-        what = f"trained on another model ({theirs}) than the one given ({ours})"
-        raise ModelError(what, where=where, fix="train it again on this model, or name it as --model")
-    return replace(model, network=trained.network, notes=trained.notes)
-
-
-def _say(tell: Progress, of: str, stage: int, what: str) -> None:
-    tell(f"{of}: {what}", stage, STAGES)
-
-
-def _look(
-    model: Model, problem: Problem, known: Library, source: MadeOf, found: Diagnosis | None, tell: Tell
-) -> ModelLook:
-    why: dict[str, str] = {}
-    noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
-    diagnose = choose_diagnosis(problem.table.rows)
-    if found is None:
-        found = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
-    tell("compare")
-    return ModelLook(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
-
-
-def _unless(what: str, why: dict[str, str], action: Callable[[], Found], source: MadeOf) -> Found | None:
-    """A result, or the note why the run does not give one."""
-    try:
-        return action()
-    except InputError as error:
-        why[what] = source.clean(str(error))
-        return None
-
-
-def _evaluate(compensator: Compensator, problem: Problem, tell: Progress) -> dict[str, Evaluation]:
-    if not compensator.model.terms and compensator.network is None:
-        raise ModelError(NOTHING_TO_JUDGE)
-    return {
-        name: evaluate_heldout(compensator, problem, make(problem), progress=tell) for name, make in PROTOCOLS.items()
-    }
-
-
-def _iso(problem: Problem) -> IsoPoses:
-    """As `ptt iso` does: targets that the file leaves out are what the commands ask for."""
-    table = problem.table
-    if table.command is not None:
-        reached = build_mechanism(problem.file.machine).forward(torch.as_tensor(table.command)).numpy()
-        table = table.replace(target=np.where(np.isnan(table.target), reached, table.target))
-    return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run")
-
-
-def _versions() -> tuple[tuple[str, str], ...]:
-    return (("ptt", __version__), ("python", platform.python_version()), *_installed(PACKAGES))
-
-
-def _installed(names: Sequence[str]) -> list[tuple[str, str]]:
-    found = []
-    for name in names:
-        try:
-            found.append((name, version(name)))
-        except PackageNotFoundError:
-            continue
-    return found

@@ -16,7 +16,8 @@ from ptt.run.problem import Problem
 from ptt.run.table import Table
 from ptt.show.card.words import length, together, value_in_words
 from ptt.show.report.card import top_card
-from ptt.show.report.contents import Contents, gather
+from ptt.show.report.contents import Contents
+from ptt.show.report.gather import gather
 from ptt.show.report.interactive import interactive_parts
 from ptt.show.report.pictures import data_uri, draw_pictures
 from ptt.show.report.sections import sections_of

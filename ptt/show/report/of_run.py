@@ -8,7 +8,8 @@ from ptt.door.opened import Opened
 from ptt.door.options import Reading
 from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
-from ptt.show.report.contents import Contents, with_network
+from ptt.show.report.contents import Contents
+from ptt.show.report.gather import with_network
 from ptt.show.report.html import write_report
 from ptt.show.report.source import MadeOf, source_of
 

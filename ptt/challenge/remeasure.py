@@ -1,0 +1,120 @@
+"""A rig measured again without noise with the commands of a model: how far its tool is off."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from ptt.challenge.truth import MICRO, READINGS, table_of
+from ptt.correct.compensate import Correction, compensate
+from ptt.errors import WorkspaceError
+from ptt.model.model import Model
+from ptt.rig import Rig, RunResult, simulate
+from ptt.rig.draw import DrawnRig
+
+
+@dataclass(frozen=True)
+class ToolError:
+    """Where the tool really went against where it was wanted, without noise, after the best rigid motion.
+
+    The motion is one for each run where the machine file sets the tracker up anew each time, and none where it trusts
+    the tracker's frame.
+
+    Attributes:
+        before: (n, 3) mm, with the controller's own commands.
+        after: (n, 3) mm, with the model's commands; None where the machine cannot follow them.
+        missed: by how much the commands themselves say that they miss their targets, (n,) mm, as at a reversal that no
+            command can take; None where they cannot be sent.
+    """
+
+    before: np.ndarray
+    after: np.ndarray | None
+    missed: np.ndarray | None = None
+
+    def to_dict(self) -> dict[str, dict[str, float] | None]:
+        """Root mean squares for JSON, um."""
+        return {"before": _rms(self.before), "after": None if self.after is None else _rms(self.after)}
+
+
+def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = None) -> ToolError:
+    """Send a model's commands for the run's own targets to the rig, as the run has left it.
+
+    What counts is where the run was read: of places that it only passed, on its way to a pose, no reading tells.
+
+    Args:
+        model: effects with their parameters.
+        drawn: the rig and its targets.
+        correction: what a network adds to the commands.
+
+    Returns:
+        The tool's error before and after.
+    """
+    drawn = replace(drawn, rig=as_left(drawn.rig))
+    before = simulate(drawn.rig, drawn.targets, noise=False)
+    poses = before.frame["role"] != "base"
+    wanted = table_of(before.frame[poses])
+    read, missed = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None
+    try:
+        commands = compensate(model, wanted, correction=correction)
+        if not commands.sent.all():
+            return ToolError(_error(before, drawn, read), None)
+        missed = commands.missed[read]
+        sent = pd.DataFrame(commands.q, columns=drawn.rig.sent)
+        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn, read)
+    except WorkspaceError:
+        after = None
+    return ToolError(_error(before, drawn, read), after, missed)
+
+
+def as_left(rig: Rig) -> Rig:
+    """The rig after its run: what slipped or was knocked over in the middle of it stays so.
+
+    Args:
+        rig: before its run.
+
+    Returns:
+        The same with slider or tripod off its place from the first row on.
+    """
+    for name, what in (("drive", "slip"), ("tracker", "knock")):
+        section = getattr(rig, name)
+        if getattr(section, f"{what}_row") is not None or getattr(section, f"{what}_time_s") is not None:
+            off = section.model_copy(update={f"{what}_row": 0, f"{what}_time_s": None})
+            rig = replace(rig, **{name: off})
+    return rig
+
+
+def to_run_again(rig: Rig) -> Rig:
+    """The rig as its run has left it, for targets that list that run whole: each visit and each cycle's load.
+
+    Args:
+        rig: before its run.
+
+    Returns:
+        The same with nothing that would be visited more often than it is listed.
+    """
+    left = as_left(rig)
+    conditions = left.conditions.model_copy(update={"cycles": 1})
+    return replace(left, conditions=conditions, tracker=left.tracker.model_copy(update={"datum_every": 0}))
+
+
+def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray) -> np.ndarray:
+    poses = np.flatnonzero(run.frame["role"] != "base")[read]
+    wanted, went = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)[poses], run.truth[poses]
+    policy = drawn.rig.machine.tracker.frame
+    if policy == "trusted":
+        return went - wanted
+    label = run.frame["run"].to_numpy()[poses] if policy == "fitted-per-run" else np.zeros(len(went))
+    error = np.empty_like(went)
+    for one in np.unique(label):
+        rows = label == one
+        goal, here = wanted[rows] - wanted[rows].mean(axis=0), went[rows] - went[rows].mean(axis=0)
+        error[rows] = Rotation.align_vectors(goal, here)[0].apply(here) - goal
+    return error
+
+
+def _rms(error: np.ndarray) -> dict[str, float]:
+    squares = MICRO**2 * np.square(error).mean(axis=0)
+    axes: Mapping[str, float] = {axis: float(np.sqrt(square)) for axis, square in zip("xyz", squares, strict=True)}
+    return {**axes, "total": float(np.sqrt(squares.sum()))}

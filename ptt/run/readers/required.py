@@ -1,0 +1,117 @@
+"""What a table must have: columns, cells, numbers that a machine can mean; refused by file, row and column."""
+
+import re
+
+import numpy as np
+
+from ptt.errors import TableError, shown
+from ptt.run.readers.columns import dimension_of, file_title, greatest, least
+from ptt.run.readers.export import Export
+
+SHOWN = 12  # titles that a message lists
+SETTABLE = {
+    "payload_kg": "payload",
+    "temp_c": "temp",
+    "feed_mm_s": "feed",
+    "x_std": "x_std",
+    "y_std": "y_std",
+    "z_std": "z_std",
+}
+CONTEXT = {"time_s": "time", "payload_kg": "payload", "temp_c": "temp", "feed_mm_s": "feed"}
+
+
+def require_number(name: str, value: float) -> None:
+    """Refuse a value that is set for all rows and that no machine can mean.
+
+    Args:
+        name: as in 'payload_kg'.
+        value: of it.
+
+    Raises:
+        TableError: not finite, or beyond any machine.
+    """
+    if not np.isfinite(value):
+        raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
+    if abs(value) > greatest({**CONTEXT, **SETTABLE}[name]):
+        raise TableError(f"{name} = {value:g} is beyond any machine", where="--set", fix="correct it")
+    if value < (low := least({**CONTEXT, **SETTABLE}[name])):
+        raise TableError(f"{name} = {value:g} is less than there can be ({low:g})", where="--set", fix="correct it")
+
+
+def require_columns(
+    export: Export, target: np.ndarray | None, command: np.ndarray | None, prefix: str, joints: int, purpose: str
+) -> None:
+    """Commands to send, readings of a run, and targets or commands have to be there; arguments as `table_fields`."""
+    if purpose == "sliders" and command is None:
+        refuse_missing(export, [f"{prefix}{i + 1}" for i in range(joints)], "they are the commands to send")
+    if purpose == "run":
+        missing = [f"{axis}_meas" for axis in "xyz" if f"{axis}_meas" not in export.columns]
+        if missing:
+            refuse_missing(export, missing, "they are the tracker's readings")
+    if command is None and purpose == "run":
+        _refuse_foreign(export, prefix, joints)
+    if target is None and command is None:
+        _refuse_foreign(export, prefix, joints)
+        other = f"{file_title(f'{prefix}1_cmd')} to {file_title(f'{prefix}{joints}_cmd')}"
+        where = f"neither they nor {other} are there; readings alone are paired with --targets T.csv"
+        refuse_missing(export, ["x_cmd", "y_cmd", "z_cmd"], where)
+
+
+def _refuse_foreign(export: Export, prefix: str, joints: int) -> None:
+    """An arm's run with the machine file of a 3-PTT, or the reverse: no column would help.
+
+    Three joints beside targets may be the sliders of a controller that calls them axes.
+    """
+    foreign = foreign_to(export, prefix)
+    axes = prefix == "b" and len(foreign) == joints and "x_cmd" in export.columns
+    if foreign and not axes:
+        own = "an arm, whose joints are" if prefix == "q" else "a 3-PTT, whose sliders are"
+        raise TableError(
+            f"run and machine do not belong together: the commands are {', '.join(foreign)}, and the machine is {own} "
+            f"{prefix}1 to {prefix}{joints}",
+            where=export.source,
+            fix="use the machine file that belongs to this run",
+        )
+
+
+def refuse_missing(export: Export, names: list[str], why: str) -> None:
+    """Say which columns are missing, why they are wanted, and which titles were not understood."""
+    ignored = export.understood.ignored
+    more = ", ..." if len(ignored) > SHOWN else ""
+    kept = f"; columns not understood: {', '.join(map(shown, ignored[:SHOWN]))}{more}" if ignored else ""
+    word = "columns are" if len(names) > 1 else "column is"
+    titles = ", ".join(file_title(name) if dimension_of(name) else name for name in names)
+    raise TableError(
+        f"{word} missing: {titles} ({why}{kept})",
+        where=export.source,
+        fix="add the column, or say with --map FILE.toml which one it is",
+    )
+
+
+def require_cells(
+    export: Export, target: np.ndarray | None, command: np.ndarray | None, is_base: np.ndarray, prefix: str
+) -> None:
+    """Each row needs its joint commands where the file has such columns, else its target; base points need neither."""
+    block = command if command is not None else target
+    if block is None:
+        return
+    empty = np.argwhere(np.isnan(block) & ~is_base[:, None])
+    if empty.size:
+        row, column = (int(index) for index in empty[0])
+        title = file_title(f"{prefix}{column + 1}_cmd") if command is not None else f"{'xyz'[column]}_cmd"
+        raise TableError(
+            "empty command",
+            where=place(export, row, title),
+            fix="fill in what was sent, or remove the row with its reading",
+        )
+
+
+def place(export: Export, row: int, title: str) -> str:
+    """`run.csv row 41, column x_meas`."""
+    return f"{export.source} row {export.line[row]}, column {title}"
+
+
+def foreign_to(export: Export, prefix: str) -> list[str]:
+    """Titles of joint commands of the other kind of machine."""
+    other = "q" if prefix == "b" else "b"
+    return [file_title(name) for name in export.columns if re.fullmatch(rf"{other}[1-9]\d*_cmd", name)]
