@@ -1,0 +1,77 @@
+"""Titles of a file's columns, wherever they stand: above the rows, in a comment, with a row of units below."""
+
+from dataclasses import replace
+
+from ptt.errors import TableError, shown
+from ptt.run.readers.columns import Meaning
+from ptt.run.readers.layout import meanings_by_order, meanings_of_titles
+from ptt.run.readers.separators import cell_counts, split_line
+from ptt.run.readers.text import RawText
+from ptt.run.readers.titles import LONGEST_TITLE, UNIT_OF_WORD, is_unit_row, meaning_of, normalise
+
+MOST_TITLES = 2_000
+
+
+def titles_of(raw: RawText) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
+    """Lines without their titles, the titles, and what each says by itself; nothing is settled."""
+    if raw.header is None:
+        header = _header_in_comments(raw)
+        raw = raw if header is None else replace(raw, header=header)
+    _refuse_long_titles(raw)
+    if raw.header is None:
+        meanings = meanings_by_order(raw)
+        meanings = [_with_comment_unit(meaning, raw) for meaning in meanings]
+        return raw, tuple(f"column {index + 1}" for index in range(len(meanings))), meanings
+    titles, raw = raw.header, _without_trailing_delimiter(raw, len(raw.header))
+    cells = split_line(raw.body[0], raw.delimiter)
+    if len(cells) == len(titles) and is_unit_row(cells):
+        titles = tuple(
+            f"{title} [{cell.strip('[]()')}]" if cell else title for title, cell in zip(titles, cells, strict=True)
+        )
+        raw = replace(raw, body=raw.body[1:], line=raw.line[1:])
+    if not raw.body:
+        raise TableError("only a header, no rows", where=raw.source, fix="export it again with its readings")
+    return raw, titles, meanings_of_titles(titles, raw.source)
+
+
+def _refuse_long_titles(raw: RawText) -> None:
+    """Titles are taken apart into words: their length and number are bounded."""
+    titles = raw.header or ()
+    if len(titles) > MOST_TITLES:
+        raise TableError(
+            f"{len(titles)} columns", where=raw.source, fix=f"keep those that matter, at most {MOST_TITLES}"
+        )
+    for index, title in enumerate(titles):
+        if len(title) > LONGEST_TITLE:
+            where = f"{raw.source}, title of column {index + 1}"
+            raise TableError(f"{len(title)} characters ('{shown(title)}')", where=where, fix="shorten it")
+
+
+def _without_trailing_delimiter(raw: RawText, width: int) -> RawText:
+    """Some software ends every row, but not the titles, on a delimiter."""
+    mark = raw.delimiter
+    if mark == " " or not all(line.endswith(mark) for line in raw.body) or (cell_counts(raw.body, mark) == width).any():
+        return raw
+    return replace(raw, body=[line[:-1] for line in raw.body])
+
+
+def _header_in_comments(raw: RawText) -> tuple[str, ...] | None:
+    """The last comment above the data, where it has as many words as the rows have cells and names x, y and z."""
+    width = len(split_line(raw.body[0], raw.delimiter))
+    for comment in reversed(raw.comments):
+        cells = tuple(split_line(comment, raw.delimiter))
+        found = {meaning.quantity[0] for meaning in map(meaning_of, cells) if meaning}
+        if len(cells) == width and {"x", "y", "z"} <= found:
+            return cells
+    return None
+
+
+def _with_comment_unit(meaning: Meaning | None, raw: RawText) -> Meaning | None:
+    """A comment such as `units: mm` says the unit of a file without titles."""
+    if meaning is None or meaning.quantity not in ("x", "y", "z"):
+        return meaning
+    for comment in raw.comments:
+        words = normalise(comment).replace("=", " ").replace(":", " ").split()
+        if len(words) == 2 and words[0] in ("unit", "units", "单位"):
+            return Meaning(meaning.quantity, UNIT_OF_WORD.get(words[1], f"({words[1]})"))
+    return meaning
