@@ -15,6 +15,7 @@ from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.diagnosis import noise
 from ptt.diagnosis.floor import noise_floor
+from ptt.diagnosis.rest import Rest, with_objections
 from ptt.diagnosis.verdict import Diagnosis, diagnose, enough
 from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.door.diagnosing import format_diagnosis
@@ -95,6 +96,21 @@ def test_noise_that_is_stated_too_small_follows_nothing_and_it_is_said(tmp_path,
     assert found.suggested == () and found.depends_on == ()
     assert found.verdict == ("nothing-missing" if understated < 2.0 else "unknown")
     assert ("understates the scatter" in found.words) == (understated > 2.0)
+
+
+def test_what_speaks_against_an_explanation_is_said_whichever_it_is():
+    left, stated = (Noise(np.eye(3) * size**2, "std columns") for size in (0.03, 0.01))
+    sound = Rest(None, 1.0, (), ())
+    assert with_objections(sound, True, (), left, None) == sound == with_objections(sound, True, (), stated, stated)
+    reasons = with_objections(sound, False, ("backlash", "windup"), left, stated).reasons
+    assert reasons[0].startswith("the readings ask for backlash and windup") and reasons[1].startswith(
+        "3.0 x the noise"
+    )
+    assert (
+        with_objections(sound, False, (), stated, stated)
+        .reasons[0]
+        .startswith("hidden readings are foretold far worse")
+    )
 
 
 def test_readings_that_their_frames_take_are_too_few(tmp_path):

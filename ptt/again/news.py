@@ -8,8 +8,8 @@ from ptt.again.figures import errors_of
 from ptt.again.weigh import Weighed
 from ptt.again.words import on_date
 from ptt.diagnosis.noise import noise_left, wanders_beyond
-from ptt.diagnosis.rest import look_for_rest
-from ptt.diagnosis.verdict import EXCESS, Diagnosis, diagnose
+from ptt.diagnosis.rest import EXCESS, look_for_rest
+from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects import Library
 from ptt.effects.registry import parse_key
 from ptt.fitting.solve import hold, rms

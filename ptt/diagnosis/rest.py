@@ -1,6 +1,7 @@
 """Is there a rest? What the best explanation leaves must be noise: the last step, which no verdict skips."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,10 +10,13 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
+from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.run.holdout import BLOCKS, blocks
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
 CHANCE_LACK = 1e-4  # lack of fit
 CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals
 CHANCE_DEPENDS = 1e-5  # a smooth function of a context variable predicts residuals
@@ -82,6 +86,30 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
     reasons += [f"{item.residual} depends on {item.on} (p = {item.p_value:.1g})" for item in strong[:1]]
     return Rest(lack, field, depends, tuple(reasons))
+
+
+def with_objections(rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None) -> Rest:
+    """The rest with what else speaks against an explanation: hidden readings, and far more left than is stated.
+
+    Args:
+        rest: tests of what the explanation leaves.
+        faithful: whether hidden readings are foretold as well as it claims to.
+        unproven: names of effects that the readings ask for, though hidden ones do not bear them out.
+        left: what the explanation leaves.
+        stated: the noise as stated; None where nobody did.
+
+    Returns:
+        The rest with those reasons.
+    """
+    reasons = list(rest.reasons)
+    if unproven:
+        reasons.append(f"the readings ask for {listed(unproven)}, with which hidden ones are foretold no better")
+    elif not faithful:
+        reasons.append("hidden readings are foretold far worse than the explanation claims to")
+    if stated is not None and left.total > EXCESS * stated.total:
+        times = f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left"
+        reasons.append(f"{times}: it understates the scatter of a reading, or the rest follows nothing recorded here")
+    return replace(rest, reasons=tuple(reasons))
 
 
 def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:

@@ -14,7 +14,7 @@ from ptt.diagnosis.find import STEPS, find, opening_rows
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, wanders_beyond
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
-from ptt.diagnosis.rest import Rest, look_for_rest
+from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
 from ptt.diagnosis.search import without
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
@@ -36,7 +36,6 @@ Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 LEAST = 12  # readings: twice what a rigid motion alone takes
 MOTION = 6  # coordinates that a rigid motion takes
 FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
-EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
 
 
 @dataclass(frozen=True)
@@ -196,10 +195,11 @@ def conclude(
         The diagnosis.
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
-    rest = _beside_stated(rest, noise_left(found.system, state), problem.noise)
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     told = name_steps(scorer, state)
     named = told.steps
+    unproven = tuple(atoms[key].name for key in told.unproven)
+    rest = with_objections(rest, told.faithful, unproven, noise_left(found.system, state), problem.noise)
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
@@ -269,17 +269,6 @@ def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
     if odd or wanders_beyond(system, state) or rest.significant:
         return "unknown"
     return "missing" if named else "nothing-missing"
-
-
-def _beside_stated(rest: Rest, left: Noise, stated: Noise | None) -> Rest:
-    """The rest with one more reason where far more is left than the noise is said to be."""
-    if stated is None or left.total <= EXCESS * stated.total:
-        return rest
-    more = (
-        f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left: it understates the scatter of a "
-        "reading, or the rest follows nothing recorded here"
-    )
-    return replace(rest, reasons=(*rest.reasons, more))
 
 
 def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
