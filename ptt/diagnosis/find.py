@@ -24,6 +24,7 @@ from ptt.effects import Effect, Library
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.model.model import Model
 from ptt.progress import Tell
+from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
@@ -144,7 +145,7 @@ def _told(found: Found, model: Model, problem: Problem, known: Library, freedom:
 
 
 def opening_rows(problem: Problem) -> np.ndarray:
-    """The rows that a run opens with: from where they came, on which side of any play, nobody knows.
+    """The rows of a run before it first moves: from where they came, on which side of any play, nobody knows.
 
     Args:
         problem: n rows.
@@ -153,7 +154,10 @@ def opening_rows(problem: Problem) -> np.ndarray:
         (n,) bool; none where they are more than a few, or no direction is told.
     """
     view = problem.view
-    first = problem.used & view.starts.numpy() & (view.direction.numpy() != 0.0).any(axis=1)
+    starts, q = view.starts.numpy(), view.q.numpy()
+    moves = np.cumsum((np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL).any(axis=1) & ~starts)
+    still = moves == np.maximum.accumulate(np.where(starts, moves, 0))
+    first = problem.used & still & (view.direction.numpy() != 0.0).any(axis=1)
     few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
     return first if few else np.zeros_like(first)
 

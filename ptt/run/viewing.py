@@ -41,18 +41,20 @@ def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
     if bool(wanted.any()):
         lines = [int(line) for line in table.line[wanted.numpy()]]
         q[wanted] = require_reachable(mechanism, target[wanted], table.source, lines=lines)
-    return _hold(q)
+    return _hold(q, table.run)
 
 
-def _hold(q: Tensor) -> Tensor:
-    """Fill rows without a command (base reflectors): the machine stands where it stood, at first where it will."""
+def _hold(q: Tensor, run: np.ndarray) -> Tensor:
+    """Fill rows without a command (base reflectors): the machine stands where its run last was, first where it will."""
     known = torch.isfinite(q).all(dim=1).numpy()
     if known.all():
         return q
-    rows = np.arange(len(known))
+    rows, part = np.arange(len(known)), np.cumsum(run_starts(run))
     last = np.maximum.accumulate(np.where(known, rows, -1))
     following = np.minimum.accumulate(np.where(known, rows, len(known))[::-1])[::-1]
-    return q[torch.as_tensor(np.where(last >= 0, last, np.minimum(following, len(known) - 1)).copy())]
+    following = np.minimum(following, len(known) - 1)
+    opens = (last < 0) | (part[last] != part) & (part[following] == part)
+    return q[torch.as_tensor(np.where(opens, following, last).copy())]
 
 
 def build_view(file: "MachineFile", table: "Table") -> View:
@@ -106,7 +108,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
 
 
 def _rows_read(table: "Table") -> Tensor | None:
-    read = np.isfinite(table.measured).all(axis=1)
+    read = np.isfinite(table.measured).all(axis=1) & (table.role != "base")
     return torch.as_tensor(read) if read.any() and not read.all() else None
 
 
