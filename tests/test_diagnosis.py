@@ -273,7 +273,7 @@ def test_projected_gain_is_what_a_fit_gains():
 
 def test_innovations_of_no_columns_are_none_and_lapack_is_not_asked(monkeypatch):
     """Of zero columns LAPACK solves for the first one all the same, in memory that belongs to somebody else."""
-    monkeypatch.setattr("ptt.diagnosis.wander.lapack.dgtsv", lambda *args, **options: pytest.fail("asked"))
+    monkeypatch.setattr("ptt.diagnosis.gains.lapack.dgtsv", lambda *args, **options: pytest.fail("asked"))
     clock = Clock(np.arange(40.0), np.arange(40) == 0)
     assert innovations(np.zeros((40, 3, 0)), Wander(0.5, 10.0), clock)[0].shape == (40, 3, 0)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lapack
 
+from ptt.diagnosis.gains import Gains, all_rows, filter_rows, foretell, gains_of
 from ptt.run.noise import Noise
 
 SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the white noise
@@ -14,8 +14,6 @@ CONSTANTS = 9  # time constants between the shortest that is told from white noi
 LONGEST = 4.0  # times a run: a stand that warms for an hour is a random walk in a run of minutes, wherever it began
 SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
 LEAST_STEPS = 12
-STRETCH = 32  # rows whose innovations are worked out at once where columns lie one behind the other
-MANY = 200  # columns from which a row of them is worth a step of its own
 USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
 Axes = tuple[float, float, float]
 AS_NOISE: Axes = (1.0, 1.0, 1.0)
@@ -79,7 +77,8 @@ class Clock:
 
     time: np.ndarray
     starts: np.ndarray
-    _gains: dict[tuple[float, float], "Gains"] = field(default_factory=dict, compare=False, repr=False)
+    _gains: dict[tuple[float, float], Gains] = field(default_factory=dict, compare=False, repr=False)
+    _decays: dict[float, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
     def step(self) -> float:
@@ -100,11 +99,19 @@ class Clock:
         shortest = SHORTEST * self.step
         return np.geomspace(shortest, max(LONGEST * float(np.ptp(self.time)), 2.0 * shortest), CONSTANTS)
 
-    def gains(self, share: float, constant: float) -> "Gains":
+    def gains(self, share: float, constant: float) -> Gains:
         """How a filter of a wander along one axis weighs the rows; what was worked out once is kept."""
         if (share, constant) not in self._gains:
-            self._gains[share, constant] = _gains_of(share, constant, self)
+            self._gains[share, constant] = gains_of(share, self.decays(constant))
         return self._gains[share, constant]
+
+    def decays(self, constant: float) -> np.ndarray:
+        """Share of a wander that each row keeps of the row before it, (n,); none where a run starts."""
+        if constant not in self._decays:
+            step = np.maximum(np.diff(self.time, prepend=self.time[:1]), 0.0)
+            self._decays[constant] = np.where(self.starts, 0.0, np.exp(-step / constant))
+            self._decays[constant][:1] = 0.0
+        return self._decays[constant]
 
     def is_fault(self, wander: Wander | None) -> bool:
         """Whether a wander is more than a tracker does by itself."""
@@ -113,47 +120,6 @@ class Clock:
     def is_slow(self, wander: Wander) -> bool:
         """Whether a wander lasts so many rows that it is more than white noise by another name."""
         return wander.constant > SHORTEST * self.step
-
-
-@dataclass(frozen=True)
-class Gains:
-    """How a filter weighs the rows: the foretold state s follows s_i = keep_(i-1) s_(i-1) + take_(i-1) x_(i-1).
-
-    Attributes:
-        keep: (n - 1,).
-        take: (n - 1,).
-        root: of the variance of each innovation, (n,).
-        log_noise: half the log-determinant of the noise's covariance along one axis.
-    """
-
-    keep: np.ndarray
-    take: np.ndarray
-    root: np.ndarray
-    log_noise: float
-
-    @cached_property
-    def stretches(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """What readings of each stretch of w rows (w, w + 1), and the state before it (w + 1,), foretell in it.
-
-        In each of its rows, and in the next one.
-        """
-        count = len(self.keep) + 1
-        keep, take = np.zeros((2, -(-count // STRETCH) * STRETCH))  # behind the last row nothing is foretold
-        keep[: count - 1], take[: count - 1] = self.keep, self.take
-        taken, kept = _triangles(keep.reshape(-1, STRETCH), take.reshape(-1, STRETCH))
-        widths = [min(STRETCH, count - first) for first in range(0, count, STRETCH)]
-        return [(own[:w, : w + 1], all_[: w + 1]) for own, all_, w in zip(taken, kept, widths, strict=True)]
-
-
-def _triangles(keep: np.ndarray, take: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of all stretches at once, gains (s, w): (s, w, w + 1) and (s, w + 1)."""
-    count, width = keep.shape
-    taken, kept = np.zeros((count, width, width + 1)), np.ones((count, width + 1))
-    for row in range(width):
-        taken[:, :row, row + 1] = keep[:, row, None] * taken[:, :row, row]
-        taken[:, row, row + 1] = take[:, row]
-        kept[:, row + 1] = keep[:, row] * kept[:, row]
-    return taken, kept
 
 
 def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
@@ -173,8 +139,8 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
     for axes, share in wander.parts:
         own, gains = values[:, axes], clock.gains(share, wander.constant)
         flat = own.reshape(len(own), -1)
-        foretold = _row_by_row if flat.shape[1] > MANY else _all_rows
-        flat = (flat - foretold(flat, gains.keep, gains.take)) / gains.root[:, None]
+        foretold = foretell(flat, gains.keep, gains.take)
+        flat = (flat - foretold) / gains.root[:, None]
         white[:, axes] = flat.reshape(own.shape)
         log_noise += gains.log_noise * own.shape[1]
     return white, log_noise
@@ -182,9 +148,6 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
 
 def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
     """The same where the rows come last: some rows at a time are one product of matrices.
-
-    Within a stretch the innovations are a triangle of weights times the readings, and the state with which it begins
-    goes on into each of them.
 
     Args:
         rows: (.., 3, n) in noise units.
@@ -198,28 +161,14 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
         return rows, 0.0
     if len(wander.parts) == 1:  # all axes alike: nothing has to be put together
         gains = clock.gains(wander.parts[0][1], wander.constant)
-        return _filtered(rows.reshape(-1, rows.shape[-1]), gains).reshape(rows.shape), gains.log_noise * rows.shape[-2]
+        white = filter_rows(rows.reshape(-1, rows.shape[-1]), gains).reshape(rows.shape)
+        return white, gains.log_noise * rows.shape[-2]
     white, log_noise = np.empty_like(rows), 0.0
     for axes, share in wander.parts:
         own, gains = rows[..., axes, :], clock.gains(share, wander.constant)
-        white[..., axes, :] = _filtered(own.reshape(-1, rows.shape[-1]), gains).reshape(own.shape)
+        white[..., axes, :] = filter_rows(own.reshape(-1, rows.shape[-1]), gains).reshape(own.shape)
         log_noise += gains.log_noise * own.shape[-2]
     return white, log_noise
-
-
-def _filtered(flat: np.ndarray, gains: Gains) -> np.ndarray:
-    """Rows (r, n) of one axis, or of axes that wander alike."""
-    white, state = np.empty_like(flat), np.zeros(len(flat))
-    for first, (taken, kept) in zip(range(0, flat.shape[1], STRETCH), gains.stretches, strict=True):
-        own = flat[:, first : first + STRETCH]
-        foretold = own @ taken
-        foretold += state[:, None] * kept
-        width = own.shape[1]
-        part = white[:, first : first + width]
-        np.subtract(own, foretold[:, :width], out=part)
-        part /= gains.root[first : first + width]
-        state = foretold[:, width]
-    return white
 
 
 def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np.ndarray:
@@ -237,44 +186,9 @@ def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np
     for index, each in enumerate(gains):
         keep[index, :-1], take[index, :-1] = each.keep, each.take
     every = np.tile(left.T, (len(wanders), 1))
-    foretold = _all_rows(every.reshape(-1, 1), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
+    foretold = all_rows(every.reshape(-1, 1), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
     white = (every - foretold) / np.array([each.root for each in gains])
     square = np.square(white).reshape(len(wanders), -1).sum(axis=1)
     log_noise = np.array([each.log_noise for each in gains]).reshape(-1, 3).sum(axis=1)
     prior = np.array([wander.log_prior for wander in wanders])
     return prior - log_noise - 0.5 * left.size * np.log(square)
-
-
-def _all_rows(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
-    """The foretold states of a few columns: a bidiagonal system."""
-    side = np.zeros(flat.shape, order="F")
-    if len(flat) > 1 and flat.shape[1]:  # of no column at all LAPACK would write the first one, past the end
-        side[1:] = take[:, None] * flat[:-1]
-        # No state decays by less than nothing, so no rows are exchanged.
-        side = lapack.dgtsv(-keep, np.ones(len(flat)), np.zeros(len(flat) - 1), side, overwrite_b=1)[3]
-    return np.asarray(side)
-
-
-def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
-    """The same where columns are many: a row of them at a time stays in the cache, which is ten times faster."""
-    state = np.zeros_like(flat)
-    for row in range(1, len(flat)):
-        np.multiply(flat[row - 1], take[row - 1], out=state[row])
-        state[row] += keep[row - 1] * state[row - 1]
-    return state
-
-
-def _gains_of(share: float, constant: float, clock: Clock) -> Gains:
-    """Gains and variances of the innovations, which depend on the clock alone."""
-    step = np.maximum(np.diff(clock.time, prepend=clock.time[:1]), 0.0)
-    decay = np.where(clock.starts, 0.0, np.exp(-step / constant))
-    gains, widths, variance = list[float](), list[float](), share
-    for keep in np.square(decay).tolist():
-        variance = keep * variance + (1.0 - keep) * share
-        wide = variance + 1.0
-        variance /= wide
-        gains.append(variance)
-        widths.append(wide)
-    gain, width = np.array(gains), np.array(widths)
-    keeps, takes = decay[1:] * (1.0 - gain[:-1]), decay[1:] * gain[:-1]
-    return Gains(keeps, takes, np.sqrt(width), 0.5 * float(np.log(width).sum()))
