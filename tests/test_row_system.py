@@ -10,7 +10,8 @@ from ptt.diagnosis import score as score_module
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.blocks import Block, Place
 from ptt.diagnosis.hidden import held_out, hide
-from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.memory import WHITE, Memory, entries
+from ptt.diagnosis.row_sums import SumsOfRows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.system import whitened
@@ -71,6 +72,27 @@ def test_sums_beside_errors_of_poses_stay_when_columns_come() -> None:
         pair = np.array([[3, 4], [WIDTH, 10]])
         np.testing.assert_allclose(mine.own(pair), theirs.own(pair), rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(mine.side, theirs.side, rtol=1e-9, atol=1e-9)
+
+
+def test_a_system_that_is_asked_little_works_no_sums_out_before_somebody_asks() -> None:
+    """Rows are many for so few columns: a system that is searched has the sums of all of them at once."""
+    whole = system_of(np.random.default_rng(5).normal(size=(200, 3)))
+    few = whole.only(["b", "a"])
+    assert not isinstance(whole.sums(WHITE), SumsOfRows) and few.flat.shape[0] == 7
+    for memory in MEMORIES[:2]:
+        sums = few.sums(memory)
+        assert isinstance(few.sums(WHITE), SumsOfRows) and not few.sums(WHITE).there.any()
+        own = np.array([0, few.atoms["b"].columns[0], few.atoms["a"].columns[1]])
+        all_ = np.array([0, whole.atoms["b"].columns[0], whole.atoms["a"].columns[1]])
+        np.testing.assert_allclose(sums.of(own).gram, whole.sums(memory).of(all_).gram, rtol=1e-9, atol=1e-9)
+
+
+def test_entries_of_a_matrix_are_the_same_however_many_are_asked_for_and_however_it_lies() -> None:
+    matrix, random = np.arange(42.0).reshape(6, 7), np.random.default_rng(6)
+    for there in (matrix, np.asfortranarray(matrix), np.arange(96.0).reshape(8, 12)[:6, 2:9]):
+        for count in (0, 1, 2, 5):
+            rows, columns = random.integers(0, 6, 4), random.integers(0, 7, count)
+            np.testing.assert_array_equal(entries(there, rows, columns), there[np.ix_(rows, columns)])
 
 
 def test_columns_of_blocks_are_their_features_in_units_of_noise() -> None:

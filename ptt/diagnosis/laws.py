@@ -91,6 +91,7 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
     odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)
     beside = [few.score(keys, state.memory, state.scales) for keys in dict.fromkeys(map(tuple, sets))]
+    few.system.sums(state.memory)  # which the laws of every place are set beside
     kept = list[Block]()
     for blocks in places:
         wider = _widened(few, blocks, odds)

@@ -130,10 +130,17 @@ class SumsOfPoses(LazySums):
         return np.asarray(self.plain.own(columns) - (own * self.share) @ own.transpose(0, 2, 1))
 
 
-def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float) -> Sums:
-    """Normal sums of white columns (P, r) and readings (r,); where rows are many, sums of all take less room."""
+def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all_of_them: bool = True) -> Sums:
+    """Normal sums of white columns (P, r) and readings (r,); where rows are many, sums of all take less room.
+
+    Args:
+        white: the columns.
+        values: the readings.
+        log_noise: half the log-determinant of the noise's covariance.
+        all_of_them: whether sums of all may be worked out at once.
+    """
     side, square, width = white @ values, float(values @ values), len(white)
-    if white.shape[1] > PLENTY * width:
+    if all_of_them and white.shape[1] > PLENTY * width:
         return Sums(white @ white.T, side, square, log_noise)
     room, there = np.empty((width, width)), np.zeros(width, dtype=bool)
     return SumsOfRows(room, side, square, log_noise, white=white, there=there)

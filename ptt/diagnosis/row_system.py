@@ -48,6 +48,7 @@ class RowSystem(System):
         at: where columns of further shapes come from.
         base_columns: of the base reflectors, (b, 3, P) in units of their own noise.
         base_values: (b, 3).
+        asked_little: so that sums of all its columns do not pay, however many rows there are.
     """
 
     columns: np.ndarray
@@ -58,6 +59,7 @@ class RowSystem(System):
     at: Place
     base_columns: np.ndarray
     base_values: np.ndarray
+    asked_little: bool = False
     _sums: dict[Memory, Sums] = field(default_factory=dict)
 
     @property
@@ -98,7 +100,7 @@ class RowSystem(System):
         if memory.pose and memory.wander is None:
             values = self.poses.means(self.values.T).ravel()
             return sums_of_poses(self.sums(WHITE), self._means, values, self.poses, memory.pose)
-        return sums_of_rows(*self._white(None, memory))
+        return sums_of_rows(*self._white(None, memory), all_of_them=not self.asked_little)
 
     @cached_property
     def _means(self) -> np.ndarray:
@@ -169,7 +171,7 @@ class RowSystem(System):
         return wider
 
     def only(self, keys: Sequence[str]) -> "RowSystem":
-        """The same with the frame and a few atoms alone."""
+        """The same with the frame and a few atoms alone, to be asked little."""
         atoms = [self.atoms[key] for key in keys]
         chosen = np.concatenate([self.frame, *(atom.columns for atom in atoms)]).astype(int)
         place = np.zeros(len(self.flat), dtype=int)
@@ -177,7 +179,7 @@ class RowSystem(System):
         few = {atom.key: replace(atom, columns=place[atom.columns]) for atom in atoms}
         return replace(
             self, frame=place[self.frame], atoms=few, columns=self.flat[chosen].transpose(2, 1, 0),
-            scale=self.scale[chosen], base_columns=self.base_columns[:, :, chosen], _sums={},
+            scale=self.scale[chosen], base_columns=self.base_columns[:, :, chosen], asked_little=True, _sums={},
         )  # fmt: skip
 
     def _white(self, chosen: np.ndarray | None, memory: Memory) -> tuple[np.ndarray, np.ndarray, float]:

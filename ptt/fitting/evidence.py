@@ -244,18 +244,20 @@ class _Problem:
         """Derivatives by the log variances, and MacKay's step."""
         # Of the inverse the lower half is enough.
         half = lapack.dpotri(point.factor, lower=1)[0] if len(point.factor) else point.factor
-        scales, members = point.scales, self.members
-        energy = (point.values**2 @ members) / (point.phi * scales)
-        decided = np.maximum(self.size - (half.diagonal() @ members) / scales, 1e-12)
-        pull = 0.25 / self.spread**2
-        both = np.outer(scales, scales)
-        moved = _between(half, members * point.values[:, None]) / (point.phi * both)
-        shared = _between(half * half, members) / both
-        noise = 0.0 if np.isinf(self.freedom) else np.outer(energy, energy) / (self.freedom + self.count)
-        alone = np.diag(energy + self.size - decided)
+        scales, members, diagonal, energy = point.scales, self.members, half.diagonal(), point.values**2
+        pull, size = 0.25 / self.spread**2, 1.0 / scales
+        both = size[:, None] * size
+        moved = _between(half, members * point.values[:, None], (energy * diagonal) @ members) * both / point.phi
+        shared = _between(half * half, members, diagonal**2 @ members) * both
+        energy = (energy @ members) * size / point.phi
+        decided = np.maximum(self.size - (diagonal @ members) * size, 1e-12)
+        curvature = -(moved + 0.5 * shared)
+        if not np.isinf(self.freedom):
+            curvature -= (0.5 / (self.freedom + self.count)) * energy[:, None] * energy
+        curvature.ravel()[:: len(scales) + 1] += pull + 0.5 * (energy + self.size - decided)
         return _Slope(
             0.5 * (energy - decided) - pull * np.log(scales),
-            np.diag(pull) - 0.5 * (2.0 * moved + noise + shared - alone),
+            curvature,
             np.maximum(np.log(np.maximum(energy, 1e-12) / decided), -FURTHEST),
         )
 
@@ -268,10 +270,18 @@ class _Problem:
         )  # fmt: skip
 
 
-def _between(half: np.ndarray, ways: np.ndarray) -> np.ndarray:
-    """W^T M W of a symmetric M of which only the lower half is there, zeros above it."""
-    lower = ways.T @ half @ ways
-    return np.asarray(lower + lower.T - ways.T @ (half.diagonal()[:, None] * ways))
+def _between(half: np.ndarray, ways: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """W^T M W of a symmetric M of which only the lower half is there, zeros above it.
+
+    Args:
+        half: (P, P).
+        ways: W, (P, G), no two of which share a row.
+        own: what the diagonal of M alone gives on that of the result, (G,).
+    """
+    lower = ways.T @ (half @ ways)
+    both = lower + lower.T
+    both.ravel()[:: len(own) + 1] -= own
+    return np.asarray(both)
 
 
 def _newton(slope: _Slope, free: np.ndarray) -> np.ndarray:
