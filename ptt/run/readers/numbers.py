@@ -10,6 +10,7 @@ from ptt.errors import TableError, shown
 from ptt.run.readers.columns import greatest, least, standard_unit
 from ptt.run.readers.layout import Column
 from ptt.run.readers.separators import POINT_NUMBER, cell_counts, split_line
+from ptt.run.readers.stamps import is_stamp
 from ptt.run.readers.text import RawText
 
 ROWS = 50_000  # lines that are read at once: 100 MB of text in all its forms
@@ -145,4 +146,6 @@ def _refuse(raw: RawText, column: Column, row: int) -> None:
     fix = "remove the row or mark it with an empty cell"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
         fix = "write numbers with a decimal point"
+    elif column.quantity == "time" and is_stamp(value):
+        fix = "call the column 'time', which may hold dates and times of day"
     raise TableError(f"not a number ('{shown(value)}')", where=where, fix=fix)

@@ -80,6 +80,15 @@ def _checked_epoch(numbers: np.ndarray, ask: Ask | None, where: str) -> np.ndarr
     return numbers * 1e-3 if unit == "ms" else numbers
 
 
+def is_stamp(cell: str) -> bool:
+    """Whether a cell holds a date with a time of day, or a time of day.
+
+    Args:
+        cell: its text.
+    """
+    return any(pattern.fullmatch(cell) for pattern in (_YEAR_FIRST, _YEAR_LAST, _TIME_ONLY))
+
+
 def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
     if not cell:
         return None
