@@ -79,6 +79,20 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(running, tmp_path):
     assert run_on_workers(store, address, work=slow).runs == 0
 
 
+def deadly(task):
+    """What no worker brings to its end."""
+    if task.machine == "m0":
+        raise MemoryError
+    return outcome(task)
+
+
+def test_a_machine_whose_runs_no_worker_survives_is_left_and_the_others_go_on(running, tmp_path):
+    store = fill(tmp_path / "s", machines=2, runs=2)
+    done = run_on_workers(store, running[0], work=deadly)
+    assert (done.runs, len(done.lost), done.elsewhere, waiting(store)) == (2, 2, 0, {"m0": 2})
+    assert run_on_workers(store, running[0], work=slow).runs == 2  # another day it may do
+
+
 RUN = """
 import sys
 from test_fleet_workers import slow

@@ -3,7 +3,7 @@
 import json
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
@@ -31,7 +31,7 @@ def waiting(store: Store) -> dict[str, int]:
     return {row["machine"]: int(row["runs"]) for row in store.ask(WAITING)}
 
 
-def claim(store: Store, owner: str) -> str | None:
+def claim(store: Store, owner: str, besides: Collection[str] = ()) -> str | None:
     """Take a machine of which runs wait; nobody else works on it until it is let go or this process ends.
 
     A machine's runs are worked on one after the other, because the first makes the model for the others.
@@ -39,13 +39,15 @@ def claim(store: Store, owner: str) -> str | None:
     Args:
         store: the store.
         owner: name of this process, of `ptt.fleet.owner.owner`.
+        besides: machines of which all that waits was given up for now.
 
     Returns:
         The machine; None where all that waits is taken.
     """
     with transaction(store.file) as connection:
         machines = [str(row["machine"]) for row in rows(connection, WAITING)]
-        return next((machine for machine in machines if _take(store, connection, owner, machine)), None)
+        wanted = (machine for machine in machines if machine not in besides)
+        return next((machine for machine in wanted if _take(store, connection, owner, machine)), None)
 
 
 def claim_one(store: Store, owner: str, machine: str) -> bool:

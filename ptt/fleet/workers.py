@@ -118,21 +118,21 @@ def _distribute(
 
     doing: dict[Any, Task] = {}
     running = as_completed([])
-    given_up: dict[str, list[str]] = {}
+    given_up, ended = dict[str, list[str]](), set[str]()
 
-    def submit(machine: str) -> bool:
+    def submit(machine: str) -> None:
         task = next_task(store, machine, given_up.get(machine, []))
         if task is None:
+            ended.add(machine)  # what still waits there was given up: taken again, it would come for ever
             release(store, name, machine)
-            return False
+            return
         future = client.submit(work, task, pure=False)
         doing[future] = task
         running.add(future)
-        return True
 
     def fill() -> None:
         room = AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-        while len(doing) < room and (machine := claim(store, name)) is not None:
+        while len(doing) < room and (machine := claim(store, name, ended)) is not None:
             submit(machine)
 
     fill()
