@@ -128,7 +128,7 @@ def finish(
         plan: what was to be done.
         part: the task of the block and the rows beside it.
         own: its rows among them.
-        settled: as `ptt.correct.task.settle` hands it back.
+        settled: as `ptt.correct.settle.settle` hands it back.
         inside: which wanted positions lie in the network's training domain.
 
     Returns:

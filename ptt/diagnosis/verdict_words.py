@@ -15,7 +15,7 @@ LINES = 5  # that anybody reads
 
 
 class Strongest(Protocol):
-    """What the leading unknown depends on, as `ptt.dependence.Dependence` says it."""
+    """What the leading unknown depends on, as `ptt.dependence.dependence.Dependence` says it."""
 
     residual: str
     on: str

@@ -1,8 +1,8 @@
 """What moves from run to run: one machine's values as level, drifts and jumps, chosen one by one on all runs together.
 
-Each run says about p values x that its rows' sum of squares is x I x - 2 h x (`ptt.fleet.task.Told`). A machine that
-stays as it is has one x = a for all runs; a value that drifts adds b (t - t0), one that jumps c [t >= t1]. Both are
-least squares over runs with the full matrices, so that what a run cannot tell apart (a homing offset from the
+Each run says about p values x that its rows' sum of squares is x I x - 2 h x (`ptt.fleet.task.Testimony`). A machine
+that stays as it is has one x = a for all runs; a value that drifts adds b (t - t0), one that jumps c [t >= t1]. Both
+are least squares over runs with the full matrices, so that what a run cannot tell apart (a homing offset from the
 tracker's z) weighs nothing, and one slider that moves is not said as a third of it on each. Generalised least squares,
 forward selection with Bonferroni's bound on what was tried.
 """

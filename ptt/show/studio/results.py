@@ -98,7 +98,7 @@ class Learned:
         data: what `ptt diagnose --json` prints.
         text: the same as text.
         measure_next: CSV of poses to measure; '' where none.
-        card: the result in short, `ptt.show.card.card_of_diagnosis`.
+        card: the result in short, `ptt.show.card.result.card_of_diagnosis`.
         fits: effect -> this run's data with the fit through it.
         ghosts: effect -> how far the parts of the machine are off, at each pose of the picture.
         unknown: the one curve that the unknown follows; None where there is none.
