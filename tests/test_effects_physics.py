@@ -267,6 +267,15 @@ def test_clearance_lets_a_hanging_platform_down(bench):
     )
 
 
+def test_clearance_is_seen_where_pins_change_side_or_first_bear_a_load(bench):
+    weightless = type(bench)(bench.machine.model_copy(update={"platform_mass_kg": 0.0}))
+    inside = np.tile(POSES[:1], (6, 1)) + np.arange(6)[:, None]
+    effect = library()["joint-clearance"]()
+    assert "changes sign" in effect.needs(build_view(bench, make_table(inside, payload_kg=np.repeat([0.0, 2.0], 3))))
+    assert effect.needs(build_view(weightless, make_table(inside, payload_kg=np.repeat([0.0, 2.0], 3)))) is None
+    assert "changes sign" in effect.needs(build_view(weightless, make_table(inside, payload_kg=2.0)))
+
+
 @pytest.mark.parametrize("reflector", [(0.0, 0.0, 0.0), (30.0, -20.0, -50.0)])
 @pytest.mark.parametrize("pose", POSES.tolist())
 def test_platform_twist_against_six_equations(bench, reflector, pose):

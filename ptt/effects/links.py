@@ -20,6 +20,8 @@ from ptt.effects.geometry import (
 from ptt.effects.phrases import Phrase
 from ptt.run.view import View
 
+FEWEST_A_SIDE = 3  # rows: fewer are as well a scatter of single readings
+
 
 @dataclass(frozen=True)
 class LinkLength(ThreePttEffect):
@@ -140,10 +142,10 @@ class JointClearance(ThreePttEffect):
     )
 
     def needs(self, view: View) -> str | None:
-        """A link force that changes its sign in the data."""
-        force = pull(view)
-        both = ((force > 0).sum(dim=0) >= 3) & ((force < 0).sum(dim=0) >= 3)
-        return None if bool(both.any()) else "poses on both sides of where a link force changes sign, and a load"
+        """A link force that changes its sign in the data, or comes with the load where nothing else weighs."""
+        side = torch.sign(pull(view))
+        sides = sum(((side == one).sum(dim=0) >= FEWEST_A_SIDE).long() for one in (-1.0, 0.0, 1.0))
+        return None if bool((sides > 1).any()) else "poses on both sides of where a link force changes sign, and a load"
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Half the play, longer when pulled and shorter when pushed."""
