@@ -389,7 +389,7 @@ def test_a_report_from_the_page_diagnoses_nothing_anew(
     added = session.changed("add", ("backlash",), jobs.change(RUN, MACHINE, "add", ("backlash",), silent))
     assert added.lesson is None and added.lesson_of_drawing is learned
     anew = jobs.report(RUN, MACHINE, None, b"", b"", silent).decode()
-    monkeypatch.setattr("ptt.show.report.gather.choose_diagnosis", lambda rows: pytest.fail)
+    monkeypatch.setattr("ptt.show.report.gather.choose_diagnosis", lambda problem: pytest.fail)
     handed = jobs.report(RUN, MACHINE, None, learned.whole, b"", silent).decode()
     clock = re.compile(r"\d\d:\d\d:\d\d")
     assert clock.sub("", handed) == clock.sub("", anew)

@@ -11,6 +11,8 @@ from dataclasses import replace
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from unittest.mock import create_autospec
 
 import numpy as np
@@ -371,17 +373,29 @@ def test_answers_that_contradict_each_other_are_left_out():
     assert agreed([one, two]) == both and agreed([one]) == one
 
 
-def test_the_diagnosis_is_chosen_by_rows():
-    assert choose_diagnosis(WHOLE) is diagnose
-    for chosen, size in ((choose_diagnosis(WHOLE + 1), CHUNK), (choose_diagnosis(300, 1000), 1000)):
-        assert isinstance(chosen, partial) and chosen.func is diagnose_long and chosen.keywords == {"size": size}
+def test_the_diagnosis_is_chosen_by_rows_and_kind_of_machine(here: Path):
+    problem = opening.open_both(RUN, MACHINE).problem
+    table, file = problem.table, problem.file
+
+    def of(rows: int, kind: str) -> Any:
+        return SimpleNamespace(
+            table=SimpleNamespace(rows=rows), file=SimpleNamespace(machine=SimpleNamespace(kind=kind))
+        )
+
+    assert choose_diagnosis(problem) is diagnose and table.rows <= WHOLE[file.machine.kind]
+    for kind in ("three-ptt", "serial"):
+        assert choose_diagnosis(of(WHOLE[kind], kind)) is diagnose
+        chosen = choose_diagnosis(of(WHOLE[kind] + 1, kind))
+        assert isinstance(chosen, partial) and chosen.func is diagnose_long and chosen.keywords == {"size": CHUNK}
+    assert WHOLE["serial"] < WHOLE["three-ptt"]
+    assert choose_diagnosis(problem, 1000).keywords == {"size": 1000}
 
 
 def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: pytest.MonkeyPatch):
     def in_chunks(*given: object, size: int, progress: object) -> None:
         raise InputError(f"chunks of {size}")
 
-    monkeypatch.setattr("ptt.diagnosis.long.WHOLE", 200)
+    monkeypatch.setitem(WHOLE, "three-ptt", 200)
     monkeypatch.setattr("ptt.diagnosis.long.diagnose_long", in_chunks)
     opened = opening.open_both(RUN, MACHINE)
     assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"

@@ -30,7 +30,10 @@ Next = Annotated[
     Path | None, typer.Option("--measure-next", metavar="OUT.csv", help="Write poses that part what is confused.")
 ]
 ChunkRows = Annotated[
-    int | None, typer.Option("--chunk-rows", min=1000, help="Rows summed up at a time; by itself beyond 20,000 rows.")
+    int | None,
+    typer.Option(
+        "--chunk-rows", min=1000, help="Rows summed up at a time; by itself beyond 20,000 rows, of an arm 2,000."
+    ),
 ]
 Steps = Annotated[int, typer.Option("--steps", min=1, help="How many effects the path may add.")]
 

@@ -21,22 +21,25 @@ from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
-SAMPLE, STRETCH = 4_000, 200  # rows that shapes and unknowns are found on, and of each stretch of them
+# Rows that shapes and unknowns are found on, and rows beyond which no run is looked at as a whole. Of a tripod columns
+# of all rows at once take gigabytes (4.4 at 30,000) and minutes, sums 1.8 and 20 s; a curve and four lengths of every
+# joint make the sets of a real arm ten times as large: 1,500 rows of a UR10 take a minute, 3,000 ten.
+SAMPLE = {"three-ptt": 4_000, "serial": 1_000}
+WHOLE = {"three-ptt": CHUNK, "serial": 2_000}
+STRETCH = {"three-ptt": 200, "serial": 50}  # rows of travel of which a sample has twenty
 
-WHOLE = CHUNK  # rows beyond which columns of all at once take gigabytes (4.4 at 30,000) and minutes, sums 1.8 and 20 s
 
-
-def choose_diagnosis(rows: int, size: int | None = None) -> Callable[..., Diagnosis]:
+def choose_diagnosis(problem: Problem, size: int | None = None) -> Callable[..., Diagnosis]:
     """Which diagnosis suits a run: all rows at once, or summed up in chunks.
 
     Args:
-        rows: of the run.
+        problem: the readings.
         size: rows of a chunk; None leaves it to the run, which is then cut only beyond `WHOLE` rows.
 
     Returns:
         `diagnose`, or `diagnose_long` with its chunks.
     """
-    if size is None and rows <= WHOLE:
+    if size is None and problem.table.rows <= WHOLE[problem.file.machine.kind]:
         return diagnose
     return partial(diagnose_long, size=size or CHUNK)
 
@@ -50,7 +53,7 @@ def diagnose_long(
     progress: Tell | None = None,
     seed: int = 0,
     size: int = CHUNK,
-    sample_rows: int = SAMPLE,
+    sample_rows: int | None = None,
 ) -> Diagnosis:
     """Learn which physical effects are missing from a run whose columns do not fit into memory.
 
@@ -67,7 +70,7 @@ def diagnose_long(
         progress: told what is being done.
         seed: of the permutation tests.
         size: rows of a chunk.
-        sample_rows: about how many rows the explanation is found on.
+        sample_rows: about how many rows the explanation is found on; None: as many as suit the kind of machine.
 
     Returns:
         The diagnosis.
@@ -81,7 +84,8 @@ def diagnose_long(
     opening = opening_rows(problem)
     problem = problem.masked(opening)
     span = span_of(problem)
-    sample = take(problem, sample_stretches(problem, sample_rows, STRETCH))
+    kind = problem.file.machine.kind
+    sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE[kind], STRETCH[kind]))
     told = find(model, sample, known, tell, steps, span)
     run = open_run(problem, cut(problem, size), _with_levers(span, told))
     found = find_everywhere(told, Task(run, sample, model, known, steps, tell))

@@ -132,7 +132,7 @@ def diagnose(
         model: the model; a network is left aside.
         run: the run.
         steps: how many effects the path may add.
-        chunk_rows: rows summed up at a time; None: by itself beyond 20,000 rows.
+        chunk_rows: rows summed up at a time; None: by itself beyond 20,000 rows, of an arm 2,000.
         anyway: whether to go on although the set-up looks mistaken.
         progress: told what is done, how much of how much.
         note: told what is left aside.
@@ -152,7 +152,7 @@ def diagnose(
         return Diagnosed(None, None, error.check, machine.file, tuple(tell.lines))
     if opened.compensator.network is not None:
         tell("the compensator's network is left aside: the physics alone is diagnosed")
-    learn = choose_diagnosis(opened.table.rows, chunk_rows)
+    learn = choose_diagnosis(opened.problem, chunk_rows)
     if learn is not learn_whole:
         tell(f"{opened.table.rows} rows are summed up in chunks of {chunk_rows or CHUNK}")
     result = learn(

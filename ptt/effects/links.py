@@ -144,8 +144,9 @@ class JointClearance(ThreePttEffect):
     def needs(self, view: View) -> str | None:
         """A link force that changes its sign in the data, or comes with the load where nothing else weighs."""
         side = torch.sign(pull(view))
-        sides = sum(((side == one).sum(dim=0) >= FEWEST_A_SIDE).long() for one in (-1.0, 0.0, 1.0))
-        return None if bool((sides > 1).any()) else "poses on both sides of where a link force changes sign, and a load"
+        rows = torch.stack([(side == one).sum(dim=0) for one in (-1.0, 0.0, 1.0)])  # shape: (side, leg)
+        both = (rows >= FEWEST_A_SIDE).sum(dim=0) > 1
+        return None if bool(both.any()) else "poses on both sides of where a link force changes sign, and a load"
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Half the play, longer when pulled and shorter when pushed."""

@@ -53,7 +53,7 @@ def hold_against(model: Model, problem: Problem, known: Library, tell: Tell) -> 
 
 def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: Tell) -> Again:
     """A machine on which nothing was found has no values that could change; whatever is found now is new."""
-    found = choose_diagnosis(problem.table.rows)(model, problem, known, progress=tell)
+    found = choose_diagnosis(problem)(model, problem, known, progress=tell)
     verdict = "same" if found.verdict == "nothing-missing" else "new"
     added, now = [step[0] for step in found.suggested], float(found.rms_um["before"]["total"])
     expected = 1e3 * found.noise.total

@@ -72,7 +72,7 @@ def _work(task: Task, tell: Tell) -> Outcome:
 def _first(task: Task, opened: Opened, tell: Tell) -> Outcome:
     """Diagnose, add what is suggested, and keep that as the model."""
     model, problem, known = opened.model, opened.problem, opened.known
-    found = choose_diagnosis(problem.table.rows)(model, problem, known, progress=tell)
+    found = choose_diagnosis(problem)(model, problem, known, progress=tell)
     tell("add")
     solved, fitted, noise = _add(model, opened, [step[0] for step in found.suggested], task)
     return Outcome(

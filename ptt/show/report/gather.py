@@ -149,7 +149,7 @@ def _look(
 ) -> ModelLook:
     why: dict[str, str] = {}
     noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
-    diagnose = choose_diagnosis(problem.table.rows)
+    diagnose = choose_diagnosis(problem)
     if found is None:
         found = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
     tell("compare")

@@ -92,7 +92,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
 
     tell("reading the run", 0, 0)
     opened = open_both(source, model)
-    problem, diagnose = opened.problem, choose_diagnosis(opened.table.rows)
+    problem, diagnose = opened.problem, choose_diagnosis(opened.problem)
     result = diagnose(opened.model, problem, opened.library, progress=lambda what: tell(_stage(what), 0, 0))
     tell("drawing it", 0, 0)
     poses = None if result.separation is None else result.separation.targets
