@@ -9,10 +9,10 @@ from ptt.fleet.owner import owner
 from ptt.fleet.queue import claim, keep, next_task, release, waiting
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
-from ptt.progress import Progress
+from ptt.progress import Progress, Tell, unwatched
 from ptt.record import Record
 
-Work = Callable[[Task, Callable[[str], None]], Outcome]
+Work = Callable[[Task, Tell], Outcome]
 
 
 @dataclass
@@ -62,7 +62,7 @@ def run_all(store: Store, progress: Progress | None = None, work: Work | None = 
     Returns:
         What was done.
     """
-    tell, done, do = progress or (lambda what, count, of: None), Done(), work or _work()
+    tell, done, do = progress or unwatched, Done(), work or _work()
     with owner(store.workers) as name:
         total = sum(waiting(store).values())
         try:

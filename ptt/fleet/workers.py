@@ -18,7 +18,7 @@ from ptt.fleet.queue import claim, keep, next_task, release, waiting
 from ptt.fleet.run import Done
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 
 AHEAD = 2  # machines in hand for each worker, so that none waits for the submitting process
 PATIENCE = "30s"  # for a scheduler to answer
@@ -47,7 +47,7 @@ def run_on_workers(
         InputError: distributed is missing, or no scheduler answers.
     """
     do = work or _work()
-    tell, done = progress or (lambda what, count, of: None), Done()
+    tell, done = progress or unwatched, Done()
     with owner(store.workers) as name, cluster(scheduler, workers) as client:
         total = sum(waiting(store).values())
         try:
