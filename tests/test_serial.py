@@ -4,8 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
@@ -444,20 +445,21 @@ def turned(alpha: float, beta: float, gamma: float) -> torch.Tensor:
 
 
 def about(vector: torch.Tensor) -> torch.Tensor:
-    """The rotation of a rotation vector, by its definition."""
+    """The rotation of a rotation vector near zero, by its definition; farther off torch keeps ten digits of it."""
     x, y, z = vector.unbind(-1)
     zero = torch.zeros_like(x)
     return torch.linalg.matrix_exp(torch.stack([zero, -z, y, z, zero, -x, -y, x, zero]).reshape(3, 3))
 
 
 @settings(max_examples=100, deadline=None)
+@example(vector=(0.0, 0.03125, 0.0))
 @given(vector=st.tuples(ANGLE, st.sampled_from([0.0, 1e-9, 0.3, 1.5, math.pi]) | ANGLE, ANGLE))
 def test_quaternion_and_rotation_vector_rebuild_the_rotation(vector):
     rotation = turned(*vector)
     close(rotation @ rotation.T, torch.eye(3), 1e-12)
     close(torch.linalg.det(rotation), 1.0, 1e-12)
     close(from_quaternion(quaternion_of(rotation)), rotation, 1e-12)
-    close(about(rotation_vector(rotation)), rotation, 1e-12)
+    close(torch.from_numpy(Rotation.from_rotvec(rotation_vector(rotation).numpy()).as_matrix()), rotation, 1e-12)
 
 
 def test_rotation_vector_is_smooth_at_no_rotation():
