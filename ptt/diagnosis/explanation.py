@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.atoms import Atom, is_effect
+from ptt.diagnosis.coincidence import coincidences
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
@@ -167,6 +168,7 @@ def candidates_of_steps(
         together = find_sum(found.system, found.state, step.key)
         own = told.doubt * 1e3 if index == len(named) - 1 else None
         errors = step.before * 1e3, step.after * 1e3
+        words = explain_step(term, step.others, together, errors, noise, problem, before, own)
         result.append(
             Candidate(
                 name,
@@ -177,7 +179,7 @@ def candidates_of_steps(
                 _parameters(term, problem),
                 step.others,
                 together,
-                explain_step(term, step.others, together, errors, noise, problem, before, own),
+                " ".join([words, *coincidences(term, problem)]),
                 own,
             )
         )

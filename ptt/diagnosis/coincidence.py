@@ -1,0 +1,60 @@
+"""What else turns at the moment of something sudden: then no reading tells whether it came by the clock or by that."""
+
+import numpy as np
+
+from ptt.dependence.contexts import context_views, unit_of
+from ptt.dependence.said import middle
+from ptt.effects.sudden import Sudden
+from ptt.model.model import Term
+from ptt.run.problem import Problem
+
+CONDITIONS = ("payload", "temperature")  # beside columns of a person's own; where a pose lies turns again and again
+AIR = 0.1  # K: by so much warmth goes to and fro at a place, so that rows near the moment may lie on the other side
+WIDE = 10.0  # times that: what stays within less has no sides
+
+
+def coincidences(term: Term, problem: Problem) -> list[str]:
+    """Say which conditions pass a value when something sudden happens, and at no other time.
+
+    Args:
+        term: an effect at its values.
+        problem: n rows.
+
+    Returns:
+        One sentence for each; none for what is not sudden.
+    """
+    if not isinstance(term.effect, Sudden):
+        return []
+    shape = {"after": term.theta[-1:]}
+    after = term.effect.since(problem.view, shape).numpy()[problem.used] > 0.5
+    views = context_views(problem)
+    found = []
+    for name in (*CONDITIONS, *problem.table.watched):
+        slack = AIR if name == "temperature" else 0.0
+        place = parting(after, views[name][problem.used], slack) if name in views else None
+        if place is not None:
+            what, where = f"{name[:1].upper()}{name[1:]}", middle(*place, unit_of(problem, name))
+            alike = "a step that follows it would look the same, until it is passed again"
+            found.append(f"{what} passes {where} at that moment and at no other: {alike}.")
+    return found
+
+
+def parting(after: np.ndarray, values: np.ndarray, slack: float = 0.0) -> tuple[float, float] | None:
+    """Where a variable parts the rows after a moment from those before it.
+
+    Args:
+        after: (n,) bool.
+        values: (n,) of the variable.
+        slack: how far on the wrong side of the place rows may lie.
+
+    Returns:
+        The values on either side of the place; None where it does not part them.
+    """
+    if after.all() or not after.any():
+        return None
+    for low, high in ((values[~after], values[after]), (values[after], values[~after])):
+        wide = high.max() - low.min() > WIDE * slack
+        if wide and low.max() < high.min() + 2.0 * slack:
+            below, above = sorted((float(low.max()), float(high.min())))
+            return below, above
+    return None

@@ -1,0 +1,52 @@
+"""What turns at the same moment as a slip or a knock is said beside it, for no reading tells the two apart."""
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench
+from ptt.diagnosis.coincidence import coincidences, parting
+from ptt.effects import library
+from ptt.model.model import Term
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+
+ROWS, LAST = 60, 35  # the last row before the slip
+
+
+@pytest.fixture(scope="module")
+def slip() -> Term:
+    effect = library()["homing-slip"]()
+    return Term(effect, torch.tensor([0.0, 0.1, 0.0, 10.0 * LAST], dtype=torch.float64))
+
+
+def measured(**context: np.ndarray) -> Problem:
+    random = np.random.default_rng(8)
+    target = random.uniform(-40.0, 40.0, (ROWS, 3))
+    read = target + random.normal(scale=0.003, size=target.shape)
+    return build_problem(bench(), make_table(target, measured=read, time_s=10.0 * np.arange(ROWS), **context))
+
+
+def test_a_condition_that_passes_a_value_when_something_slips_is_said(slip: Term) -> None:
+    row = np.arange(ROWS)
+    warming, swinging = 20.0 + 0.05 * row, 22.0 + 2.0 * np.sin(0.4 * row)
+    (said,) = coincidences(slip, measured(temp_c=warming, payload_kg=np.where(row % 2, 2.0, 0.0)))
+    assert said.startswith("Temperature passes 21.77 C at that moment and at no other")
+    (said,) = coincidences(slip, measured(temp_c=swinging, payload_kg=np.where(row > LAST, 2.0, 0.0)))
+    assert said.startswith("Payload passes 1 kg")
+    assert coincidences(slip, measured(temp_c=swinging, payload_kg=np.where(row > LAST + 1, 2.0, 0.0))) == []
+
+
+def test_what_is_not_sudden_has_no_moment() -> None:
+    warming = 20.0 + 0.05 * np.arange(ROWS)
+    term = Term(library()["homing-offset"](), torch.zeros(3, dtype=torch.float64))
+    assert coincidences(term, measured(temp_c=warming)) == []
+
+
+def test_rows_near_the_moment_may_lie_beside_by_what_the_air_does_and_no_more() -> None:
+    after = np.arange(10) > 4
+    falling = np.array([9.0, 8.0, 7.0, 6.0, 5.0, 5.1, 4.0, 3.0, 2.0, 1.0])
+    assert parting(after, falling) is None
+    assert parting(after, falling, 0.1) == (5.0, 5.1)
+    assert parting(after, 0.01 * falling, 0.1) is None  # all of it is less than the air does
+    assert parting(after, np.zeros(10)) is None and parting(after | True, falling) is None
