@@ -27,6 +27,7 @@ ROUGH = 0.3  # nats at which learning several variances of one atom may end
 BROAD = 12  # columns of an atom from which its eigenvectors take longer than a tridiagonal form
 
 Allowed = Callable[[Atom], bool]
+Looked = tuple[list[Atom], np.ndarray, np.ndarray]  # atoms of one width w, what a set leaves of them (a, w, w), (a, w)
 
 
 @dataclass(frozen=True)
@@ -107,42 +108,37 @@ class Screen:
         side = sums.side[own] - posterior.values[posterior.order] @ solved
         if len(root):
             solved = blas.dtrsm(1.0, root, solved.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
-        first = 0
+        first, looked = 0, list[Looked]()
         for family, columns, places in new:
             last = first + columns[places].size
             half = solved[:, first:last].reshape(len(root), len(places), columns.shape[1]).transpose(1, 2, 0)
-            whole = sums.own(columns)[places]
-            self._look([family[i] for i in places], whole, half, side[first:last].reshape(len(places), -1))
+            atoms, along = [family[i] for i in places], side[first:last].reshape(len(places), -1)
+            looked.append((atoms, _left(sums.own(columns)[places], half), along))
             first = last
+        self._keep(looked)
 
-    def _look(self, atoms: list[Atom], whole: np.ndarray, half: np.ndarray, side: np.ndarray) -> None:
-        """Work out what atoms of one width add.
-
-        Args:
-            atoms: of one width w.
-            whole: Z^T Z of each, (atoms, w, w).
-            half: C^T of each, (atoms, w, p).
-            side: Z^T (y - X b) of each, (atoms, w).
-        """
-        gram = whole - half @ half.transpose(0, 2, 1)
-        # What is left of a column that the set spans is rounding, of either sign: no less than that counts as left.
-        every = np.arange(whole.shape[1])
-        gram[:, every, every] += np.finfo(float).eps * (1 + half.shape[2]) * whole[:, every, every] * len(every)
-        single = np.array([atom.groups == 1 for atom in atoms])
-        for index in np.flatnonzero(~single):
-            self.gains[atoms[index].key] = self._learned(atoms[index], gram[index], side[index])
-        if single.any():
-            nats = self._noise_gain(*_at_ratios(gram[single], side[single]))
-            self._keep([atom for atom in atoms if atom.groups == 1], nats)
-        for atom, own, along in zip(atoms, gram, side, strict=True):
-            if atom.joint is not None:
-                self._at_few_joints(atom, atom.joint, own, along)
-
-    def _keep(self, atoms: list[Atom], nats: np.ndarray) -> None:
-        """Keep the best ratio of each atom, from the evidence at each, (atoms, ratios)."""
-        nats = nats - np.outer([atom.effect is not None for atom in atoms], USUAL)
-        for atom, index, most in zip(atoms, nats.argmax(axis=1).tolist(), nats.max(axis=1).tolist(), strict=True):
-            self.gains[atom.key] = Gain(most - atom.odds, atom.key, RATIOS[index : index + 1])
+    def _keep(self, looked: Sequence[Looked]) -> None:
+        """Keep what atoms add, from what a set leaves of their columns: those of one variance all at once."""
+        alone, taken, spread = list[Atom](), list[np.ndarray](), list[np.ndarray]()
+        for atoms, gram, side in looked:
+            places = [place for place, atom in enumerate(atoms) if atom.groups == 1]
+            for place in sorted(set(range(len(atoms))).difference(places)):
+                self.gains[atoms[place].key] = self._learned(atoms[place], gram[place], side[place])
+            if places:
+                some = slice(None) if len(places) == len(atoms) else places
+                both = _at_ratios(gram[some], side[some])
+                alone += [atoms[place] for place in places]
+                taken.append(both[0])
+                spread.append(both[1])
+        if alone:
+            nats = self._noise_gain(np.concatenate(taken), np.concatenate(spread))
+            nats -= np.array([atom.effect is not None for atom in alone])[:, None] * USUAL
+            for atom, at, most in zip(alone, nats.argmax(axis=1).tolist(), nats.max(axis=1).tolist(), strict=True):
+                self.gains[atom.key] = Gain(most - atom.odds, atom.key, RATIOS[at : at + 1])
+        for atoms, gram, side in looked:
+            for place, atom in enumerate(atoms):
+                if atom.joint is not None:
+                    self._at_few_joints(atom, atom.joint, gram[place], side[place])
 
     def _at_few_joints(self, atom: Atom, joint: np.ndarray, gram: np.ndarray, side: np.ndarray) -> None:
         """Keep what an atom adds at no more joints than show it, if that is more.
@@ -183,6 +179,20 @@ class Screen:
         self.begun[atom.name] = own.scales
         before = -0.5 * self.known * float(np.log((freedom + left) / self.known))
         return Gain(own.total - before - atom.odds, atom.key, own.scales)
+
+
+def _left(whole: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """What a set leaves of the columns of atoms of one width w, (a, w, w).
+
+    Args:
+        whole: Z^T Z of each, (a, w, w).
+        half: C^T of each, (a, w, p).
+    """
+    gram = whole - half @ half.transpose(0, 2, 1)
+    # What is left of a column that the set spans is rounding, of either sign: no less than that counts as left.
+    every = np.arange(whole.shape[1])
+    gram[:, every, every] += np.finfo(float).eps * (1 + half.shape[2]) * whole[:, every, every] * len(every)
+    return np.asarray(gram)
 
 
 def _at_ratios(gram: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
