@@ -37,14 +37,18 @@ class Narrowed:
         if not self.turned:
             return columns
         behind = columns.transpose()  # as they lie in memory, one behind the other
-        parts = [behind[self.place >= 0]]
+        stay = np.flatnonzero(self.place >= 0)
+        first = len(stay)
+        found = np.empty((first + sum(len(self.atoms[key].columns) for key in self.turned), *behind.shape[1:]))
+        np.take(behind, stay, axis=0, out=found[:first], mode="clip")  # without a check it needs no second copy
         for key in self.turned:
             turn = self.atoms[key].turn
             assert turn is not None
-            own = behind[self.old[key]]
-            width = own[0].size
-            parts.append((turn.ways.T @ own.reshape(len(own), width)).reshape(turn.ways.shape[1], *own.shape[1:]))
-        return np.concatenate(parts).transpose()
+            own, last = behind[self.old[key]], first + turn.ways.shape[1]
+            width = int(np.prod(own.shape[1:]))
+            found[first:last] = (turn.ways.T @ own.reshape(len(own), width)).reshape(last - first, *own.shape[1:])
+            first = last
+        return found.transpose()
 
     def scale(self, scale: np.ndarray) -> np.ndarray:
         """Sizes of the units of the new columns, (P,); those of turned ones are in their turn."""
