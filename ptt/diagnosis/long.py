@@ -14,7 +14,7 @@ from ptt.diagnosis.sampled import share_of_rows
 from ptt.diagnosis.search import without
 from ptt.diagnosis.span import Span, span_of
 from ptt.diagnosis.summed import open_run
-from ptt.diagnosis.verdict import Diagnosis, conclude, diagnose, enough
+from ptt.diagnosis.verdict import Diagnosis, conclude, diagnose, enough, error_by_base
 from ptt.effects import Library, library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
 from ptt.model.model import Model
@@ -81,7 +81,7 @@ def diagnose_long(
     enough(problem)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
-    opening = opening_rows(problem)
+    opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
     span = span_of(problem)
     kind = problem.file.machine.kind
@@ -104,7 +104,7 @@ def diagnose_long(
     times = share_of_rows(problem.table.rows)
     if times > 1 and found.state.memory == WHITE:
         how += f" What else may be missing is told by one row in {times}."
-    return replace(result, words=f"{result.words} {how}", opening=int(opening.sum()))
+    return replace(result, words=f"{result.words}{error_by_base(model, whole)} {how}", opening=int(opening.sum()))
 
 
 def _new(found: Found, told: Found) -> list[str]:

@@ -134,7 +134,7 @@ def diagnose(
     enough(problem)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
-    opening = opening_rows(problem)
+    opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
     found = find(model, problem, known, tell, steps)
     if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
@@ -142,7 +142,7 @@ def diagnose(
     tell("rest")
     rest = look_for_rest(found.system, found.state, problem, seed=seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
-    return replace(result, opening=int(opening.sum()))
+    return replace(result, opening=int(opening.sum()), words=result.words + error_by_base(model, whole))
 
 
 def enough(problem: Problem) -> None:
@@ -245,7 +245,7 @@ def conclude(
         fitted=found.fitted,
         words="",
     )
-    return replace(result, words=explain_verdict(result, steps) + held_to_base(_error_by_base(model, problem)))
+    return replace(result, words=explain_verdict(result, steps))
 
 
 def _slow(found: Found, problem: Problem) -> Slow | None:
@@ -254,13 +254,18 @@ def _slow(found: Found, problem: Problem) -> Slow | None:
     return None if wander is None else Slow(wander, found.system.clock.span, unit)
 
 
-def _error_by_base(model: Model, problem: Problem) -> float | None:
-    """Error of the model as given in the frame of the base reflectors, um; None where there are none."""
+def error_by_base(model: Model, problem: Problem) -> str:
+    """A word on the error of the model as given in the frame of the base reflectors; empty where there are none.
+
+    Args:
+        model: as given.
+        problem: all readings, as compare and add have them: those that open a run too.
+    """
     if problem.base is None:
-        return None
+        return ""
     fitted = residual_of(model, problem)
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
-    return rms(fitted.residual, rows)["total"]
+    return held_to_base(rms(fitted.residual, rows)["total"])
 
 
 def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:

@@ -58,14 +58,12 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     )  # fmt: skip
 
 
-def held_to_base(error_um: float | None) -> str:
+def held_to_base(error_um: float) -> str:
     """A word on the tracker's frame where base reflectors hold it in other commands.
 
     Args:
-        error_um: of the model as given, as `ptt compare` and `ptt add` print it; None where there are no reflectors.
+        error_um: of the model as given, as `ptt compare` and `ptt add` print it.
     """
-    if error_um is None:
-        return ""
     return (
         " (Here the tracker's frame is free to move. Held to the base reflectors, as compare and add hold it, the "
         f"error of the model as given is {error_um:.1f} um.)"
