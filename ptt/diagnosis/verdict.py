@@ -208,8 +208,7 @@ def conclude(
     terms = fitted_terms(found, model, tuple(step.key for step in named), problem)
     fitted_model = replace(model, terms=sent_terms(found, terms, tuple(step.key for step in named)))
     rms_um = _errors(found, tuple(step.key for step in named), clean)
-    sound = told.faithful and not told.unproven
-    verdict: Verdict = _verdict(found, bool(named), rest) if sound else "unknown"
+    verdict = _verdict(found, bool(named), rest)
     depends = dependences(unknowns, left, shown)
     if not depends and wanders_beyond(found.system, state):  # the memory has taken it: what it took tells what it is
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
