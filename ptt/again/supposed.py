@@ -115,14 +115,13 @@ def suppose(
     atoms = {key: atom for key, atom in system.atoms.items() if atom.effect is None or atom.shape is not None}
     told, zero = _readings_of_zero(unsure)
     past, said = before.rooms.readings()
-    base = np.pad(system.base_columns, [(0, 0), (0, 0), (0, width)])
+    base, read = np.pad(system.base_columns, [(0, 0), (0, 0), (0, width)]), system.base_values
     prior = np.pad(told, [(0, 0), (0, 0), (first, more + then.shape[2])])
     prior = np.concatenate([prior, np.pad(past, [(0, 0), (0, 0), (first + unsure + more, 0)])])
     if len(linear.base_values):
-        still = np.zeros((before.width, beyond.shape[2]))
-        base[:, :, first : first + unsure + more] = linear.base_columns[:, :, : before.width] @ np.hstack(
-            [before.loose, still, ways]
-        )
+        still, on_base = np.zeros((before.width, beyond.shape[2])), linear.base_columns[:, :, : before.width]
+        base[:, :, first : first + unsure + more] = on_base @ np.hstack([before.loose, still, ways])
+        read = read + on_base @ (at.moved - at.fitted.unknowns[: before.width])
     supposed = replace(
         system,
         frame=np.concatenate([system.frame, np.arange(first, first + unsure)]).astype(int),
@@ -131,7 +130,7 @@ def suppose(
         values=linear.residual[rows] + own @ at.moved,
         scale=np.concatenate([system.scale, np.ones(width)]),
         base_columns=np.concatenate([base, prior]),
-        base_values=np.concatenate([system.base_values, zero, said]),
+        base_values=np.concatenate([read, zero, said]),
         _sums={},
     )
     return supposed, own, beyond

@@ -143,17 +143,21 @@ class RowSystem(System):
             own = np.flatnonzero(self.block == index)
             yield hide_rows(columns[:, :, own], self.values.T[:, own], unit)
 
-    def widened(self, atoms: dict[str, Atom], columns: np.ndarray, scale: np.ndarray) -> "RowSystem":
+    def widened(
+        self, atoms: dict[str, Atom], columns: np.ndarray, scale: np.ndarray, on_base: np.ndarray | None = None
+    ) -> "RowSystem":
         """The same with further atoms; sums that were worked out stay.
 
         Args:
             atoms: by key; their columns are numbered on from those that are there.
             columns: of these atoms, (m, 3, w) whitened.
             scale: (w,) size of a unit of each.
+            on_base: the same columns at the base reflectors, (b, 3, w); None where these stand still.
         """
         more = np.ascontiguousarray(columns.transpose(2, 1, 0))
         flat = np.concatenate([self.flat, more])
-        base = np.pad(self.base_columns, [(0, 0), (0, 0), (0, len(more))])
+        still = np.zeros((*self.base_values.shape, len(more)))
+        base = np.concatenate([self.base_columns, still if on_base is None else on_base], axis=2)
         wider = replace(
             self, atoms=self.atoms | atoms, columns=flat.transpose(2, 1, 0), scale=np.concatenate([self.scale, scale]),
             base_columns=base, _sums={},

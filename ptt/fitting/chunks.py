@@ -19,7 +19,7 @@ from ptt.run.cores import map_cores
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 from ptt.run.turns import Entry
-from ptt.run.view import PER_ROW, View
+from ptt.run.view import View
 
 CHUNK = 20_000  # rows: columns of all candidates take some 100 MB
 BESIDE = 200  # rows: the slope of a spline feels a knot k rows away by 0.27^k, less than rounding from 30 on
@@ -233,10 +233,7 @@ def _part_of_table(table: Table, rows: np.ndarray) -> Table:
 def _part_of_view(
     view: View, rows: np.ndarray, entries: Sequence[Entry | None], places: Sequence[int] | np.ndarray = (0,)
 ) -> View:
-    index = torch.as_tensor(rows)
-    own = {name: value[index] for name in PER_ROW if (value := getattr(view, name)) is not None}
-    number = index.to(torch.float64) if view.number is None else view.number[index]
     entered = tuple(
         replace(entry, row=int(place)) for entry, place in zip(entries, places, strict=False) if entry is not None
     )
-    return replace(view, **own, number=number, entries=entered)
+    return replace(view.of_rows(torch.as_tensor(rows)), entries=entered)

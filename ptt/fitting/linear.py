@@ -11,6 +11,7 @@ Any choice of columns together with `linear.frame` is a model of `linear.values`
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,6 +131,16 @@ class Place:
         """Columns of an effect in one shape after the other, (n, 3, p), whitened, in usual sizes."""
         return self.join(self.shifts(effect, shapes), np.tile(usual_sizes(effect, self.problem), len(shapes)))
 
+    def on_base(self, effect: Effect, *shapes: Shape) -> np.ndarray:
+        """The same at the base reflectors, (b, 3, p), in units of their own noise: what acts on the tracker."""
+        base, sizes = self.problem.base, np.tile(usual_sizes(effect, self.problem), len(shapes))
+        if base is None or not len(self.motion):
+            return np.zeros((0, 3, len(sizes)))
+        if effect.stage != "metrology":
+            return np.zeros((len(base.frame), 3, len(sizes)))
+        own = torch.cat([effect.basis(base.view, shape) for shape in shapes], dim=-1)
+        return base.whitened(turned(own, self.motion, base.frame).numpy(), self.whitener) * sizes
+
     def join(self, blocks: Sequence[Tensor], sizes: np.ndarray) -> np.ndarray:
         """Shifts of readings (n, 3, p) each, as the frames show them, side by side and whitened, in usual sizes."""
         block = blocks[0] if len(blocks) == 1 else torch.cat(list(blocks), dim=-1)
@@ -187,18 +198,19 @@ def assemble(
     own = layout.owner >= 0
     residual = np.nan_to_num(system.residual)
     values = residual + system.jacobian[..., own] @ unknowns[own]
-    extra = sum(block.shape[-1] for block in blocks)
+    base_values = system.base_residual + system.base_jacobian[..., own] @ unknowns[own]
+    tried = {key: tuple(own) for key, own in groupby(trials, lambda trial: trial.effect.key)}
+    base = [at.on_base(own[0].effect, *(trial.shape for trial in own)) for own in tried.values()]
     frame = np.concatenate([np.flatnonzero(layout.owner == FRAME), np.flatnonzero(layout.owner == MOUNT)])
     present = {term.effect.key: np.flatnonzero(layout.owner == index) for index, term in enumerate(layout.terms)}
-    tried = {trial.effect.key: trial.effect for trial in trials}
-    usual = {key: usual_sizes(effect, problem) for key, effect in tried.items()}
-    held = {key: held_values(effect, problem) for key, effect in tried.items()}
+    usual = {key: usual_sizes(own[0].effect, problem) for key, own in tried.items()}
+    held = {key: held_values(own[0].effect, problem) for key, own in tried.items()}
     return Linear(
         np.concatenate([system.jacobian, *blocks], axis=-1), values, residual,
         problem.used & np.isfinite(system.residual).all(axis=1), frame, present, tuple(trials),
         np.concatenate([layout.scale, *(usual[trial.effect.key] for trial in trials)]),
         np.concatenate([layout.held, *(held[trial.effect.key] for trial in trials)]).astype(bool),
-        np.pad(system.base_jacobian, [(0, 0), (0, 0), (0, extra)]), system.base_residual, at,
+        np.concatenate([system.base_jacobian, *base], axis=-1), base_values, at,
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from ptt.fitting.prior import Prior, crowding_of, learn_prior, usual_prior
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
 from ptt.fitting.whitened import Evaluator, System
+from ptt.model.chain import read_base
 from ptt.model.model import Model, Term
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import DEFAULT_SIGMA, Noise
@@ -96,8 +97,29 @@ def residual_of(model: Model, problem: Problem, noise: Noise | None = None) -> F
         The fit of the frame alone.
     """
     held = tuple(hold(term) for term in model.terms if len(term.theta))
-    result = fit(replace(model, terms=held), problem.anchored(), noise=noise)
+    result = fit(replace(model, terms=held), hold_to_base(model, problem), noise=noise)
     return replace(result, model=model)
+
+
+def hold_to_base(model: Model, problem: Problem) -> Problem:
+    """The problem with its frames where base reflectors put them beside what a model says of the tracker.
+
+    Args:
+        model: effects of the tracker that have values act on the reflectors.
+        problem: the readings.
+
+    Returns:
+        The problem with frames held; as given where there are no reflectors.
+    """
+    told = [(term.effect, term.theta) for term in model.terms if acts_on_base(term) and len(term.theta)]
+    if problem.base is None or not told:
+        return problem.anchored()
+    return problem.anchored(read_base(told, problem.base.view).numpy())
+
+
+def acts_on_base(term: Term) -> bool:
+    """Whether an effect moves what is read of reflectors fixed to the base."""
+    return term.effect.stage == "metrology"
 
 
 def hold(term: Term) -> Term:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.fitting.layout import Layout
-from ptt.model.chain import Chain, Prediction, linearise
+from ptt.model.chain import Chain, Prediction, Shifts, differentiate, linearise
 from ptt.run.frames import rotation
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, apply_frames
@@ -110,7 +110,8 @@ def build_system(
         blocks += by_own(by_frame.numpy(), problem.frame, layout.frames)
     jacobian = whiten(blocks, whitener, layout.scale)
     residual = (problem.measured - reading.numpy()) @ whitener.T
-    return System(residual, jacobian, *_base_rows(problem, layout, motion, machine.shape[-1]), at.prediction, at.chain)
+    base = _base_rows(problem, layout, terms, motion, whitener)
+    return System(residual, jacobian, *base, at.prediction, at.chain)
 
 
 def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -156,12 +157,22 @@ def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
     return turns[torch.as_tensor(frame)] @ machine
 
 
-def _base_rows(problem: Problem, layout: Layout, motion: Tensor, machine: int) -> tuple[np.ndarray, np.ndarray]:
+def _base_rows(
+    problem: Problem, layout: Layout, terms: Shifts, motion: Tensor, whitener: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What the tracker's own effects and its frames leave of the base reflectors, and its derivative."""
     base = problem.base
     if base is None or not layout.frames:
-        return np.zeros((0, 3)), np.zeros((0, 3, machine + 6 * layout.frames))
-    moved, by_frame = apply_frames(torch.as_tensor(base.place), base.frame, motion)
-    own = by_own(by_frame.numpy(), base.frame, layout.frames)
-    jacobian = np.concatenate([np.zeros((len(base.place), 3, machine)), *own], axis=-1) * layout.scale
-    weight = 1.0 / base.sigma
-    return (base.reading - moved.numpy()) * weight[:, None], jacobian * weight[:, None, None]
+        return np.zeros((0, 3)), np.zeros((0, 3, len(layout.scale)))
+    told, columns = base.view.p, [base.view.p.new_zeros(base.view.rows, 3, 0)]
+    for effect, theta in terms:
+        here = effect.stage == "metrology"
+        shift, slope = differentiate(effect, theta, base.view) if here else (0.0, told.new_zeros(1, 1, len(theta)))
+        told = told + shift
+        columns.append(slope.expand(base.view.rows, 3, -1))
+    own = turned(torch.cat(columns, dim=-1)[..., torch.as_tensor(layout.columns())], motion, base.frame)
+    moved, by_frame = apply_frames(told, base.frame, motion)
+    still = np.zeros((len(base.frame), 3, 3 * layout.mounts))
+    blocks = [own.numpy(), still, *by_own(by_frame.numpy(), base.frame, layout.frames)]
+    jacobian = base.whitened(np.concatenate(blocks, axis=-1), whitener) * layout.scale
+    return base.whitened((base.reading - moved.numpy())[..., None], whitener)[..., 0], jacobian

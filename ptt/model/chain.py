@@ -90,6 +90,19 @@ def predict(terms: Shifts, view: View) -> Prediction:
     return Prediction(q, geometry, p, reading)
 
 
+def read_base(terms: Shifts, view: View) -> Tensor:
+    """What a tracker in the base frame would read of reflectors fixed to the base: only its own effects move them.
+
+    Args:
+        terms: effects with their flat parameters.
+        view: of visits to the reflectors, m of them.
+
+    Returns:
+        (m, 3) mm.
+    """
+    return view.p + _total(terms, "metrology", view, view.p)
+
+
 def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     """Predict, with exact derivatives along the chain.
 

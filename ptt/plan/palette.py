@@ -215,8 +215,8 @@ def _base_rows(palette: Palette) -> np.ndarray:
     first = len(palette.fitted.layout.scale) - 6 * frames
     old = np.zeros((len(base.place), 3, palette.width))
     old[..., first : first + 6 * frames] = np.concatenate(own, axis=-1)
-    once = base.frame == 0
-    new = np.zeros((int(once.sum()), 3, palette.width))
-    new[..., first + 6 * frames : first + 6 * frames + 6] = rigid.numpy()[once]
-    weight = 1.0 / np.concatenate([base.sigma, base.sigma[once]])
-    return (np.concatenate([old, new]) * palette.scale * weight[:, None, None]).reshape(-1, palette.width)
+    new = np.zeros_like(old)
+    again = np.where((base.frame == 0)[:, None, None], rigid.numpy(), 0.0)
+    new[..., first + 6 * frames : first + 6 * frames + 6] = again
+    both = [base.whitened(part, palette.fitted.noise.whitener) for part in (old, new)]
+    return (np.concatenate(both) * palette.scale).reshape(-1, palette.width)

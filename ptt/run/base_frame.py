@@ -1,35 +1,85 @@
 """Where a tracker's frames stand: the first rigid motion of each, from poses or from reflectors fixed to the base."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import torch
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile
 from ptt.run.base_visits import sound_visits, visits_apart
 from ptt.run.frames import align
-from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.noise import DEFAULT_SIGMA
+from ptt.run.same_pose import number_rows
 from ptt.run.table import Table
 from ptt.run.target_frame import LIMIT, RunFrame
 from ptt.run.view import View
 
+MOST_VISITS = 400  # to reflectors by which a run is told where its tracker stood: more are averaged, side by side
+
 
 @dataclass(frozen=True)
 class BaseReadings:
-    """Base reflectors as seen: one averaged reading for each point and frame.
+    """Base reflectors as the tracker sees them in the course of a run: whatever acts on it acts on them.
 
     Attributes:
-        place: (m, 3) mm, drawn.
+        view: m visits, the machine left aside: each with its moment, and with the reflector's drawn place for p.
         reading: (m, 3) mm, read, near the base frame.
-        sigma: (m,) mm, of one coordinate, the drawn place's uncertainty included.
         frame: (m,) int, index of the frame.
+        point: (m,) int, index of the reflector.
+        round: (m,) int, equal for reflectors that were read one after the other.
+        drawn: (m,) mm, standard deviation of a coordinate of the drawn place, the same at all visits.
+        apart: (m,) mm, how far rounds lie apart, which all reflectors of one share.
     """
 
-    place: np.ndarray
+    view: View
     reading: np.ndarray
-    sigma: np.ndarray
     frame: np.ndarray
+    point: np.ndarray
+    round: np.ndarray
+    drawn: np.ndarray
+    apart: np.ndarray
+
+    @property
+    def place(self) -> np.ndarray:
+        """Where the reflectors are drawn, (m, 3) mm."""
+        return self.view.p.numpy()
+
+    def whitened(self, values: np.ndarray, whitener: np.ndarray) -> np.ndarray:
+        """Bring values of the visits into units of their own noise: a reading's, and what visits have in common.
+
+        Args:
+            values: (m, 3, c) mm.
+            whitener: (3, 3) 1/mm of one reading, its rows the noise's own axes.
+
+        Returns:
+            (m, 3, c); rows are no visits any more, but ways in which these differ.
+        """
+        common, ways = self._common
+        wide = np.sqrt(1.0 + common[:, None] * np.square(whitener).sum(axis=1))  # shape: (m, 3)
+        return np.asarray(np.tensordot(ways.T, whitener @ values, axes=1) / wide[:, :, None])
+
+    @cached_property
+    def _common(self) -> tuple[np.ndarray, np.ndarray]:
+        """Variances, (m,) mm^2, that visits have in common, and along which ways, (m, m)."""
+        point, together = (one[:, None] == one[None, :] for one in (self.point, self.round))
+        common, ways = np.linalg.eigh(np.square(self.drawn) * point + np.square(self.apart) * together)
+        return np.maximum(common, 0.0), ways
+
+    def frames_beside(self, told: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where the frames stand beside what the tracker itself is said to do.
+
+        Args:
+            told: what a model says of the reflectors, (m, 3) mm.
+            frames: number of frames.
+
+        Returns:
+            R (f, 3, 3) and t (f, 3) mm, as of `ptt.run.frames.align`.
+        """
+        found = [align(told[self.frame == index], self.reading[self.frame == index]) for index in range(frames)]
+        return np.array([turn for turn, _ in found]), np.array([shift for _, shift in found])
 
 
 def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shifts: np.ndarray) -> np.ndarray:
@@ -77,26 +127,61 @@ def from_poses(
 
 def from_base(
     file: MachineFile, table: Table, frame: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray, BaseReadings]:
-    """Each frame's best rigid motion from the reflectors that it sees onto their places, and these readings."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Each frame's best rigid motion from the reflectors that it sees onto their places.
+
+    Returns:
+        R (f, 3, 3), t (f, 3) mm, which rows are sound visits, (n,) bool, and how far rounds of each row's frame lie
+        apart, (n,) mm.
+    """
     drawn = {point.name: point for point in file.tracker.base_point}
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-    rows: list[tuple[np.ndarray, np.ndarray, float, int]] = []
+    sound, apart = np.zeros(table.rows, dtype=bool), np.zeros(table.rows)
     for index in range(count):
         here = (table.role == "base") & (frame == index) & np.isfinite(table.measured).all(axis=1)
         seen = _seen(table, list(drawn), here, index)
-        visits = {name: table.measured[here & (table.name == name)] for name in seen}
+        when = {name: np.flatnonzero(here & (table.name == name)) for name in seen}
+        visits = {name: table.measured[when[name]] for name in seen}
         spots = {name: np.array(drawn[name].xyz_mm) for name in seen}
-        readings = sound_visits(visits, spots, max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in seen)))
-        place = np.array([drawn[name].xyz_mm for name in seen])
-        mean = np.array([np.median(readings[name], axis=0) for name in seen])
-        rotations[index], shifts[index] = align(place, mean)
-        near = into_base(mean, np.full(len(mean), index), rotations, shifts)
-        apart = visits_apart(list(readings.values()))
-        read = [max(DEFAULT_SIGMA / np.sqrt(len(readings[name])), apart) for name in seen]
-        rows += [(place[i], near[i], np.hypot(drawn[name].sigma_mm, read[i]), index) for i, name in enumerate(seen)]
-    base = BaseReadings(*(np.array(column) for column in zip(*rows, strict=True)))
-    return rotations, shifts, base
+        fitting = sound_visits(visits, when, spots, max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in seen)))
+        for name in seen:
+            sound[when[name]] = fitting[name]
+        read = [visits[name][fitting[name]] for name in seen]
+        rotations[index], shifts[index] = align(
+            np.array([spots[name] for name in seen]), np.array([np.median(own, axis=0) for own in read])
+        )
+        apart[frame == index] = visits_apart(read)
+    return rotations, shifts, sound, apart
+
+
+def base_readings(
+    file: MachineFile, table: Table, view: View, near: np.ndarray, frame: np.ndarray, sound: np.ndarray,
+    apart: np.ndarray,
+) -> BaseReadings:  # fmt: skip
+    """The visits to base reflectors as readings.
+
+    Args:
+        file: the machine.
+        table: n rows.
+        view: the same rows.
+        near: readings near the base frame, (n, 3) mm.
+        frame: (n,) int, frame of each row.
+        sound: which rows are sound visits, (n,) bool.
+        apart: (n,) mm, how far rounds of the row's frame lie apart.
+    """
+    names = [point.name for point in file.tracker.base_point]
+    place, drawn = (np.array([getattr(p, own) for p in file.tracker.base_point]) for own in ("xyz_mm", "sigma_mm"))
+    rows = np.flatnonzero(sound)
+    point = np.array([names.index(name) for name in table.name[rows]])
+    apiece = number_rows(np.column_stack([frame[rows], np.cumsum(table.role != "base")[rows]]))
+    some = -(-len(rows) // MOST_VISITS)  # rounds that are taken together
+    rounds = number_rows(np.column_stack([frame[rows], apiece // some]))
+    _, first, which = np.unique(np.column_stack([rounds, point]), axis=0, return_index=True, return_inverse=True)
+    total = np.stack([np.bincount(which.ravel(), column) for column in near[rows].T], axis=1)
+    kept, order = np.sort(first), np.argsort(first)
+    mean, own = (total / np.bincount(which.ravel())[:, None])[order], rows[kept]
+    seen = view.of_rows(torch.as_tensor(own)).at(p=torch.as_tensor(place[point[kept]]))
+    return BaseReadings(seen, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], apart[own])
 
 
 def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> list[str]:
@@ -116,10 +201,3 @@ def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> lis
             fix='add rows with role = "base", or set frame = "fitted" in the machine file',
         )
     return seen
-
-
-def weigh_base(base: BaseReadings, noise: Noise | None) -> BaseReadings:
-    """Nothing fixed to the base is read better than the noise floor allows for one visit in four."""
-    if noise is None:
-        return base
-    return replace(base, sigma=np.hypot(base.sigma, noise.total / np.sqrt(3.0) / 2.0))

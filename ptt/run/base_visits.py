@@ -9,28 +9,31 @@ WORSE = 5.0  # and times the misfit of the best visit: a wrong drawing puts all 
 
 
 def sound_visits(
-    visits: Mapping[str, np.ndarray], place: Mapping[str, np.ndarray], sigma: float
+    visits: Mapping[str, np.ndarray], rows: Mapping[str, np.ndarray], place: Mapping[str, np.ndarray], sigma: float
 ) -> dict[str, np.ndarray]:
-    """Leave out the visits to base reflectors that do not fit where the other reflectors were read.
+    """Leave out the visits to base reflectors that do not fit where the others were read beside them.
 
-    Distances between reflectors know nothing of where the tracker stands, so a knock between two visits is none of it.
+    Distances between reflectors know nothing of where the tracker stands, so a knock between two rounds of visits is
+    none of it.
 
     Args:
         visits: name -> (v, 3) mm as read.
+        rows: name -> (v,) when each visit was, as rows of the run.
         place: name -> (3,) mm as drawn.
         sigma: of one coordinate of a visit, mm.
 
     Returns:
-        The same with at least one visit of each.
+        name -> (v,) bool, at least one visit of each.
     """
-    centre = {name: np.median(read, axis=0) for name, read in visits.items()}
     kept = {}
     for name, read in visits.items():
-        others = [other for other in visits if other != name]
-        drawn = np.array([np.linalg.norm(place[name] - place[other]) for other in others])
-        here = np.array([np.linalg.norm(read - centre[other], axis=1) for other in others])  # shape: (others, v)
-        misfit = np.median(np.abs(here - drawn[:, None]), axis=0)
-        kept[name] = read[misfit <= max(FAR * sigma, WORSE * float(misfit.min()))]
+        off = np.empty((len(visits) - 1, len(read)))
+        for index, other in enumerate(other for other in visits if other != name):
+            near = np.abs(rows[name][:, None] - rows[other]).argmin(axis=1)
+            drawn = np.linalg.norm(place[name] - place[other])
+            off[index] = np.abs(np.linalg.norm(read - visits[other][near], axis=1) - drawn)
+        misfit = np.sort(off, axis=0)[(len(off) - 1) // 2]  # of two, where one may be the other's fault, the lesser
+        kept[name] = misfit <= max(FAR * sigma, WORSE * float(misfit.min()))
     return kept
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile
-from ptt.run.base_frame import BaseReadings, from_base, from_poses, into_base, refuse_untrue, weigh_base
+from ptt.run.base_frame import BaseReadings, base_readings, from_base, from_poses, into_base, refuse_untrue
 from ptt.run.driven import as_driven
 from ptt.run.frames import rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
@@ -105,13 +105,24 @@ class Problem:
         """
         return replace(self, used=self.used & ~hidden)
 
-    def anchored(self) -> "Problem":
+    def anchored(self, told: np.ndarray | None = None) -> "Problem":
         """The same problem with the tracker held to the base reflectors where there are some.
 
         Thousands of pose readings against a dozen of reflectors would otherwise pull the frame toward whatever a
         model does not explain yet.
+
+        Args:
+            told: what a model says of the base reflectors, (m, 3) mm; None for their places.
         """
-        return self if self.base is None else replace(self, frames=0, base=None)
+        if self.base is None:
+            return self
+        held = replace(self, frames=0, base=None)
+        if told is None:
+            return held
+        rotations, shifts = self.base.frames_beside(told, self.frames)
+        measured = into_base(self.measured, self.frame, rotations, shifts)
+        shifts = self.shift + np.einsum("fij,fj->fi", self.rotation, shifts)
+        return replace(held, measured=measured, rotation=self.rotation @ rotations, shift=shifts)
 
     def with_noise(self, noise: Noise) -> "Problem":
         """The same problem with a noise floor."""
@@ -152,7 +163,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     base = None
     if policy == "measured":
-        rotations, shifts, base = from_base(file, table, frame, count)
+        rotations, shifts, sound, apart = from_base(file, table, frame, count)
     if mount.max() >= 0:
         near = into_base(table.measured, frame, rotations, shifts)
         view = find_mounts(view, near, used, mount, frame, free=policy not in ("trusted", "measured"))
@@ -162,8 +173,8 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     # Encoders that report where an arm stands differ a little from repeat to repeat, and so does its place.
     scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured
     noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm)
-    if base is not None:
-        base = weigh_base(base, noise)
+    if policy == "measured":
+        base = base_readings(file, table, view, measured, frame, sound, apart)
     frames = 0 if policy == "trusted" else count
     mounts = int(mount.max()) + 1
     return Problem(

@@ -109,6 +109,19 @@ class View:
         """
         return replace(self, q=self.q if q is None else q, p=self.p if p is None else p)
 
+    def of_rows(self, rows: Tensor) -> "View":
+        """Some rows by themselves, each with its place in the whole.
+
+        Args:
+            rows: (m,) int64, in rising order.
+
+        Returns:
+            A view of m rows; how the joints came to them is not told.
+        """
+        own = {name: value[rows] for name in PER_ROW if (value := getattr(self, name)) is not None}
+        number = rows.to(torch.float64) if self.number is None else self.number[rows]
+        return replace(self, **own, number=number, entries=())
+
     def mounted(self, geometry: Tensor) -> Tensor:
         """Add the reflector's mount to shifts of the mechanism's slots.
 

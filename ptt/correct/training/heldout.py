@@ -9,6 +9,7 @@ from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.rest import Space
 from ptt.correct.training.train import Protocol, fit_physics, hold_out, learn_rest, sound
 from ptt.errors import PosesError
+from ptt.fitting.solve import hold_to_base
 from ptt.judge.evaluate import Evaluation
 from ptt.model.model import Model
 from ptt.progress import Progress
@@ -43,7 +44,7 @@ def evaluate_heldout(
         raise PosesError(
             f"{problem.table.source}: no reading can be held out: too few poses differ; measure more poses"
         )
-    problem = problem.anchored()
+    problem = hold_to_base(compensator.model, problem)
     bare = fit_physics(Model(compensator.model.file), problem)
     networks: dict[Space, RbfTraining] = {}
     if compensator.network is not None:

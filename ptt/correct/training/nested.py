@@ -11,7 +11,7 @@ from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest
 from ptt.fitting.chunks import LONG
 from ptt.fitting.long import hidden_residual
-from ptt.fitting.solve import rms
+from ptt.fitting.solve import hold_to_base, rms
 from ptt.model.model import Model
 from ptt.progress import Progress
 from ptt.run.holdout import pose_groups
@@ -87,7 +87,7 @@ def hold_out(
     Returns:
         The errors.
     """
-    problem = problem.anchored()
+    problem = hold_to_base(model, problem)
     given = keep_physics(model, problem)
     physics, rows = np.full((problem.table.rows, 3), np.nan), sound(problem, given)
     if not networks and model.terms and problem.table.rows > LONG:

@@ -9,7 +9,7 @@ from ptt.correct.training.nested import Figures, HeldOut, better_space, hold_out
 from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
 from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, random_protocol
 from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_rest, rest_of, spaces_of
-from ptt.fitting.solve import rms
+from ptt.fitting.solve import hold_to_base, rms
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
 from ptt.run.problem import Problem
@@ -83,7 +83,7 @@ def train(
     Raises:
         TableError: too few poses to hold any out.
     """
-    problem = problem.anchored()
+    problem = hold_to_base(model, problem)
     protocol = protocol or block_protocol(problem)
     tell = progress or unwatched
     spaces = spaces_of(problem)

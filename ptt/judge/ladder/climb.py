@@ -13,7 +13,7 @@ from ptt.fitting.long import hidden_residual
 from ptt.fitting.masked import masked_effects
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
-from ptt.fitting.solve import fit, hold, residual_of, rms
+from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
 from ptt.judge.ladder.ladder import Ladder, Step
 from ptt.judge.ladder.rung import fit_rung
 from ptt.model.model import Model, Term
@@ -122,7 +122,6 @@ def _measure(
 ) -> Ladder:  # fmt: skip
     """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
     tell = progress or unwatched
-    problem = problem.anchored()  # else a moved frame would pass for what an effect took
     hidden = folds(problem.table, FOLDS)
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
     rows = problem.used & ~fits[-1].outliers
@@ -138,6 +137,7 @@ def _measure(
         Step(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _restored(fitted, rungs[0][2]))
         for (name, kind, rung), fitted, out, fall in zip(rungs, fits, held_out, falls, strict=True)
     )
+    problem = hold_to_base(fits[-1].model, problem)
     report = report_fit(fits[-1], problem, fits[0])
     protocol = f"{len(hidden)} parts of whole blocks of travel hidden in turn, all repeats of a pose together"
     if any(value.measured == "searched" for value in report.values):
@@ -155,17 +155,23 @@ def _fitted(
     for number, (name, kind, rung) in enumerate(rungs):
         tell(name, number * (len(hidden) + 1), total)
         last = fits[-1] if fits else None
-        fits.append(
-            residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, problem, noise, last)
-        )
+        there = _held_to_base(rung, problem, noise, last)
+        fits.append(residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, there, noise, last))
         # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
         if problem.table.rows > LONG:
-            held_out.append(_judged(hidden_residual(fits[-1], problem, hidden), problem, hidden))
+            held_out.append(_judged(hidden_residual(fits[-1], there, hidden), there, hidden))
         else:
             given = rung if kind == "given" else fits[-1].model
-            held_out.append(_held_out(given, kind, problem, fits[-1].noise, hidden))
+            held_out.append(_held_out(given, kind, there, fits[-1].noise, hidden))
     tell("report", total, total)
     return fits, held_out
+
+
+def _held_to_base(rung: Model, problem: Problem, noise: Noise | None, last: FitResult | None) -> Problem:
+    """The frame where base reflectors put it beside a rung: a moved frame would pass for what an effect took."""
+    if problem.base is not None and any(acts_on_base(term) for term in rung.terms):
+        rung = fit_rung(rung, problem, noise, last).model  # with the readings: they tell what the tracker does as well
+    return hold_to_base(rung, problem)
 
 
 def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: Sequence[np.ndarray]) -> np.ndarray:

@@ -1,0 +1,111 @@
+"""Base reflectors are seen by the same tracker: what acts on it acts on them, and holds no frame that it moved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.fitting.linear import assemble
+from ptt.fitting.solve import fit
+from ptt.judge.ladder.climb import climb
+from ptt.machine_schema import BasePoint, TrackerSpec
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+
+PLACES = np.array([[400.0, 0.0, -200.0], [-300.0, 300.0, -200.0], [-300.0, -300.0, 250.0], [0.0, 300.0, 300.0]])
+SIGMA = 0.004
+KNOCK = np.array([0.05, -0.03, 0.04, 2e-4, -3e-4, 4e-4])  # mm, rad
+
+
+def measured_run(knock: np.ndarray, scale: float = 0.0, rounds: int = 2, rows: int = 120) -> Problem:
+    """A sound machine, its tracker knocked halfway or reading too long, base reflectors read in rounds."""
+    random = np.random.default_rng(7)
+    points = tuple(
+        BasePoint(name=f"base {i}", xyz_mm=tuple(map(float, place)), sigma_mm=0.001) for i, place in enumerate(PLACES)
+    )
+    file = replace(bench_machine(), tracker=TrackerSpec(frame="measured", base_point=points, sigma_mm=SIGMA))
+    poses = random.uniform(-40.0, 40.0, (rows, 3))
+    cuts = np.linspace(0, rows, rounds).astype(int)
+    spot, role, name = list[np.ndarray](), list[str](), list[str]()
+    for first, last in zip(cuts, [*cuts[1:], rows], strict=True):
+        spot += [*PLACES, *poses[first:last]]
+        role += ["base"] * len(PLACES) + ["pose"] * (last - first)
+        name += [*(point.name for point in points), *[""] * (last - first)]
+    place = np.array(spot)
+    base = np.array(role) == "base"
+    after = np.arange(len(place)) > len(place) * 0.45
+    moved = place * (1.0 + scale) + after[:, None] * (knock[:3] + np.cross(knock[3:], place))
+    table = make_table(np.where(base[:, None], np.nan, place), role=np.array(role), name=np.array(name))
+    return build_problem(file, replace(table, measured=moved + random.normal(0.0, SIGMA, place.shape)))
+
+
+def test_a_knock_that_turns_the_tracker_is_told_once_where_reflectors_hold_the_frame():
+    problem = measured_run(KNOCK)
+    found = diagnose(Model(problem.file), problem)
+    assert found.verdict == "missing" and found.suggested == (("setup-jump",),)
+
+
+@pytest.mark.parametrize(("name", "scale", "knock"), [("tracker-scale", 3e-4, 0.0), ("setup-jump", 0.0, 1.0)])
+def test_readings_are_foretold_in_the_frame_that_reflectors_show_beside_the_tracker(name, scale, knock):
+    """Their mean stands where the tracker did neither before nor after a knock, and a scale shifts it."""
+    problem = measured_run(knock * KNOCK, scale)
+    last = climb(Model(problem.file), problem, [library()[name]()]).steps[-1]
+    assert last.heldout_rms_um["total"] < 1.3 * SIGMA * np.sqrt(3.0) * 1e3
+
+
+def test_the_scale_of_the_tracker_is_read_off_the_reflectors():
+    """They lie ten times as far apart as the poses, so the poses are no news of it."""
+    problem = measured_run(0.0 * KNOCK, 3e-4)
+    term = fit(Model(problem.file) + library()["tracker-scale"](), problem).model.terms[0]
+    assert term.std is not None
+    assert abs(float(term.theta) - 3e-4) < 4.0 * float(term.std) < 1e-4
+
+
+def test_visits_are_whitened_by_what_they_have_in_common():
+    base = measured_run(KNOCK * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0], rounds=3).base
+    assert base is not None and (base.apart > 0.0).all() and len(np.unique(base.round)) == 3
+    turned = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    noise = turned @ np.diag([1.0, 4.0, 9.0]) @ turned.T * 1e-6
+    squares, ways = np.linalg.eigh(noise)
+    whitener = ways.T / np.sqrt(squares)[:, None]
+    same = (base.point[:, None] == base.point) * base.drawn**2 + (base.round[:, None] == base.round) * base.apart**2
+    whole = np.kron(np.eye(len(base.point)), noise) + np.kron(same, np.eye(3))
+    values = np.random.default_rng(2).normal(size=(len(base.point), 3, 5))
+    white, flat = base.whitened(values, whitener).reshape(-1, 5), values.reshape(-1, 5)
+    np.testing.assert_allclose(white.T @ white, flat.T @ np.linalg.solve(whole, flat), rtol=1e-8)
+
+
+def test_many_visits_are_averaged_side_by_side():
+    whole = measured_run(0.0 * KNOCK, rounds=2)
+    many = measured_run(0.0 * KNOCK, rounds=260, rows=520)
+    assert whole.base is not None and many.base is not None
+    assert len(whole.base.frame) == 2 * len(PLACES) and len(many.base.frame) <= 400
+    for base in (whole.base, many.base):
+        for index, place in enumerate(PLACES):
+            np.testing.assert_array_equal(
+                base.place[base.point == index], np.tile(place, ((base.point == index).sum(), 1))
+            )
+            assert np.abs(base.reading[base.point == index] - place).max() < 0.03
+
+
+def test_columns_at_the_reflectors_are_those_of_the_tracker_alone():
+    """Values less effects are what the frame alone leaves, so they do not change as the effects do."""
+    problem = measured_run(KNOCK)
+    known, noise = library(), problem.noise
+    assert noise is not None
+    fitted = fit(Model(problem.file) + known["tracker-scale"]() + known["homing-offset"](), problem, noise=noise)
+    shape = {"after": problem.view.time.new_tensor([60.0])}
+    at, more = fitted.unknowns, np.zeros(len(fitted.unknowns))
+    linear = assemble(fitted.layout, at, problem, noise, [known["setup-jump"]()], [shape])
+    scale, offset = linear.present["tracker-scale"], linear.present["homing-offset"]
+    more[scale], more[offset] = 1.0, 1.0
+    there = assemble(fitted.layout, at + more, problem, noise)
+    assert not linear.base_columns[..., offset].any() and np.abs(linear.base_columns[..., scale]).min() > 0.0
+    np.testing.assert_allclose(there.base_values, linear.base_values, rtol=1e-6, atol=1e-6)
+    jump = linear.base_columns[..., linear.trials[0].columns]
+    moved = (np.array(problem.table.role) == "base") & (np.arange(problem.table.rows) > 60)
+    assert np.linalg.matrix_rank(jump.reshape(-1, 6)) == 6 and moved.sum() == len(PLACES)
