@@ -118,6 +118,14 @@ def test_axes_that_lag_settle_at_standstill_whole_and_in_blocks(bench: MachineFi
     np.testing.assert_allclose(parts.q, whole.q, rtol=0.0, atol=1e-8)
 
 
+def test_a_lag_as_long_as_a_move_is_said_row_by_row(bench: MachineFile) -> None:
+    """No command of such a row moves its axis, by v tau: the system is singular."""
+    lag = Term(FollowingError(), torch.full((3,), 0.2, dtype=torch.float64))
+    commands = compensate(model_of(bench, lag), targets_of(bench, time_s=0.2 * np.arange(260.0)), limit=50.0)
+    assert (commands.status == "out of reach").sum() > 5
+    assert np.nanmax(commands.missed) < 3.0 * STANDSTILL
+
+
 @pytest.mark.parametrize("feed", [5.0, 30.0])
 def test_a_rig_whose_axes_lag_arrives_in_time(bench: MachineFile, feed: float) -> None:
     """On the way, where it stops, and where it stands: the rig's speeds are its own."""

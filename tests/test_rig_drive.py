@@ -159,12 +159,12 @@ def test_lag_follows_speed_and_is_gone_at_standstill() -> None:
     np.testing.assert_allclose(still.slider_actual, command, atol=1e-12)
 
 
-def test_speed_at_a_sharp_turn_is_halfway() -> None:
+def test_speed_at_a_sharp_turn_is_that_of_the_arrival() -> None:
     time = np.arange(7.0)
     there = np.array([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0])
     command, tool = np.repeat(there[:, None], 3, 1), np.outer(there, [1.0, 0.0, 0.0])
     speed = slider_speed(command, tool, time, np.zeros(7, dtype=bool))
-    np.testing.assert_allclose(speed[:, 0], [1, 1, 1, 0, -1, -1, -1], atol=1e-12)
+    np.testing.assert_allclose(speed[:, 0], [1, 1, 1, 1, -1, -1, -1], atol=1e-12)
 
 
 def test_every_run_is_led_in_and_out_by_itself() -> None:

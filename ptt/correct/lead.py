@@ -1,8 +1,8 @@
 """Commands ahead of axes that lag: what follows their velocity is moved as well when they are.
 
 An axis at q - T D q, where D takes commands to velocities, is moved by dq with (I - T D) dq. D is linear once the pace
-of the travel is fixed (`ptt.run.pace`), and nearly skew, so that the system can be solved however large the lag is
-beside the time between two rows; steps that leave D out would not settle there.
+of the travel is fixed (`ptt.run.pace`), and nearly skew but for corners after moves that outlast usual lags: the system
+can be solved where the lag is as long as the time between two rows. Steps that leave D out would not settle there.
 """
 
 from collections.abc import Callable
@@ -14,6 +14,8 @@ import torch
 from torch import Tensor
 
 from ptt.run.pace import Pace, Shares
+
+NUDGE = 1.0 + 1e-6  # of the lag: where it is just as long as a move to a stop, no command of that row moves the axis
 
 
 @dataclass(frozen=True)
@@ -67,14 +69,14 @@ def _solver(pace: Pace, lag: float, hold: np.ndarray, free: np.ndarray) -> Calla
     from scipy.sparse.linalg import splu
 
     rows, slopes = len(hold), len(pace.owner)
-    share = sparse.diags(lag * free / np.maximum(pace.sides, 1.0))
+    late = sparse.diags(lag * NUDGE * free)
     held = sparse.csr_matrix((np.ones(rows), (np.arange(rows), hold)), shape=(rows, rows))
     straight = _matrix(pace.straight, pace.lasts, rows) @ held
-    blocks = [[sparse.identity(rows) - share @ straight]]
+    blocks = [[sparse.identity(rows) - late @ straight]]
     if slopes:
-        owned = sparse.csr_matrix((np.ones(slopes), (pace.owner, np.arange(slopes))), shape=(rows, slopes))
+        owned = sparse.csr_matrix((pace.part, (pace.owner, np.arange(slopes))), shape=(rows, slopes))
         band = sparse.dia_matrix((pace.bands, (1, 0, -1)), shape=(slopes, slopes))
-        blocks = [[blocks[0][0], -share @ owned], [-_matrix(pace.right, pace.lasts, slopes) @ held, band]]
+        blocks = [[blocks[0][0], -late @ owned], [-_matrix(pace.right, pace.lasts, slopes) @ held, band]]
     factors: Any = splu(sparse.bmat(blocks, format="csc"))
     return lambda wanted: np.asarray(factors.solve(np.concatenate([wanted, np.zeros(slopes)]))[:rows])
 

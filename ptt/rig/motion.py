@@ -10,6 +10,7 @@ from ptt.rig.nominal import Array, Drawing, nominal_sliders
 
 STANDSTILL = 1e-9  # mm
 SHARP = 0.7  # cosine of the angle at which a path turns so sharply that it is no smooth motion
+ROUNDED = 0.2  # s: a controller rounds off corners after moves that are shorter
 TRANSIT = 16  # points looked at while the tool runs straight from one row to the next
 
 
@@ -78,8 +79,9 @@ def travel_direction(slider: Array) -> Array:
 def slider_speed(command: Array, tool: Array, time: Array, still: Array, run: Array | None = None) -> Array:
     """Slider speeds at the rows of a path that is run without stopping.
 
-    Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, the
-    controller rounds off, and the speed is halfway between before and after.
+    Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, an axis
+    still has the speed at which it came, but after a move so short that the controller rounds the corner off: there its
+    speed is halfway between before and after.
 
     Args:
         command: (n, 3) mm.
@@ -98,16 +100,16 @@ def slider_speed(command: Array, tool: Array, time: Array, still: Array, run: Ar
     speed = np.zeros_like(command)
     if still.all():
         return speed
-    sides = np.zeros(len(command))
     ends = [0, *np.flatnonzero(_corners(tool, time, still)), len(command) - 1]
     for first, last in pairwise(ends):
         rows = np.arange(first, last + 1)
         if len(rows) < 2:
             continue
         along = CubicSpline(time[rows], command[rows])(time[rows], 1) if len(rows) > 2 else _chord(command, time, first)
-        speed[rows] += along
-        sides[rows] += 1.0
-    return np.where(still[:, None], 0.0, speed / np.maximum(sides, 1.0)[:, None])
+        kept = 0.0 if first == 0 else 0.5 if time[first] - time[first - 1] < ROUNDED else 1.0
+        speed[first] = kept * speed[first] + (1.0 - kept) * along[0]
+        speed[rows[1:]] = along[1:] if len(along) > 1 else along
+    return np.where(still[:, None], 0.0, speed)
 
 
 def _chord(command: Array, time: Array, first: int) -> Array:

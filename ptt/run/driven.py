@@ -29,7 +29,7 @@ def as_driven(view: View, table: "Table") -> View:
     Returns:
         The same, or the same at a standstill.
     """
-    if table.time_s is None or "speed" not in view.varies:
+    if table.time_s is None or not view.velocity.any():
         return view
     way = np.linalg.norm(np.diff(view.p.numpy(), axis=0), axis=1)
     took = np.diff(table.time_s)

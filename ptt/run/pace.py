@@ -1,6 +1,7 @@
 """How fast the joints are at each row of a travel: linear in their values, once it is known where the motion is smooth.
 
-Along smooth stretches the velocity is that of a cubic spline over time, at corners the mean of both sides.
+Along smooth stretches the velocity is that of a cubic spline over time. At a corner an axis that lags still has that
+of its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 SMOOTH = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
+ROUNDED = 0.2  # s: what follows a move this short is rounded off, the mean of both sides; ten lags of a usual drive
 INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
 
 Shares = tuple[np.ndarray, np.ndarray, np.ndarray]  # place in a sum, interval between two rows, its weight
@@ -25,18 +27,18 @@ class Pace:
 
     Attributes:
         lasts: from row to row, (n - 1,) s; infinite where nothing tells.
-        sides: stretches that each row belongs to, (n,).
         straight: what intervals' slopes add to rows, in stretches of two or three rows.
         bands: system of the slopes of all splines, (3, m).
         owner: whose rows these slopes are, (m,) int.
+        part: what these slopes are of their rows' velocities, (m,).
         right: what intervals' slopes add to the right-hand side of that system.
     """
 
     lasts: np.ndarray
-    sides: np.ndarray
     straight: Shares
     bands: np.ndarray
     owner: np.ndarray
+    part: np.ndarray
     right: Shares
 
     def velocity(self, q: np.ndarray) -> np.ndarray:
@@ -54,8 +56,8 @@ class Pace:
             from scipy.linalg import solve_banded  # scipy.interpolate takes half a second to load
 
             slopes = solve_banded((1, 1), self.bands, _added(self.right, slope, len(self.owner)))
-            np.add.at(total, self.owner, slopes)
-        return total / np.maximum(self.sides, 1.0)[:, None]
+            np.add.at(total, self.owner, self.part[:, None] * slopes)
+        return total
 
 
 def shows_feed(table: "Table") -> bool:
@@ -87,12 +89,13 @@ def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
         return None
     sound = (lasts > INSTANT) & ~starts[1:]
     lasts = np.where(sound, lasts, np.inf)
-    ends = np.flatnonzero(_corners(moved, length, lasts, sound))
-    sides = np.zeros(len(p))
-    straight = _straight(lasts, sound, ends, sides)
+    bends, changes = _corners(moved, length, lasts, sound)
+    ends = np.flatnonzero(bends | changes)
     splines = [(a, b) for a, b in pairwise(ends.tolist()) if b - a > 2 and sound[a:b].all()]
-    bands, owner, right = _splines(lasts, splines, sides)
-    return Pace(lasts, sides, straight, bands, owner, right)
+    sharp = bends | changes if shows_feed(table) else bends  # a feed changes at a row, a speed by the clock on the way
+    both = (~sharp | (np.append(np.inf, lasts) < ROUNDED)) & np.isfinite(np.append(lasts, np.inf))
+    leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
+    return Pace(lasts, _straight(lasts, sound, ends, leaving), *_splines(lasts, splines, leaving))
 
 
 def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
@@ -114,36 +117,42 @@ def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
 
 
 def _splines(
-    lasts: np.ndarray, stretches: list[tuple[int, int]], sides: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, Shares]:
-    """One system for the splines of all stretches, whose rows it counts; and whose rows the slopes are."""
-    bands, owner, shares, place = [np.zeros((3, 0))], [np.zeros(0, dtype=int)], [_none()], 0
+    lasts: np.ndarray, stretches: list[tuple[int, int]], leaving: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Shares]:
+    """One system for the splines of all stretches; whose rows the slopes are, and what they are of their velocities.
+
+    Args:
+        lasts: from row to row, (n - 1,) s.
+        stretches: first and last row of each.
+        leaving: what the stretch that begins at a row tells of its velocity, (n,); what it ends tells the rest.
+    """
+    bands, owner, part, shares, place = [np.zeros((3, 0))], [np.zeros(0, dtype=int)], [np.zeros(0)], [_none()], 0
     for first, last in stretches:
         band, (row, interval, weight) = _spline(lasts[first:last])
         bands.append(band)
         owner.append(np.arange(first, last + 1))
+        part.append(np.concatenate([leaving[[first]], np.ones(last - first - 1), 1.0 - leaving[[last]]]))
         shares.append((row + place, interval + first, weight))
         place += last + 1 - first
-        sides[first : last + 1] += 1.0
-    return np.concatenate(bands, axis=1), np.concatenate(owner), _joined(shares)
+    return np.concatenate(bands, axis=1), np.concatenate(owner), np.concatenate(part), _joined(shares)
 
 
-def _straight(lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray, sides: np.ndarray) -> Shares:
-    """What intervals add to the rows of stretches of two or three rows, which are counted."""
+def _straight(lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray, leaving: np.ndarray) -> Shares:
+    """What intervals add to the rows of stretches of two or three rows."""
     first, size = ends[:-1], np.diff(ends)
     single = first[(size == 1) & sound[first]]
     double = first[size == 2]
     double = double[sound[double] & sound[double + 1]]
     before = lasts[double] / (lasts[double] + lasts[double + 1])  # a parabola through the three
-    shares = [_whole(single, single), _whole(single + 1, single), _whole(double, double)]
-    shares += [(double + 1, double, 1.0 - before), (double + 1, double + 1, before), _whole(double + 2, double + 1)]
-    for rows in (single, single + 1, double, double + 1, double + 2):
-        sides[rows] += 1.0
-    return _joined(shares)
-
-
-def _whole(rows: np.ndarray, interval: np.ndarray) -> Shares:
-    return rows, interval, np.ones(len(rows))
+    begun, left = np.concatenate([single, double]), np.concatenate([single + 1, double + 2])
+    return _joined(
+        [
+            (begun, begun, leaving[begun]),
+            (left, left - 1, 1.0 - leaving[left]),
+            (double + 1, double, 1.0 - before),
+            (double + 1, double + 1, before),
+        ]
+    )
 
 
 def _none() -> Shares:
@@ -163,10 +172,13 @@ def _added(shares: Shares, slope: np.ndarray, rows: int) -> np.ndarray:
     return total
 
 
-def _corners(moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray) -> np.ndarray:
-    """Rows at which the tool turns sharply, changes its speed or stands, (n,) bool; the first and last row are."""
+def _corners(
+    moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows at which the tool turns sharply or stands, and the first and last; rows at which its speed changes."""
     rate = length / lasts
     unit = moved / np.maximum(length, 1e-9)[:, None]
     bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < SMOOTH
     change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
-    return np.concatenate([[True], bend | change | ~sound[1:] | ~sound[:-1], [True]])
+    ends = np.array([True])
+    return np.concatenate([ends, bend | ~sound[1:] | ~sound[:-1], ends]), np.concatenate([~ends, change, ~ends])
