@@ -502,3 +502,12 @@ def test_the_prefix_is_that_of_all_sizes_together():
 def test_a_list_of_nothing_is_no_error() -> None:
     lists = [listed(["a", "b", "c"][:count]) for count in range(4)]
     assert lists == ["", "a", "a and b", "a, b and c"]
+
+
+def test_repeats_that_scatter_by_far_more_than_is_stated_are_said_to():
+    told = diagnosis("nothing-missing")
+    told.noise = replace(NOISE, source="repeats", stated=("std columns", NOISE.total / 2.5))
+    words = explain_verdict(told)
+    assert "(repeats, 2.5 x what the std columns state). Poses come back that badly, or something differs" in words
+    told.noise = replace(told.noise, stated=("machine file", NOISE.total / 1.2))
+    assert "state" not in explain_verdict(told)

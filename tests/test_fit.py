@@ -352,7 +352,11 @@ def test_noise_comes_from_std_columns_unless_repeats_scatter_by_more() -> None:
     table = repeated(0.006)
     direction = np.ones((table.rows, 3))
     small, large = np.full((table.rows, 3), 0.001), np.full((table.rows, 3), 0.02)
-    assert given_noise(replace(table, std=small), table.measured, direction, 0.5).source == "repeats"
+    outdone = given_noise(replace(table, std=small), table.measured, direction, 0.5)
+    assert outdone.source == "repeats" and outdone.stated == (
+        "std columns",
+        noise_from_std(replace(table, std=small)).total,
+    )
     stated = given_noise(replace(table, std=large), table.measured, direction, 0.5)
     assert stated.source == "std columns"
     np.testing.assert_allclose(stated.sigma, 0.02, rtol=1e-6)

@@ -103,11 +103,13 @@ def tell_verdict(
         At most five lines where something unknown is missing; else one for each step and one for the errors.
     """
     before, after = error_um
-    floor = f"the noise {noise.total * 1e3:.1f} um ({noise.source})"
+    beyond = _beyond_stated(noise)
+    floor = f"the noise {noise.total * 1e3:.1f} um ({noise.source}{beyond})"
     excess = _excess(after, noise, wander)
     if verdict == "nothing-missing":
         sound = f"Nothing is missing that these {rows} readings could show"
-        return [f"{sound}: the error is {after:.1f} um, {floor}.{excess}{_unstated(noise)}"]
+        varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
+        return [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
     fall = f"the error is {after:.1f} um, down from {before:.1f} um; {floor}."
     if verdict == "missing":
         # A tie stands at the head of its step's words; a later one has to be heard of first, too.
@@ -168,6 +170,14 @@ def _unstated(noise: Noise) -> str:
         " Only what is left tells the noise: an error that changes from each reading to the next would hide in it; "
         "repeats of some poses, or sigma_mm in the machine file, would show it."
     )
+
+
+def _beyond_stated(noise: Noise) -> str:
+    """How much more repeats scatter than is stated, where that is worth a word."""
+    if noise.stated is None or noise.total < NOTED * noise.stated[1]:
+        return ""
+    source, total = noise.stated
+    return f", {noise.total / total:.1f} x what the {source} state{'' if source.endswith('s') else 's'}"
 
 
 def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:

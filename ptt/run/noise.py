@@ -1,6 +1,6 @@
 """The noise floor: what repeats scatter by, and where the figure comes from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -36,6 +36,8 @@ class Noise(Record):
         source: where it comes from: 'repeats', 'std columns', 'machine file', 'saturated model'.
         freedom: degrees of freedom behind it, of coordinates for a saturated model, of readings (three coordinates)
             for repeats; infinite where it was given.
+        stated: what the std columns or the machine file state in its stead, its source and total in mm; None where
+            nothing else does.
     """
 
     keys: ClassVar[str] = "x: sigma.0 [um], y: sigma.1 [um], z: sigma.2 [um], total: total [um], source"
@@ -43,6 +45,7 @@ class Noise(Record):
     covariance: np.ndarray
     source: str
     freedom: float = np.inf
+    stated: tuple[str, float] | None = None
 
     @property
     def sigma(self) -> np.ndarray:
@@ -199,12 +202,13 @@ def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sig
         The noise, or None where only a saturated model can tell.
     """
     repeats = noise_from_repeats(table, measured, direction)
-    stated = noise_from_std(table)
-    if stated is not None and (repeats is None or repeats.total <= stated.total):
-        return stated
-    if repeats is not None:
-        return repeats
-    return Noise(np.eye(3) * sigma**2, "machine file") if sigma is not None else None
+    columns, file = noise_from_std(table), Noise(np.eye(3) * sigma**2, "machine file") if sigma is not None else None
+    if columns is not None and (repeats is None or repeats.total <= columns.total):
+        return columns
+    if repeats is None:
+        return file
+    stated = columns or file
+    return repeats if stated is None else replace(repeats, stated=(stated.source, stated.total))
 
 
 def _deviations(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, int]:
