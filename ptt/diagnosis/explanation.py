@@ -15,6 +15,7 @@ from ptt.diagnosis.probability import Probability
 from ptt.diagnosis.spread import exchanged_errors, spread_of, values_of
 from ptt.diagnosis.state import State
 from ptt.diagnosis.steps import Named, Step, share_of
+from ptt.diagnosis.witness import ALIKE, is_unwitnessed, own_drift
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.linear import usual_sizes
@@ -166,7 +167,7 @@ def candidates_of_steps(
         if term is None:
             continue
         together = find_sum(found.system, found.state, step.key)
-        own = told.doubt * 1e3 if index == len(named) - 1 else None
+        own = 1e3 * float(np.hypot(told.doubt, own_drift(terms, problem))) if index == len(named) - 1 else None
         errors = step.before * 1e3, step.after * 1e3
         words = explain_step(term, step.others, together, errors, noise, problem, before, own)
         result.append(
@@ -179,7 +180,7 @@ def candidates_of_steps(
                 _parameters(term, problem),
                 step.others,
                 together,
-                " ".join([words, *coincidences(term, problem)]),
+                " ".join([words, *coincidences(term, problem), *([ALIKE] if is_unwitnessed(term, problem) else [])]),
                 own,
             )
         )

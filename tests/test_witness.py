@@ -1,0 +1,39 @@
+"""A tracker's drift that nothing at rest has seen may be the machine's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.challenge.truth import table_of
+from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.witness import ALIKE
+from ptt.machine_schema import BasePoint, TrackerSpec
+from ptt.model.model import Model
+from ptt.rig import simulate
+from ptt.rig.draw import draw_rig
+from ptt.run.problem import build_problem
+
+DRIFT = np.array([0.15, -0.09, 0.06])  # mm
+PLACES = [(400.0, 0.0, -200.0), (-300.0, 300.0, -200.0), (-300.0, -300.0, 250.0), (0.0, 300.0, 300.0)]
+
+
+def drifting(tracker: TrackerSpec) -> Diagnosis:
+    drawn = draw_rig("none", 31, bench_machine(), "volume", rows=100)
+    file = replace(drawn.rig.machine, tracker=tracker)
+    moved = {"drift_um": tuple(1e3 * DRIFT), "drift_constant_s": 400.0}
+    rig = replace(drawn.rig, machine=file, tracker=drawn.rig.tracker.model_copy(update=moved))
+    return diagnose(Model(file), build_problem(file, table_of(simulate(rig, drawn.targets).frame, drawn.absent)))
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_a_drift_is_the_trackers_alone_where_base_reflectors_were_read_along_the_run(watched: bool) -> None:
+    points = tuple(BasePoint(name=f"base {i}", xyz_mm=place, sigma_mm=0.002) for i, place in enumerate(PLACES))
+    found = drifting(TrackerSpec(frame="measured", base_point=points) if watched else TrackerSpec(frame="fitted"))
+    (drift,) = [one for one in found.candidates if one.effect == "tracker-drift"]
+    assert found.suggested == (("tracker-drift",),)
+    assert (ALIKE in drift.words) is not watched
+    # A settling drift lies within a half of its way about its middle, and is the machine's in one of two.
+    far = 1e3 * np.linalg.norm(DRIFT)
+    assert (drift.tool_doubt > 0.1 * far) is not watched and drift.tool_doubt < 0.36 * far
