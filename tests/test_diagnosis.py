@@ -28,10 +28,10 @@ from ptt.model.model import Model
 from ptt.rig import parse_rig
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate, write_run
-from ptt.run.noise import Noise
+from ptt.run.noise import VISITED, Noise
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
-from ptt.run.table import take_rows
+from ptt.run.table import make_table, take_rows
 
 MACHINE = bench_machine()
 
@@ -96,6 +96,27 @@ def test_noise_that_is_stated_too_small_follows_nothing_and_it_is_said(tmp_path,
     assert found.suggested == () and found.depends_on == ()
     assert found.verdict == ("nothing-missing" if understated < 2.0 else "unknown")
     assert ("understates the scatter" in found.words) == (understated > 2.0)
+
+
+@pytest.mark.parametrize(
+    ("readings", "comes_back", "verdict"),
+    [(3, False, "nothing-missing"), (1, False, "nothing-missing"), (1, True, "unknown")],
+)
+def test_scatter_from_visit_to_visit_is_no_fault_unless_it_comes_back(readings, comes_back, verdict):
+    """Sixty poses, each read three times at one visit, or once at each of three; 8 um of a visit over a noise of 3."""
+    random = np.random.default_rng(5)
+    place = np.round(random.uniform([-50.0, -50.0, 0.0], [50.0, 50.0, 60.0], (60, 3)), 3)
+    place = np.repeat(place, readings, axis=0) if readings > 1 else np.tile(place, (3, 1))
+    visits = len(place) // readings
+    error = random.normal(0.0, 0.008, (visits, 3))
+    error = np.tile(error[:60], (3, 1)) if comes_back else np.repeat(error, readings, axis=0)
+    read = place + error + random.normal(0.0, 0.003, place.shape)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, make_table(place, measured=read)))
+    assert (found.verdict, found.suggested) == (verdict, ())
+    if not comes_back:
+        assert found.noise.total == pytest.approx(np.hypot(0.008, 0.003) * np.sqrt(3.0), rel=0.1)
+        assert found.noise.source == ("repeats" if readings == 1 else VISITED)
+        assert ("come back to some poses" in found.words) == (readings > 1)
 
 
 def test_what_speaks_against_an_explanation_is_said_whichever_it_is():

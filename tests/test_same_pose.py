@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.match import match_rows
-from ptt.run.holdout import pose_groups
+from ptt.run.holdout import pose_groups, sharing_groups, visit_groups
 from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
@@ -107,11 +107,35 @@ def test_the_noise_does_not_fall_with_copied_rows() -> None:
 def test_copied_rows_do_not_make_a_good_model_look_bad(bench) -> None:
     """Copies would halve the pure error, and noise would pass for a lack of fit."""
     random = np.random.default_rng(4)
-    place = np.repeat(random.uniform(-40, 40, (60, 3)), 3, axis=0)
+    place = np.tile(random.uniform(-40, 40, (60, 3)), (3, 1))
     reading = place + 0.005 * random.standard_normal(place.shape)
     problem = build_problem(bench, make_table(np.tile(place, (2, 1)), measured=np.tile(reading, (2, 1))))
     test = lack_of_fit_of(problem, problem.measured - problem.target, 6)
     assert test.p_value is not None and test.p_value > 0.01
+
+
+def test_readings_of_one_visit_say_nothing_of_what_differs_between_visits(bench) -> None:
+    random = np.random.default_rng(6)
+    place = np.repeat(np.tile(random.uniform(-40, 40, (30, 3)), (3, 1)), 3, axis=0)
+    visit = np.repeat(random.normal(0.0, 0.010, (90, 3)), 3, axis=0)
+    table = make_table(place, measured=place + visit + random.normal(0.0, 0.002, place.shape))
+    np.testing.assert_array_equal(visit_groups(table), np.arange(270) // 3)
+    group, by_visit = sharing_groups(table, np.ones(270, dtype=bool))
+    assert by_visit and alike(group, visit_groups(table))
+    noise = noise_from_repeats(table, table.measured, np.repeat(UP, 270, axis=0))
+    assert noise is not None and noise.freedom == 60.0
+    assert noise.total == pytest.approx(np.hypot(0.010, 0.002) * np.sqrt(3.0), rel=0.15)
+    problem = build_problem(bench, table)
+    fit = lack_of_fit_of(problem, problem.measured - problem.target)
+    assert fit.p_value is not None and fit.p_value > 0.01
+
+
+def test_a_pose_that_is_left_and_a_run_that_ends_end_a_visit_and_a_base_reflector_does_not() -> None:
+    place = np.array([[1.0, 2.0, 3.0]] * 2 + [[4.0, 5.0, 6.0]] + [[1.0, 2.0, 3.0]] * 5)
+    role = np.array(["pose"] * 6 + ["base", "pose"])
+    table = make_table(place, role=role, run=np.array([0, 0, 0, 0, 1, 1, 1, 1]))
+    np.testing.assert_array_equal(visit_groups(table), [0, 0, 1, 2, 3, 3, -1, 3])
+    assert not sharing_groups(table, np.arange(8) < 4)[1]  # as many visits of a pose as readings of a visit
 
 
 def test_identical_rows_are_a_warning(tmp_path) -> None:

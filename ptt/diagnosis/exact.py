@@ -64,7 +64,7 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
         The better explanation.
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
-    if state.memory.pose == 0.0 and all(atoms[key].effect is not None for key in state.keys):
+    if not scorer.system.errs_by_pose(state.memory) and all(atoms[key].effect is not None for key in state.keys):
         return found
     kept = [key for key in state.keys if atoms[key].effect is not None]
     named = improve(scorer, scorer.score(kept, WHITE), is_effect, swaps=False)

@@ -48,7 +48,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     blocks = tuple(key for key in free if is_block(atoms[key]))
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
-    if not (blocks or sudden or state.memory.pose) or not isinstance(system, RowSystem):
+    if not (blocks or sudden or system.errs_by_pose(state.memory)) or not isinstance(system, RowSystem):
         return scorer, state
     wider, best = _with_laws(scorer, state, [without(state, *blocks), without(state, *blocks, *sudden)]), state
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *curves))]):

@@ -16,7 +16,8 @@ from ptt.effects import Library
 from ptt.errors import TableError
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
-from ptt.run.noise import DEFAULT_SIGMA, SATURATED, Noise
+from ptt.run.holdout import sharing_groups
+from ptt.run.noise import DEFAULT_SIGMA, SATURATED, VISITED, Noise
 from ptt.run.problem import Problem
 from ptt.run.tails import f_cdf, f_sf
 
@@ -43,7 +44,11 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
     given = problem.noise
     if given is None:
         return Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess"), 0.0
-    return given, min(3.0 * given.freedom, MOST_REPEATS) if given.source == "repeats" else STATED
+    if given.source != "repeats":
+        return given, STATED
+    if sharing_groups(problem.table, problem.used)[1]:  # of one visit or of all: the rows say what visits share
+        return given, 0.0
+    return given, min(3.0 * given.freedom, MOST_REPEATS)
 
 
 def noise_left(system: System, state: State) -> Noise:
@@ -130,7 +135,21 @@ def noise_after(problem: Problem, system: System, state: State) -> Noise:
     given, left = problem.noise, noise_left(system, state)
     if given is None:
         return left
+    if is_of_a_visit(given, system, state):
+        return replace(left, source=VISITED)
     return _after_a_knock(left) if outdone(given, left) else given
+
+
+def is_of_a_visit(given: Noise | None, system: System, state: State) -> bool:
+    """Whether what is known of the noise is told by readings of one visit, while visits scatter as well.
+
+    Args:
+        given: what was known of the noise.
+        system: the linearised problem.
+        state: the best set.
+    """
+    repeated = given is not None and given.source == "repeats"
+    return repeated and system.by_visit and state.memory.pose > 0.0
 
 
 def outdone(given: Noise, left: Noise) -> bool:

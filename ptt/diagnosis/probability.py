@@ -96,7 +96,7 @@ def _faulty_memories(scorer: Scorer, states: Sequence[State]) -> frozenset[Memor
 def kind_of(state: State, scorer: Scorer, beyond: Collection[Memory]) -> str:
     """Which verdict a set of atoms is; `beyond` are memories of the noise that are more than a tracker's."""
     atoms = [scorer.system.atoms[key] for key in state.keys if key not in scorer.given]
-    odd = any(atom.block is not None for atom in atoms) or state.memory.pose > 0.0
+    odd = any(atom.block is not None for atom in atoms) or scorer.system.errs_by_pose(state.memory)
     if odd or state.memory in beyond:
         return "unknown"
     return "missing" if atoms else "nothing-missing"

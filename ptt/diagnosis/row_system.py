@@ -28,7 +28,7 @@ from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.run.holdout import blocks as travel_blocks
-from ptt.run.holdout import pose_groups
+from ptt.run.holdout import sharing_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -42,7 +42,7 @@ class RowSystem(System):
     Attributes:
         columns: (m, 3, P) whitened.
         values: (m, 3) whitened.
-        pose: (m,) int, equal for visits of one pose.
+        pose: (m,) int, equal for rows that may err alike: of one pose, or of one visit.
         block: (m,) int, held-out block of travel, -1 for none.
         levers: joint -> how it moves each reading, (m, 3) whitened.
         at: where columns of further shapes come from.
@@ -241,11 +241,12 @@ def build_system(
     more = columns.shape[2] - len(linear.scale)
     scale = np.concatenate([linear.scale, np.ones(more)])
     few = narrow(atoms, columns, scale)
+    sharing, by_visit = sharing_groups(problem.table, rows)
     return RowSystem(
         np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
-        few.scale(scale), few.columns(columns), linear.values[rows], pose_groups(problem.table)[rows],
+        few.scale(scale), few.columns(columns), linear.values[rows], sharing[rows],
         travel_blocks(problem.table)[rows], _levers(linear, noise, rows), linear.at,
-        few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
+        few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values, by_visit=by_visit,
     )  # fmt: skip
 
 

@@ -190,7 +190,7 @@ def is_told(scorer: Scorer, state: State) -> bool:
 
 def _parts(scorer: Scorer, state: State) -> float:
     """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more."""
-    odd = state.memory.pose > 0.0 or scorer.system.clock.is_fault(state.memory.wander)
+    odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
     return len(atoms) + 0.5 * unknowns + 0.25 * untested + 1.5 * odd

@@ -19,7 +19,7 @@ from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.fitting.outliers import inside
 from ptt.fitting.result import FitResult
 from ptt.run.holdout import blocks as travel_blocks
-from ptt.run.holdout import pose_groups
+from ptt.run.holdout import sharing_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -39,7 +39,8 @@ class Run:
         chunks: makers of its chunks, in order.
         span: what it covers.
         block: held-out block of each row, (n,) int.
-        pose: of each row, (n,) int.
+        pose: (n,) int, equal for rows that may err alike: of one pose, or of one visit.
+        by_visit: whether of one visit.
     """
 
     problem: Problem
@@ -47,6 +48,7 @@ class Run:
     span: Span
     block: np.ndarray
     pose: np.ndarray
+    by_visit: bool
 
 
 @dataclass(frozen=True)
@@ -309,7 +311,8 @@ def open_run(problem: Problem, chunks: Chunks, span: Span) -> Run:
     Returns:
         The run.
     """
-    return Run(problem, chunks, span, travel_blocks(problem.table), pose_groups(problem.table))
+    sharing = sharing_groups(problem.table, problem.used)
+    return Run(problem, chunks, span, travel_blocks(problem.table), *sharing)
 
 
 def _add(hidden: dict[int, Held], index: int, own: Held) -> None:
@@ -366,6 +369,7 @@ def _system(
     system = SummedSystem(
         there, linear.frame, atoms, clock_of(run.problem, rows), at.noise, at.freedom, scale, total, hidden,
         linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
+        by_visit=run.by_visit,
     )  # fmt: skip
     system.look = lambda chosen, values: left_of(run, at, trials, system, chosen, values)
     return system

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,7 @@ class System(ABC):
         noise: that whitened it.
         freedom: degrees of freedom of coordinates behind the noise, zero where it is only a guess.
         scale: (P,) size of a unit of each column.
+        by_visit: whether what a memory calls a pose is one visit, so that it is a machine's scatter and no fault.
     """
 
     rows: np.ndarray
@@ -38,6 +39,7 @@ class System(ABC):
     noise: Noise
     freedom: float
     scale: np.ndarray
+    by_visit: bool = field(default=False, kw_only=True)
 
     @property
     @abstractmethod
@@ -51,6 +53,10 @@ class System(ABC):
         Source: restricted likelihood, Patterson and Thompson, Biometrika 58 (1971), with a flat prior of the frame.
         """
         return float(max(self.count - len(self.frame), 1))
+
+    def errs_by_pose(self, memory: Memory) -> bool:
+        """Whether a memory holds errors that come back with their pose, which no machine's scatter does."""
+        return memory.pose > 0.0 and not self.by_visit
 
     @property
     @abstractmethod

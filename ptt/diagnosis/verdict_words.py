@@ -7,7 +7,7 @@ from ptt.dependence.said import WAYS, middle
 from ptt.diagnosis.slow import Slow
 from ptt.diagnosis.words import headline
 from ptt.effects.phrases import listed
-from ptt.run.noise import SATURATED, Noise
+from ptt.run.noise import SATURATED, VISITED, Noise
 
 MISSING = "Something is missing that no known effect describes"
 NOTED = 1.5  # times the noise that are worth a word
@@ -164,6 +164,11 @@ def _spoken(on: str) -> str:
 
 def _unstated(noise: Noise) -> str:
     """A word where only the rest tells the noise: what changes from reading to reading counts as noise then."""
+    if noise.source == VISITED:
+        return (
+            " Readings of one visit to a pose scatter by less: whether the rest belongs to the pose or to the visit no "
+            "reading tells; come back to some poses from elsewhere."
+        )
     if noise.source != SATURATED:
         return ""
     return (

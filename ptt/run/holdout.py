@@ -42,6 +42,41 @@ def _number_poses(table: "Table") -> np.ndarray:
     return groups
 
 
+def visit_groups(table: "Table") -> np.ndarray:
+    """Number the visits of a table: rows one after the other at one pose, between which the machine did not move.
+
+    Args:
+        table: n rows in travel order.
+
+    Returns:
+        (n,) int, from 0 in order of travel; -1 for base reflectors, which no machine moves to.
+    """
+    pose = pose_groups(table)
+    used = pose >= 0
+    visits, run = pose.copy(), np.asarray(table.run)[used]
+    visits[used] = np.cumsum((np.diff(pose[used], prepend=-1) != 0) | (np.diff(run, prepend=run[:1]) != 0)) - 1
+    return visits
+
+
+def sharing_groups(table: "Table", counted: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Number the rows that may err alike beside any model: those of one pose, or only those of one visit.
+
+    A machine that stands is read again with the error it stands with: what differs from visit to visit, as far as it
+    comes back to a pose, such readings share. That the error belongs to the pose shows only where it comes back.
+
+    Args:
+        table: n rows in travel order.
+        counted: readings that count, (n,) bool.
+
+    Returns:
+        (n,) int, equal for rows that may err alike; and whether they are those of one visit, because most readings
+        that repeat another do so without a move between.
+    """
+    pose, visit = pose_groups(table), visit_groups(table)
+    poses, visits = len(np.unique(pose[counted])), len(np.unique(visit[counted]))
+    return (visit, True) if counted.sum() - visits > visits - poses else (pose, False)
+
+
 def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
     """Cut a table into blocks of travel that hold all repeats of each of their poses.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ptt.record import Record
-from ptt.run.holdout import pose_groups
+from ptt.run.holdout import pose_groups, visit_groups
 from ptt.run.same_pose import number_alike, number_rows
 from ptt.run.tails import chi2_isf
 
@@ -24,6 +24,7 @@ SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
 SATURATED = "saturated model"  # source of a noise that nothing tells but what everything at once leaves
+VISITED = f"{SATURATED}; readings of one visit scatter by less"  # where no pose was visited again to tell it
 DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: used only to start with, never reported
 
 
@@ -93,7 +94,8 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
     """Pool the scatter of true repeats.
 
     Deviations far outside the others (a broken beam) are left out before pooling. A reading that repeats another to
-    its last digit is a copied row, which says nothing of the scatter, and counts once.
+    its last digit is a copied row, which says nothing of the scatter, and counts once. Readings of one visit leave out
+    what differs from visit to visit: where enough poses were visited again, one reading of each visit counts.
 
     Args:
         table: n rows.
@@ -106,9 +108,17 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
     usable = np.isfinite(measured).all(axis=1) & (table.role != "base")
     group = repeat_groups(table, direction)
     usable &= first_of_copies(table, group)
-    values, group = measured[usable], np.unique(group[usable], return_inverse=True)[1].reshape(-1)
-    if not len(values):
+    apart = usable & first_rows(visit_groups(table), usable)
+    pooled = _pooled(measured[apart], group[apart]) or _pooled(measured[usable], group[usable])
+    if pooled is None:
         return None
+    step = step_of(table.measured[usable])
+    return replace(pooled, covariance=at_least(pooled.covariance, step**2 / 12.0))
+
+
+def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
+    """Scatter of readings (m, 3) about the means of their groups (m,); None with fewer than `ENOUGH` degrees."""
+    group = np.unique(group, return_inverse=True)[1].reshape(-1)
     kept = np.ones(len(values), dtype=bool)
     for _ in range(6):
         deviation, freedom = _deviations(values[kept], group[kept])
@@ -120,8 +130,7 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
-    step = step_of(table.measured[usable])
-    return Noise(at_least(covariance, step**2 / 12.0), "repeats", float(freedom))
+    return Noise(covariance, "repeats", float(freedom))
 
 
 def at_least(covariance: np.ndarray, variance: float) -> np.ndarray:
@@ -166,6 +175,21 @@ def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:
     kind = number_rows(np.column_stack([group, bits]))
     first = np.zeros(table.rows, dtype=bool)
     first[np.unique(kind, return_index=True)[1]] = True
+    return first
+
+
+def first_rows(group: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The first row of each group among some.
+
+    Args:
+        group: (n,) int.
+        rows: (n,) bool.
+
+    Returns:
+        (n,) bool.
+    """
+    first, there = np.zeros(len(group), dtype=bool), np.flatnonzero(rows)
+    first[there[np.unique(group[there], return_index=True)[1]]] = True
     return first
 
 

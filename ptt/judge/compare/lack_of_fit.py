@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ptt.run.noise import ENOUGH, first_of_copies, repeat_groups
+from ptt.run.holdout import visit_groups
+from ptt.run.noise import ENOUGH, first_of_copies, first_rows, repeat_groups
 from ptt.run.problem import Problem
 from ptt.run.tails import f_sf
 
@@ -40,7 +41,9 @@ class LackOfFit:
 
 
 def lack_of_fit_of(problem: Problem, residual: np.ndarray, fitted: int = 0) -> LackOfFit:
-    """Test a residual against the scatter of true repeats.
+    """Test a residual against the scatter of true repeats, by one reading of each visit.
+
+    Readings of one visit share what differs from visit to visit, and would call a machine's own scatter a misfit.
 
     Args:
         problem: the readings.
@@ -52,6 +55,7 @@ def lack_of_fit_of(problem: Problem, residual: np.ndarray, fitted: int = 0) -> L
     """
     group = repeat_groups(problem.table, problem.view.direction.numpy())
     rows = np.isfinite(residual).all(axis=1) & first_of_copies(problem.table, group)
+    rows &= first_rows(visit_groups(problem.table), rows)
     group = np.unique(group[rows], return_inverse=True)[1].reshape(-1)
     values, size = residual[rows], np.bincount(group)
     freedom = float(len(size) - fitted / 3.0), float(len(values) - len(size))
