@@ -37,6 +37,13 @@ def test_a_condition_that_passes_a_value_when_something_slips_is_said(slip: Term
     assert coincidences(slip, measured(temp_c=swinging, payload_kg=np.where(row > LAST + 1, 2.0, 0.0))) == []
 
 
+def test_a_feed_that_is_changed_once_when_something_slips_is_said(slip: Term) -> None:
+    row = np.arange(ROWS)
+    (said,) = coincidences(slip, measured(feed_mm_s=np.where(row > LAST, 75.0, 25.0)))
+    assert said.startswith("Feed passes 50 mm/s at that moment and at no other")
+    assert coincidences(slip, measured(feed_mm_s=np.where((row > LAST) ^ (row > LAST + 9), 80.0, 25.0))) == []
+
+
 def test_what_is_not_sudden_has_no_moment() -> None:
     warming = 20.0 + 0.05 * np.arange(ROWS)
     term = Term(library()["homing-offset"](), torch.zeros(3, dtype=torch.float64))

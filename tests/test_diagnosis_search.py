@@ -86,7 +86,8 @@ class Scored:
             )
             for key in "abcpun"
         }
-        return SimpleNamespace(atoms=atoms, clock=SimpleNamespace(is_fault=lambda wander: False))
+        clock = SimpleNamespace(is_fault=lambda wander: False)
+        return SimpleNamespace(atoms=atoms, clock=clock, errs_by_pose=lambda memory: memory.pose > 0.0)
 
     def add(self, keys: str, total: float, memory: Memory = WHITE) -> SimpleNamespace:
         state = SimpleNamespace(keys=tuple(keys), memory=memory, total=total)

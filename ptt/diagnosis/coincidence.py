@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ptt.dependence.contexts import context_views, unit_of
+from ptt.dependence.contexts import path_views, unit_of
 from ptt.dependence.said import middle
 from ptt.effects.sudden import Sudden
 from ptt.model.model import Term
 from ptt.run.problem import Problem
 
-CONDITIONS = ("payload", "temperature")  # beside columns of a person's own; where a pose lies turns again and again
+CONDITIONS = ("payload", "temperature", "feed")  # beside columns of a person; where a pose lies turns again and again
 AIR = 0.1  # K: by so much warmth goes to and fro at a place, so that rows near the moment may lie on the other side
 WIDE = 10.0  # times that: what stays within less has no sides
 
@@ -27,7 +27,7 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
         return []
     shape = {"after": term.theta[-1:]}
     after = term.effect.since(problem.view, shape).numpy()[problem.used] > 0.5
-    views = context_views(problem)
+    views = path_views(problem)
     found = []
     for name in (*CONDITIONS, *problem.table.watched):
         slack = AIR if name == "temperature" else 0.0
