@@ -87,6 +87,29 @@ def test_an_unknown_is_told_by_the_one_variable_that_it_follows(named: str, seed
     assert found.depends_on[0].on in leads
 
 
+@pytest.mark.parametrize("turns", [1, 2])
+def test_what_lets_go_at_a_temperature_and_comes_back_is_no_slip_and_knock(turns: int) -> None:
+    """Passed once only, a temperature says no more than the moment does: a slip is named, and that is said with it."""
+    random, rows = np.random.default_rng(5), 160
+    cloud = random.uniform(-60.0, 60.0, (rows, 3)).round(3)
+    warm = 21.0 - 3.0 * np.cos(np.pi * turns * np.arange(rows) / rows)
+    sound = parse_rig({"machine": MACHINE.machine.model_dump()})
+    frame = simulate(sound, pd.DataFrame(cloud, columns=["x_cmd", "y_cmd", "z_cmd"]), noise=False).frame
+    mechanism = build_mechanism(MACHINE.machine)
+    lever = mechanism.jacobian(mechanism.inverse(torch.as_tensor(cloud))).numpy()[:, :, 1]
+    moved = 0.06 * lever * (warm > 22.3)[:, None]
+    frame[["x_meas", "y_meas", "z_meas"]] += moved + random.normal(0.0, 0.004, cloud.shape)
+    frame["temp_c"] = warm.round(2)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table_of(frame)))
+    if turns == 1:
+        assert found.suggested == (("homing-slip",),) and "Temperature passes 22." in found.words
+        return
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    first = found.depends_on[0]
+    assert (first.residual, first.on, first.shape) == ("slider 2", "temperature", "step")
+    assert first.place[0] <= 22.31 and first.place[1] >= 22.29
+
+
 def test_every_law_acts_one_way_at_one_place() -> None:
     problem = on_circles(0.5, slips=True)
     fitted = fit(Model(MACHINE), problem, robust=False)

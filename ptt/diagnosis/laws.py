@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES, path_views
+from ptt.dependence.contexts import COORDINATES, context_views, path_views
 from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
 from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain
 from ptt.diagnosis.row_system import RowSystem
@@ -29,6 +29,7 @@ OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear a
 NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
 HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
 ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
+CONDITIONS = ("temperature",)  # at a value of which a clamp, a stick or a thermostat lets go
 MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 
@@ -150,6 +151,7 @@ def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
         The laws of one place.
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
+    views, conditions = context_views(problem), (*CONDITIONS, *problem.table.watched)
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
         name = place.residual
@@ -161,9 +163,10 @@ def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
         laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in here.items()]
         for ons, shapes in _arrivals(problem, place.joint):
             laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
-        for height in _heights(heights[problem.used]):
-            passed = (heights > height).astype(float)[:, None]
-            laws.append(Block(f"law {name} jumps on {own}#{float(height)!r}", place, (own,), passed))
+        for on, values in ((own, heights), *((on, warm) for on, warm in views.items() if on in conditions)):
+            for height in _heights(values[problem.used]):
+                passed = (values > height).astype(float)[:, None]
+                laws.append(Block(f"law {name} jumps on {on}#{float(height)!r}", place, (on,), passed))
         yield laws
 
 
