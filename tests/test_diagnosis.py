@@ -117,6 +117,10 @@ def test_scatter_from_visit_to_visit_is_no_fault_unless_it_comes_back(readings, 
         assert found.noise.total == pytest.approx(np.hypot(0.008, 0.003) * np.sqrt(3.0), rel=0.1)
         assert found.noise.source == ("repeats" if readings == 1 else VISITED)
         assert ("come back to some poses" in found.words) == (readings > 1)
+    if readings > 1:  # what a tracker states of a held pose says nothing of visits either
+        stated = make_table(place, measured=read, std=np.full(place.shape, 0.0035))
+        found = diagnose(Model(MACHINE), build_problem(MACHINE, stated))
+        assert (found.verdict, found.noise.source) == ("nothing-missing", "std columns")
 
 
 def test_what_speaks_against_an_explanation_is_said_whichever_it_is():

@@ -67,6 +67,19 @@ def noise_left(system: System, state: State) -> Noise:
     return Noise(scatter.T @ scatter * (3.0 / freedom), SATURATED, freedom)
 
 
+def visit_left(system: System, state: State) -> Noise:
+    """What a set of atoms leaves of readings of one visit: a tracker's scatter, less what the machine comes back by.
+
+    What is stated of a tracker, and what its readings of a held pose scatter by, is no more than that.
+
+    Args:
+        system: the linearised problem.
+        state: the set.
+    """
+    left = noise_left(system, state)
+    return replace(left, covariance=left.covariance / (1.0 + state.memory.pose)) if system.by_visit else left
+
+
 def wanders_beyond(system: System, state: State) -> bool:
     """Whether the memory of the noise has taken what no tracker does by itself, on all axes together or on one.
 
@@ -135,21 +148,9 @@ def noise_after(problem: Problem, system: System, state: State) -> Noise:
     given, left = problem.noise, noise_left(system, state)
     if given is None:
         return left
-    if is_of_a_visit(given, system, state):
+    if given.source == "repeats" and system.by_visit and state.memory.pose > 0.0:
         return replace(left, source=VISITED)
     return _after_a_knock(left) if outdone(given, left) else given
-
-
-def is_of_a_visit(given: Noise | None, system: System, state: State) -> bool:
-    """Whether what is known of the noise is told by readings of one visit, while visits scatter as well.
-
-    Args:
-        given: what was known of the noise.
-        system: the linearised problem.
-        state: the best set.
-    """
-    repeated = given is not None and given.source == "repeats"
-    return repeated and system.by_visit and state.memory.pose > 0.0
 
 
 def outdone(given: Noise, left: Noise) -> bool:

@@ -12,7 +12,7 @@ from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find, opening_rows
 from ptt.diagnosis.found import Found
-from ptt.diagnosis.noise import LEAST_FREEDOM, is_of_a_visit, noise_after, noise_left, too_few, wanders_beyond
+from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, visit_left, wanders_beyond
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
 from ptt.diagnosis.search import without
@@ -199,8 +199,7 @@ def conclude(
     told = name_steps(scorer, state)
     named = told.steps
     unproven = tuple(atoms[key].name for key in told.unproven)
-    stated = None if is_of_a_visit(problem.noise, found.system, state) else problem.noise
-    rest = with_objections(rest, told.faithful, unproven, noise_left(found.system, state), stated)
+    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), problem.noise)
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
