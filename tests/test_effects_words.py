@@ -21,6 +21,7 @@ from ptt.diagnosis.words import explain_step, sentence, sentences
 from ptt.effects import library
 from ptt.effects.base import family
 from ptt.effects.phrases import compose, figure, listed, scaled
+from ptt.fitting import gauge
 from ptt.fitting.gauge import Told, sparsest
 from ptt.fitting.solve import fit, residual_of
 from ptt.machine import format_machine, load_machine
@@ -357,6 +358,16 @@ def test_a_gauge_moves_no_reading(tmp_path):
     assert told[0].alike == ("tracker z",)
     assert told[1].alike == ("tracker x", "tracker y", "tracker rotation about z")
     assert sum(float((one.term.theta.abs() > 10.0 * SIGMA).sum()) for one in told) == 3.0
+
+
+def test_what_cannot_be_told_does_not_hang_on_the_directions_that_stand_for_it(tmp_path, monkeypatch):
+    """Where noise hides all of a tower's shifts, those that the tracker makes good for are among them all."""
+    problem, small = hide(tmp_path, {}), torch.full((6,), 1e-3, dtype=torch.float64)
+    term = Term(KNOWN["tower-position"](), small, std=small)
+    mixed, untold = np.linalg.qr(np.random.default_rng(3).normal(size=(6, 6)))[0], gauge._untold
+    monkeypatch.setattr(gauge, "_untold", lambda *given: untold(*given) @ mixed)
+    (told,) = sparsest([term], problem, Noise(np.eye(3), "wide"))
+    assert told.alike == ("tracker x", "tracker y", "tracker rotation about z")
 
 
 def test_add_prints_what_to_turn_and_no_digit_that_chance_would_make(tmp_path):

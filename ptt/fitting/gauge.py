@@ -15,7 +15,8 @@ from ptt.run.problem import Problem
 
 UNTOLD = 9.0  # chi-squared, three standard errors, below which readings do not tell a change as large as the values
 PART = 0.2  # share of the largest from which a term has a part in an ambiguity
-MOTION = 0.05  # the same of a motion of the tracker: a turn about a pivot far above the tool moves it little else
+MOTION = 0.05  # share of a pattern from which a motion has a part in it: a turn about a far pivot moves little else
+ROUNDING = 1e-12  # share of the strongest direction's square that is rounding
 LIKE_FRAME = 0.1  # share of a pattern that no motion of the tracker may leave, if it is one
 
 
@@ -127,15 +128,23 @@ def _errors(information: np.ndarray, off: np.ndarray) -> np.ndarray:
 
 
 def _alike(linear: Linear, own: np.ndarray, free: np.ndarray, motions: np.ndarray, frames: int) -> tuple[str, ...]:
-    """Motions of the tracker, or of the reflector, that take up what the free directions do."""
+    """Motions of the tracker, or of the reflector, that take up what some of the free directions do.
+
+    Asked of all combinations of the directions: which of them stand for those that are equally free is rounding.
+    """
     columns = linear.columns[linear.rows].reshape(3 * int(linear.rows.sum()), -1)
-    names: set[str] = set()
-    for direction in free.T:
-        left, alone = columns @ (motions @ direction), columns[:, own] @ direction
-        if np.linalg.norm(left) > LIKE_FRAME * np.linalg.norm(alone):
-            continue
-        parts = np.linalg.norm(columns[:, linear.frame], axis=0) * np.abs((motions @ direction)[linear.frame])
-        strong = np.flatnonzero(parts > MOTION * parts.max(initial=0.0))
-        names |= {FRAME_NAMES[place % 6] for place in strong if place < 6 * frames}
-        names |= {MOUNT_NAMES[(place - 6 * frames) % 3] for place in strong if place >= 6 * frames}
+    moved = motions @ free
+    size, ways = np.linalg.eigh(_square(columns[:, own] @ free))
+    seen = size > ROUNDING * size.max(initial=0.0)
+    unit = ways[:, seen] / np.sqrt(size[seen])  # each does as much as one reading's noise before anything makes good
+    left, ways = np.linalg.eigh(_square(columns @ (moved @ unit)))
+    rigid = moved @ unit @ ways[:, left < LIKE_FRAME**2]
+    parts = np.linalg.norm(columns[:, linear.frame], axis=0) * np.linalg.norm(rigid[linear.frame], axis=1)
+    strong = np.flatnonzero(parts > MOTION)
+    names = {FRAME_NAMES[place % 6] for place in strong if place < 6 * frames}
+    names |= {MOUNT_NAMES[(place - 6 * frames) % 3] for place in strong if place >= 6 * frames}
     return tuple(name for name in (*FRAME_NAMES, *MOUNT_NAMES) if name in names)
+
+
+def _square(columns: np.ndarray) -> np.ndarray:
+    return columns.T @ columns
