@@ -13,6 +13,7 @@ from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import noise_again, starting_noise
+from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
@@ -24,12 +25,10 @@ from ptt.effects import Effect, Library
 from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
 from ptt.model.model import Model
 from ptt.progress import Tell
-from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
-MOST_FIRST = 0.05  # share of the rows that may open a run and be left out for it
 
 
 def find(
@@ -49,6 +48,7 @@ def find(
         What was found.
     """
     noise, freedom = starting_noise(problem)
+    opening, whole = remembering_rows(model.terms, problem, noise), problem
     current, gross = model, np.zeros(problem.table.rows, dtype=bool)
     carried = np.zeros((problem.table.rows, 3))
     kept: tuple[str, ...] | None = None
@@ -57,6 +57,7 @@ def find(
     memory, periods, barred, held = WHITE, list[tuple[int, float]](), frozenset[str](), tuple[str, ...]()
     for turn in range(TURNS):
         tell(f"linearise {turn + 1}")
+        problem = without_opening(whole, opening)
         fitted = fit_less(current, problem, carried, gross, noise)
         candidates, untestable = present_candidates(fitted, problem, known)
         linear = None
@@ -75,7 +76,7 @@ def find(
             if turn < TURNS - 1:  # what is said is what it is linearised at
                 state = refilled(scorer, improve(scorer, state))
         state = plainest(scorer, state)
-        found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span)
+        found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span, opening=opening)
         if before is not None and is_better(before, found):  # curves that bend further did the work of what went
             found = before
             break
@@ -107,6 +108,8 @@ def find(
         noise = noise_again(problem, system, state)
         current = moved(found, model, problem)
         kept, memory, held = (*current.keys, *blocks), state.memory, blocks
+        if not opening.any():
+            opening = remembering_rows(current.terms, problem, noise)
         system.forget()
     found = by_names(found, model, problem, known, freedom, steps)
     if span is not None:  # what explains a part has to be worked out for all of the run
@@ -142,24 +145,6 @@ def _told(found: Found, model: Model, problem: Problem, known: Library, freedom:
         found, fitted=fitted, system=scorer.system, scorer=scorer, state=scorer.score(state.keys, state.memory),
         carried=carried, untestable=untestable,
     )  # fmt: skip
-
-
-def opening_rows(problem: Problem) -> np.ndarray:
-    """The rows of a run before it first moves: from where they came, on which side of any play, nobody knows.
-
-    Args:
-        problem: n rows.
-
-    Returns:
-        (n,) bool; none where they are more than a few, or no direction is told.
-    """
-    view = problem.view
-    starts, q = view.starts.numpy(), view.q.numpy()
-    moves = np.cumsum((np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL).any(axis=1) & ~starts)
-    still = moves == np.maximum.accumulate(np.where(starts, moves, 0))
-    first = problem.used & still & (view.direction.numpy() != 0.0).any(axis=1)
-    few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
-    return first if few else np.zeros_like(first)
 
 
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:

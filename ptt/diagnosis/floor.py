@@ -1,7 +1,8 @@
 """The noise floor that errors are held against: what is known of it, else what everything or the best leaves."""
 
-from ptt.diagnosis.find import find, opening_rows
+from ptt.diagnosis.find import find
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_left, saturated_floor, too_few
+from ptt.diagnosis.opening import opening_rows
 from ptt.effects import Library
 from ptt.errors import TableError
 from ptt.model.model import Model

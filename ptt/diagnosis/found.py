@@ -44,6 +44,7 @@ class Found:
         periods: joint and length of those that were seen in what was left.
         span: of the run that the rows are a part of; None where they are all of it.
         sample: stretches of the run that stand for it where a system keeps only sums.
+        opening: rows left out because they tell from where the joints came to the run, (n,) bool; None for none.
     """
 
     fitted: FitResult
@@ -57,6 +58,7 @@ class Found:
     periods: Sequence[tuple[int, float]] = ()
     span: Span | None = None
     sample: Problem | None = None
+    opening: np.ndarray | None = None
 
 
 def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
@@ -166,7 +168,7 @@ def is_better(one: Found, other: Found) -> bool:
     Returns:
         Whether the one does.
     """
-    same = np.array_equal(one.gross, other.gross) and one.noise is other.noise
+    same = np.array_equal(one.system.rows, other.system.rows) and one.noise is other.noise
     return same and one.state.total > other.state.total + LEAST
 
 

@@ -6,9 +6,10 @@ from functools import partial
 
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.everywhere import Task, find_everywhere
-from ptt.diagnosis.find import STEPS, find, opening_rows
+from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.opening import opening_rows
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.sampled import share_of_rows
 from ptt.diagnosis.search import without

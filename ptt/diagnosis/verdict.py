@@ -10,9 +10,10 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
-from ptt.diagnosis.find import STEPS, find, opening_rows
+from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, visit_left, wanders_beyond
+from ptt.diagnosis.opening import opening_rows, without_opening
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
 from ptt.diagnosis.search import without
@@ -137,6 +138,8 @@ def diagnose(
     opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
     found = find(model, problem, known, tell, steps)
+    if found.opening is not None:
+        opening, problem = opening | found.opening, without_opening(problem, found.opening)
     if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
         raise too_few(problem)
     tell("rest")

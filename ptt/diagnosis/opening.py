@@ -1,0 +1,76 @@
+"""Rows that open a run: from where the joints came to them nobody knows, so what remembers it is not told there."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from ptt.model.model import Term
+from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+MOST_FIRST = 0.05  # share of the rows that may open a run and be left out for it
+MOST_REMEMBERING = 0.25  # the same where it is known what remembers: beyond, hardly a row would know of it at all
+MATTERS = 1.0  # standard deviation of a reading by which it matters from where a run came
+AT_STAKE = 10.0  # nats that a wrong guess of it may hand to whatever begins early in a run: about what a name costs
+
+
+def opening_rows(problem: Problem) -> np.ndarray:
+    """The rows of a run before it first moves: from where they came, on which side of any play, nobody knows.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        (n,) bool; none where they are more than a few, or no direction is told.
+    """
+    view = problem.view
+    starts, q = view.starts.numpy(), view.q.numpy()
+    moves = np.cumsum((np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL).any(axis=1) & ~starts)
+    still = moves == np.maximum.accumulate(np.where(starts, moves, 0))
+    first = problem.used & still & (view.direction.numpy() != 0.0).any(axis=1)
+    few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
+    return first if few else np.zeros_like(first)
+
+
+def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
+    """Rows at which readings still tell from which side each joint came to its run, by what was found to remember it.
+
+    On a path of small steps a drive that winds up has not turned over for dozens of rows.
+
+    Args:
+        terms: of a fitted model.
+        problem: n rows.
+        noise: the noise floor.
+
+    Returns:
+        (n,) bool; none where so little hangs on them that nothing else could pass for it, or where they are too many.
+    """
+    view, none = problem.view, np.zeros(problem.table.rows, dtype=bool)
+    known = [(term.effect, term.theta) for term in terms if term.effect.reverses and len(term.theta)]
+    if not known:
+        return none
+    other = replace(view, direction=torch.where(view.starts[:, None], -view.direction, view.direction))
+    shifts = [effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]
+    apart = torch.stack(shifts).sum(dim=0)
+    moved = noise.whitener @ (view.jacobian * apart[:, None, :]).numpy()  # shape: (n, 3, k)
+    square = np.square(moved).sum(axis=(1, 2))
+    told = problem.used & (square > MATTERS**2)
+    few = told.sum() < MOST_REMEMBERING * problem.used.sum()
+    return told if few and 0.5 * square[told].sum() > AT_STAKE else none
+
+
+def without_opening(problem: Problem, rows: np.ndarray) -> Problem:
+    """The problem without rows that open its runs, which date nothing either: no reading is left before it.
+
+    Args:
+        problem: n rows.
+        rows: which to leave out, (n,) bool.
+    """
+    if not rows.any():
+        return problem
+    left = torch.as_tensor(~rows)
+    read = left if problem.view.read is None else problem.view.read & left
+    return replace(problem.masked(rows), view=replace(problem.view, read=read))

@@ -1,0 +1,71 @@
+"""Readings that still tell from which side the joints came to a run: nobody knows it, so they name nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.diagnosis.opening import remembering_rows, without_opening
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.model.chain import predict
+from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+
+SIGMA, ROWS, HEIGHT, LENGTH = 0.003, 400, 0.03, 4.0
+NOISE = Noise(SIGMA**2 * np.eye(3), "machine file")
+
+
+def wound_up(height: float = HEIGHT) -> Term:
+    return Term(library()["windup"](), torch.tensor([height] * 3 + [LENGTH], dtype=torch.float64))
+
+
+def fine_path(height: float = HEIGHT) -> Problem:
+    """A spiral of small steps on a machine that winds up, come to from the side that its second row does not show."""
+    turn, radius = np.linspace(0.0, 9.0 * np.pi, ROWS), np.linspace(4.0, 45.0, ROWS)
+    place = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 20.0 * np.sin(0.4 * turn)])
+    file = bench_machine()
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": SIGMA}))
+    table = make_table(place, measured=place)
+    view = build_problem(file, table).view
+    other = replace(view, direction=torch.where(view.starts[:, None], -view.direction, view.direction))
+    term = wound_up(height)
+    reading = predict([(term.effect, term.theta)], other).reading.numpy()
+    noisy = reading + np.random.default_rng(4).normal(0.0, SIGMA, reading.shape)
+    return build_problem(file, replace(table, measured=noisy))
+
+
+def test_a_drive_that_winds_up_alone_is_told_alone_from_whichever_side_the_run_began():
+    problem = fine_path()
+    found = diagnose(Model(problem.file), problem)
+    assert found.suggested == (("windup",),) and found.verdict == "missing"
+    assert found.opening > 3
+
+
+def test_rows_tell_of_the_side_until_it_is_forgotten():
+    problem = fine_path()
+    told = remembering_rows([wound_up()], problem, NOISE)
+    last = int(np.flatnonzero(told).max())
+    travel = np.abs(np.diff(problem.view.q.numpy(), axis=0)).cumsum(axis=0)
+    left = 2.0 * HEIGHT * np.exp(-travel[last] / LENGTH)  # what is remembered at the row behind the last one
+    assert told[: last + 1].all() and 3 < last < 0.25 * ROWS
+    assert 0.3 * SIGMA < np.linalg.norm(left) < 3.0 * SIGMA
+
+
+@pytest.mark.parametrize("terms", [(), (wound_up(1e-4),), (Term(library()["homing-offset"](), torch.ones(3)),)])
+def test_nothing_is_left_out_where_nothing_hangs_on_it(terms):
+    assert not remembering_rows(terms, fine_path(), NOISE).any()
+
+
+def test_what_is_left_out_dates_nothing():
+    """A slip after readings that all are left out would be there all along."""
+    problem, rows = fine_path(), np.arange(ROWS) < 30
+    first = min(float(shape["after"]) for shape in library()["homing-slip"]().search(problem.view))
+    later = without_opening(problem, rows)
+    assert first < 30.0 and not later.used[rows].any() and later.used[~rows].all()
+    assert min(float(shape["after"]) for shape in library()["homing-slip"]().search(later.view)) > 30.0
+    assert without_opening(problem, 0 * rows > 0) is problem
