@@ -10,6 +10,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
@@ -69,3 +70,25 @@ def test_what_is_left_out_dates_nothing():
     assert first < 30.0 and not later.used[rows].any() and later.used[~rows].all()
     assert min(float(shape["after"]) for shape in library()["homing-slip"]().search(later.view)) > 30.0
     assert without_opening(problem, 0 * rows > 0) is problem
+
+
+def test_play_that_is_told_beside_an_unknown_is_tried_alone_as_it_bends():
+    """One short step back within the play of a slider: a common unknown of the direction knows it, no tangent does."""
+    random, file = np.random.default_rng(2), bench_machine()
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": 0.004}))
+    pose, side = random.uniform(-45.0, 45.0, (110, 3)), np.where(random.random(110) < 0.5, 1.0, -1.0)
+    mechanism = build_mechanism(file.machine)
+    before, there = (
+        mechanism.inverse(torch.as_tensor(place)).numpy() for place in (pose + 6.0 * side[:, None] * [0, 0, 1.0], pose)
+    )
+    there[40, 1] = before[40, 1] - 0.06 * np.sign(before[40, 1] - there[39, 1])
+    q = np.stack([before, there], 1).reshape(-1, 3)
+    place = mechanism.forward(torch.as_tensor(q)).numpy()
+    table = make_table(place, command=q, measured=place)
+    gaps = torch.tensor([0.22, 0.19, 0.16], dtype=torch.float64)
+    reading = predict([(library()["backlash"](), gaps)], build_problem(file, table).view).reading.numpy()
+    noisy = reading + random.normal(0.0, 0.004, reading.shape)
+    noisy[0::2] = np.nan  # on the way to each pose
+    found = diagnose(Model(file), build_problem(file, replace(table, measured=noisy)))
+    assert found.suggested == (("backlash",),) and found.verdict == "missing"
+    torch.testing.assert_close(found.model.terms[0].theta, gaps, atol=0.005, rtol=0.0)

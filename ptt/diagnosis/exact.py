@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import torch
 
 from ptt.diagnosis.atoms import is_effect
 from ptt.diagnosis.found import Found, fit_less, is_better, moved, scorer_at
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.search import HOPEFUL, improve, loose, plainest, refilled
+from ptt.diagnosis.state import State
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.model.model import Model
@@ -64,26 +66,49 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
         The better explanation.
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
-    if not scorer.system.errs_by_pose(state.memory) and all(atoms[key].effect is not None for key in state.keys):
+    if state.memory.pose == 0.0 and all(atoms[key].effect is not None for key in state.keys):
         return found
     kept = [key for key in state.keys if atoms[key].effect is not None]
-    named = improve(scorer, scorer.score(kept, WHITE), is_effect, swaps=False)
-    if not any(key not in kept and bends(atoms[key].effect) for key in named.keys):
-        return found
-    current, nothing = moved(replace(found, state=named), model, problem), np.zeros_like(found.carried)
-    most = named.posterior.left - 2.0 * named.posterior.phi * (state.total - HOPEFUL - named.total)
+    alone = scorer.score(kept, WHITE)
+    more = improve(scorer, alone, is_effect, swaps=False)
+    ways = [alone] if any(bends(atoms[key].effect) for key in kept) else []
+    ways += [more] if any(key not in kept and bends(atoms[key].effect) for key in more.keys) else []
+    there = [_at_names(found, named, model, problem, known, freedom, steps) for named in ways]
+    best = max((one for one in there if one is not None), key=lambda one: one.state.total, default=found)
+    return best if is_better(best, found) else found
+
+
+def _at_names(
+    found: Found, named: State, model: Model, problem: Problem, known: Library, freedom: float, steps: int
+) -> Found | None:
+    """What is found where names alone are fitted; None where that lies too far behind."""
+    state, nothing = found.state, np.zeros_like(found.carried)
+    current = _straightened(moved(replace(found, state=named), model, problem), found, named)
+    most = state.posterior.left + 2.0 * state.posterior.phi * HOPEFUL
     fitted = fit_less(current, problem, nothing, found.gross, found.noise, most)
     if fitted.status == HOPELESS:
-        return found
+        return None
     other, untestable = scorer_at(found, fitted, model, problem, known, freedom, steps)
     first = other.score([key for key in current.keys if key in other.system.atoms], WHITE)
     if first.total < state.total - HOPEFUL:
-        return found
+        return None
     best = plainest(other, refilled(other, improve(other, first)))
-    there = replace(
+    return replace(
         found, fitted=fitted, system=other.system, scorer=other, state=best, carried=nothing, untestable=untestable
     )
-    return there if is_better(there, found) else found
+
+
+def _straightened(current: Model, found: Found, named: State) -> Model:
+    """The model with laws that bend as large as names alone have them along the tangent: a block had a part of that."""
+    system, terms = found.system, []
+    for term in current.terms:
+        atom = system.atoms.get(term.effect.key)
+        if atom is not None and bends(term.effect) and atom.key in named.keys:
+            theta, size = term.theta.clone(), atom.amplitudes(named.posterior.values[named.of(atom.key)], system.scale)
+            theta[: len(size)] = torch.as_tensor(size)
+            term = replace(term, theta=theta)
+        terms.append(term)
+    return replace(current, terms=tuple(terms))
 
 
 def bends(effect: Effect | None) -> bool:
