@@ -110,6 +110,23 @@ def test_what_lets_go_at_a_temperature_and_comes_back_is_no_slip_and_knock(turns
     assert first.place[0] <= 22.31 and first.place[1] >= 22.29
 
 
+def test_an_axis_that_creeps_after_it_has_stopped_follows_the_pause_before_the_reading() -> None:
+    """Each pose twice, so that repeats scatter by it: without the pause it would pass for noise."""
+    random, poses = np.random.default_rng(6), np.random.default_rng(6).uniform(-60.0, 60.0, (70, 3)).round(3)
+    cloud, wait = np.tile(poses, (2, 1)), random.uniform(4.0, 40.0, 140)
+    sound = parse_rig({"machine": MACHINE.machine.model_dump()})
+    frame = simulate(sound, pd.DataFrame(cloud, columns=["x_cmd", "y_cmd", "z_cmd"]), noise=False).frame
+    mechanism = build_mechanism(MACHINE.machine)
+    lever = mechanism.jacobian(mechanism.inverse(torch.as_tensor(cloud))).numpy()[:, :, 2]
+    moved = 0.08 * lever * np.exp(-wait / 10.0)[:, None]
+    frame[["x_meas", "y_meas", "z_meas"]] += moved + random.normal(0.0, 0.003, cloud.shape)
+    frame["time_s"] = np.cumsum(wait + 2.0)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table_of(frame)))
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    assert (found.depends_on[0].residual, found.depends_on[0].on) == ("slider 3", "pause")
+    assert "follows the time since the tool set off (pause)" in found.words
+
+
 def test_every_law_acts_one_way_at_one_place() -> None:
     problem = on_circles(0.5, slips=True)
     fitted = fit(Model(MACHINE), problem, robust=False)

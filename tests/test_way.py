@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.dependence.way import REACHES, ways_of
+from ptt.dependence.way import REACHES, last_moves, ways_of
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.machine import load_machine
 from ptt.model.model import Model
@@ -28,6 +28,14 @@ def test_the_way_is_that_of_the_last_move() -> None:
     x, y, z = np.eye(3)
     np.testing.assert_allclose(came[0], [x, x, y, y, -z, -y, -y], atol=1e-12)
     np.testing.assert_allclose(turns, [0 * x, y - x, 0 * x, -z - y, 0 * x, 0 * x, 0 * x], atol=1e-12)
+
+
+def test_a_pause_is_the_time_since_the_row_before_the_last_move() -> None:
+    p = np.array([[0, 0, 0], [2, 0, 0], [2, 3, 0], [2, 3, 0], [9, 9, 9], [9, 9, 9], [9, 8, 9]], dtype=float)
+    starts = np.array([True, False, False, False, True, False, False])
+    far, since = last_moves(p, np.array([0.0, 5.0, 9.0, 30.0, 100.0, 107.0, 109.0]), starts)
+    np.testing.assert_array_equal(far, [np.nan, 2.0, 3.0, 3.0, np.nan, np.nan, 1.0])
+    np.testing.assert_array_equal(since, [np.nan, 5.0, 4.0, 25.0, np.nan, np.nan, 2.0])
 
 
 def test_a_remembered_way_forgets_over_its_stretch() -> None:

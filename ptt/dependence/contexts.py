@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ptt.dependence.way import ways_of
+from ptt.dependence.way import last_moves, ways_of
 from ptt.run.mounts import mount_slopes
 from ptt.run.tails import chi2_sf
 from ptt.run.watched import watched_values
@@ -201,14 +201,14 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
 
 
 def path_views(problem: "Problem") -> dict[str, np.ndarray]:
-    """What an unknown may depend on: everything that a residual may, and the tool's way.
+    """What an unknown may depend on: everything that a residual may, and the tool's moves.
 
     Args:
         problem: n rows.
 
     Returns:
         As `context_views`, and 'way x'.., components of the tool's way of arrival, -1 to 1, and 'turn x'.., of its way
-        on less that; 'feed' mm/s.
+        on less that; 'step' mm, how far it came, and 'pause' s, how long ago it left for there; 'feed' mm/s.
     """
     came, turns = ways_of(problem.view.p.numpy(), problem.view.starts.numpy())
     named = {
@@ -216,9 +216,11 @@ def path_views(problem: "Problem") -> dict[str, np.ndarray]:
         for what, way in (("way", came[0]), ("turn", turns))
         for i, axis in enumerate(COORDINATES)
     }
+    far, since = last_moves(problem.view.p.numpy(), problem.view.time.numpy(), problem.view.starts.numpy())
+    named |= {"step": far} | ({"pause": since} if "time" in problem.view.varies else {})
     if problem.table.feed_mm_s is not None:
         named["feed"] = np.asarray(problem.table.feed_mm_s, dtype=float)
-    return context_views(problem) | {name: way for name, way in named.items() if _varies(name, way[problem.used])}
+    return {name: way for name, way in named.items() if _varies(name, way[problem.used])} | context_views(problem)
 
 
 def unit_of(problem: "Problem", name: str) -> str:
@@ -235,7 +237,13 @@ def unit_of(problem: "Problem", name: str) -> str:
     if name in problem.table.watched:
         return ""
     angle = "rad" if problem.file.machine.kind == "serial" else "mm"
-    own = {"payload": "kg", "temperature": "C", "feed": "mm/s", **dict.fromkeys(COORDINATES, "mm")}
+    own = {
+        "payload": "kg",
+        "temperature": "C",
+        "feed": "mm/s",
+        "pause": "s",
+        **dict.fromkeys((*COORDINATES, "step"), "mm"),
+    }
     own["time"] = "s" if "time" in problem.view.varies else ""
     if name in own:
         return own[name]

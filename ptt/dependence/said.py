@@ -10,7 +10,11 @@ from ptt.effects.phrases import SIGNIFICANT, capital, figure, scaled
 NOTHING = 0.01  # of a size: what beside it is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
 UNLIKE = 9  # digits that tell any two values of a table apart
-WAYS = {"way": "the way along {} that the tool came", "turn": "how the tool turns along {}"}  # no column of a table
+WAYS = {"way": "the way along {} that the tool came", "turn": "how the tool turns along {}"}
+MOVES = {f"{word} {axis}": text.format(axis) for word, text in WAYS.items() for axis in "xyz"} | {
+    "step": "how far the tool came",
+    "pause": "the time since the tool set off",
+}  # variables that are no columns of a table, by what they are
 SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero, where it is largest
     "slider": ("higher", "lower", "highest"),
     "joint": ("further forward", "further back", "furthest forward"),

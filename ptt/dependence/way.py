@@ -34,6 +34,24 @@ def ways_of(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([came, *reaches]), on - came
 
 
+def last_moves(p: np.ndarray, time: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far the tool came with its last move, and for how long since the row before it.
+
+    Args:
+        p: tool positions in travel order, (n, 3) mm.
+        time: of each row, (n,) s.
+        starts: (n,) bool, the first row of each run.
+
+    Returns:
+        (n,) mm and (n,) s; NaN before the first move of a run.
+    """
+    far = np.linalg.norm(np.diff(p, axis=0, prepend=p[:1]), axis=1)
+    came = (far > 1e-9) & ~starts
+    last = np.maximum.accumulate(np.where(came | starts, np.arange(len(p)), 0))
+    known = came[last]
+    return np.where(known, far[last], np.nan), np.where(known, time - time[np.maximum(last - 1, 0)], np.nan)
+
+
 def _remembered(came: np.ndarray, far: np.ndarray, starts: np.ndarray, reach: float) -> np.ndarray:
     """The way forgotten exponentially over a stretch, (n, 3)."""
     from scipy.linalg import solve_banded  # only a diagnosis needs it

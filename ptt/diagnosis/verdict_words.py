@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from ptt.dependence.said import WAYS, middle
+from ptt.dependence.said import MOVES, middle
 from ptt.diagnosis.slow import Slow
 from ptt.diagnosis.words import headline
 from ptt.effects.phrases import listed
@@ -157,9 +157,8 @@ def acting(place: str | None, residual: str) -> str:
 
 
 def _spoken(on: str) -> str:
-    """A variable; the tool's way is no column of a table, so it is said what it is."""
-    word, _, axis = on.partition(" ")
-    return f"{WAYS[word].format(axis)} ({on})" if axis in ("x", "y", "z") and word in WAYS else on
+    """A variable; the tool's moves are no columns of a table, so it is said what they are."""
+    return f"{MOVES[on]} ({on})" if on in MOVES else on
 
 
 def _unstated(noise: Noise) -> str:

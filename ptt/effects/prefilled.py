@@ -66,7 +66,8 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
     if on and not proper["on"]:
-        whose = "the tool's way" if on.startswith(("way ", "turn ")) else "a column of your own"
+        moves = on.startswith(("way ", "turn ")) or on in ("step", "pause")
+        whose = "the tool's moves" if moves else "a column of your own"
         what = f"no proper 'on': an effect cannot read '{shown(on)}'; what follows {whose} is not corrected"
         raise InputError(what, fix="keep it steady, at the tracker and at work")
     for key in (key for key, right in proper.items() if not right):
@@ -87,7 +88,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_variable(name: str) -> bool:
-    """Whether an effect can read a variable that something follows: the tool's way and columns of one's own it cannot.
+    """Whether an effect can read what something follows: the tool's moves and columns of one's own it cannot.
 
     Args:
         name: as `depends_on` has it.

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ptt.dependence.said import WAYS
+from ptt.dependence.said import MOVES
 from ptt.effects.phrases import scaled
 
 MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
@@ -37,9 +37,8 @@ def spoken(on: str, serial: bool) -> str:
     Returns:
         For example 'height of slider 3'.
     """
-    word, _, axis = on.partition(" ")
-    if word in WAYS and axis in ("x", "y", "z"):
-        return WAYS[word].format(axis)
+    if on in MOVES:
+        return MOVES[on]
     found = JOINT.fullmatch(on)
     if found is None:
         return on
