@@ -219,6 +219,12 @@ def test_a_corner_after_a_move_as_short_as_the_lag_is_rounded_off(bench):
     assert_close(shift[:, 0], tensor([-0.6, -0.6, 0.0, 0.6, 0.6]), atol=1e-9, rtol=0.0)
 
 
+def test_a_feed_is_that_of_its_row_however_short_the_move(bench):
+    table = make_table(None, heights(280, 281, 282, 283), feed_mm_s=[20.0, 20.0, 10.0, 30.0])
+    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0]), build_view(bench, table))
+    assert_close(shift[:, 0], tensor([-0.2, -0.2, -0.1, -0.3]), atol=1e-9, rtol=0.0)
+
+
 def test_a_clock_tells_no_corner_where_a_way_goes_on_faster(bench):
     table = make_table(None, heights(280, 290, 305, 327.5), time_s=[0.0, 1.0, 2.0, 3.0])
     shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0]), build_view(bench, table))

@@ -80,8 +80,8 @@ def slider_speed(command: Array, tool: Array, time: Array, still: Array, run: Ar
     """Slider speeds at the rows of a path that is run without stopping.
 
     Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, an axis
-    still has the speed at which it came, but after a move so short that the controller rounds the corner off: there its
-    speed is halfway between before and after.
+    still has the speed at which it came, but at a sharp turn after a move so short that the controller rounds it off:
+    there its speed is halfway between before and after.
 
     Args:
         command: (n, 3) mm.
@@ -100,13 +100,15 @@ def slider_speed(command: Array, tool: Array, time: Array, still: Array, run: Ar
     speed = np.zeros_like(command)
     if still.all():
         return speed
-    ends = [0, *np.flatnonzero(_corners(tool, time, still)), len(command) - 1]
+    sharp, change = _corners(tool, time, still)
+    ends = [0, *np.flatnonzero(sharp | change), len(command) - 1]
     for first, last in pairwise(ends):
         rows = np.arange(first, last + 1)
         if len(rows) < 2:
             continue
         along = CubicSpline(time[rows], command[rows])(time[rows], 1) if len(rows) > 2 else _chord(command, time, first)
-        kept = 0.0 if first == 0 else 0.5 if time[first] - time[first - 1] < ROUNDED else 1.0
+        rounded = sharp[first] and time[first] - time[first - 1] < ROUNDED
+        kept = 0.0 if first == 0 else 0.5 if rounded else 1.0
         speed[first] = kept * speed[first] + (1.0 - kept) * along[0]
         speed[rows[1:]] = along[1:] if len(along) > 1 else along
     return np.where(still[:, None], 0.0, speed)
@@ -116,14 +118,14 @@ def _chord(command: Array, time: Array, first: int) -> Array:
     return np.diff(command[first : first + 2], axis=0) / (time[first + 1] - time[first])
 
 
-def _corners(tool: Array, time: Array, still: Array) -> Array:
-    """(n,) bool, inner rows at which the motion is not smooth: a stop, a sharp turn, a change of feed."""
+def _corners(tool: Array, time: Array, still: Array) -> tuple[Array, Array]:
+    """(n,) bool, inner rows at which the motion is not smooth: a sharp turn; a stop or a change of feed."""
     way = np.diff(tool, axis=0)
     rate = np.linalg.norm(way, axis=1) / np.diff(time)
     unit = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
     sharp = (unit[1:] * unit[:-1]).sum(1) < SHARP
     change = np.abs(np.diff(rate)) > 0.05 * np.maximum(rate[1:], rate[:-1])
-    return np.concatenate([[False], sharp | change | still[1:-1], [False]])
+    return np.pad(sharp, 1), np.pad(change | still[1:-1], 1)
 
 
 def _first_moves(command: Array, first: Array) -> Array:

@@ -92,8 +92,8 @@ def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
     bends, changes = _corners(moved, length, lasts, sound)
     ends = np.flatnonzero(bends | changes)
     splines = [(a, b) for a, b in pairwise(ends.tolist()) if b - a > 2 and sound[a:b].all()]
-    sharp = bends | changes if shows_feed(table) else bends  # a feed changes at a row, a speed by the clock on the way
-    both = (~sharp | (np.append(np.inf, lasts) < ROUNDED)) & np.isfinite(np.append(lasts, np.inf))
+    changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
+    both = np.where(bends, np.append(np.inf, lasts) < ROUNDED, changing) & np.isfinite(np.append(lasts, np.inf))
     leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
     return Pace(lasts, _straight(lasts, sound, ends, leaving), *_splines(lasts, splines, leaving))
 
