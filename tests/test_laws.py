@@ -11,7 +11,7 @@ import torch
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.laws import _arrivals, by_laws, laws_of
+from ptt.diagnosis.laws import _arrivals, _is_passed_again, by_laws, laws_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import near_sets, weigh_sets
 from ptt.diagnosis.row_system import RowSystem, build_system
@@ -108,6 +108,21 @@ def test_what_lets_go_at_a_temperature_and_comes_back_is_no_slip_and_knock(turns
     first = found.depends_on[0]
     assert (first.residual, first.on, first.shape) == ("slider 2", "temperature", "step")
     assert first.place[0] <= 22.31 and first.place[1] >= 22.29
+
+
+@pytest.mark.parametrize(
+    ("passed", "again"),
+    [
+        ("0" * 50 + "1" * 50, False),
+        ("1" * 50 + "0" * 50, False),
+        ("0" * 50 + "01" * 2 + "1" * 46, False),
+        ("0" * 30 + "1" * 40 + "0" * 30, True),
+        ("01" * 50, True),
+    ],
+)
+def test_a_warmth_that_is_passed_once_says_what_the_moment_says(passed: str, again: bool) -> None:
+    """A slip in a warm-up would otherwise have a law that is the same readings for less."""
+    assert _is_passed_again(np.array(list(passed)) == "1") is again
 
 
 def test_an_axis_that_creeps_after_it_has_stopped_follows_the_pause_before_the_reading() -> None:

@@ -165,8 +165,10 @@ def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
             laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
         for on, values in ((own, heights), *((on, warm) for on, warm in views.items() if on in conditions)):
             for height in _heights(values[problem.used]):
-                passed = (values > height).astype(float)[:, None]
-                laws.append(Block(f"law {name} jumps on {on}#{float(height)!r}", place, (on,), passed))
+                passed = values > height
+                if on == own or _is_passed_again(passed[problem.used]):
+                    shapes = passed.astype(float)[:, None]
+                    laws.append(Block(f"law {name} jumps on {on}#{float(height)!r}", place, (on,), shapes))
         yield laws
 
 
@@ -221,6 +223,13 @@ def _heights(visited: np.ndarray) -> np.ndarray:
     inner = np.unique(order[edge - 1 : len(order) - edge + 1])
     some = np.linspace(0, max(len(inner) - 2, 0), min(HEIGHTS, max(len(inner) - 1, 0))).round().astype(int)
     return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
+
+
+def _is_passed_again(passed: np.ndarray) -> bool:
+    """Whether a value is passed to and fro, (n,) bool by travel: what is passed once says what a moment says."""
+    before, above = np.arange(len(passed) + 1), np.concatenate([[0], np.cumsum(passed)])
+    unlike = above + (len(passed) - before) - (above[-1] - above)  # rows unlike one step up at a moment
+    return bool(min(unlike.min(), len(passed) - unlike.max()) >= max(int(ENDS * len(passed)), LEAST_END))
 
 
 def _curve(values: np.ndarray, count: int) -> np.ndarray:
