@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import REACHES, last_moves, ways_of
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.machine import load_machine
@@ -16,6 +17,7 @@ from ptt.rig.nominal import draw_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
+from ptt.run.table import make_table
 
 FILE = load_machine("data/sealed_one/machine.toml")
 TARGET, READING = ["x_cmd", "y_cmd", "z_cmd"], ["x_meas", "y_meas", "z_meas"]
@@ -71,3 +73,10 @@ def test_what_follows_the_tools_way_is_told_as_that(tmp_path: Path, lacks: str, 
     assert found.depends_on[0].on.split()[0] == follows
     # What pulls aslant is told by laws that act one way each: together they are the pull.
     assert sum(item.share for item in found.depends_on if item.on.split()[0] == follows) > 0.8
+
+
+@pytest.mark.parametrize(("waits", "found"), [([7.0] * 39 + [67.0], set()), ([5.0, 9.0] * 20, {"pause"})])
+def test_one_break_makes_no_pauses_that_vary(waits: list[float], found: set[str]) -> None:
+    away = np.tile(np.array([[20.0, 0.0, 0.0], [0.0, 20.0, 10.0], [-20.0, 5.0, 0.0], [0.0, 0.0, -15.0]]), (10, 1))
+    table = make_table(away, measured=away, time_s=np.cumsum(waits))
+    assert set(moves_of(build_problem(FILE, table))) - {"step"} == found

@@ -18,6 +18,7 @@ FAR = 6.0  # robust standard deviations
 CHANCE = 1e-3  # of a sound run that its frame is levelled
 FEWEST = 3  # rows that each direction, level or run needs
 COORDINATES = ("x", "y", "z")
+WIDE = 1.5  # times the short moves or pauses of a run that long ones take, for that to be worth a look
 SHORT = 0.05  # lever, as a share of the usual one (of the longest), below which a joint hardly moves the tool
 
 
@@ -216,11 +217,29 @@ def path_views(problem: "Problem") -> dict[str, np.ndarray]:
         for what, way in (("way", came[0]), ("turn", turns))
         for i, axis in enumerate(COORDINATES)
     }
-    far, since = last_moves(problem.view.p.numpy(), problem.view.time.numpy(), problem.view.starts.numpy())
-    named |= {"step": far} | ({"pause": since} if "time" in problem.view.varies else {})
+    named |= moves_of(problem)
     if problem.table.feed_mm_s is not None:
         named["feed"] = np.asarray(problem.table.feed_mm_s, dtype=float)
     return {name: way for name, way in named.items() if _varies(name, way[problem.used])} | context_views(problem)
+
+
+def moves_of(problem: "Problem") -> dict[str, np.ndarray]:
+    """Lengths and durations of the moves to the rows, where nine in ten differ enough for what settles to show it.
+
+    Args:
+        problem: the run.
+
+    Returns:
+        'step', (n,) mm, and 'pause', (n,) s where there is a clock; NaN before the first move of a run. A column of the
+        same title that a person wants watched stands for its own.
+    """
+    view, found = problem.view, {}
+    far, since = last_moves(view.p.numpy(), view.time.numpy(), view.starts.numpy())
+    for name, values in (("step", far), ("pause", since)):
+        low, high = np.nanpercentile(values, (5.0, 95.0)) if np.isfinite(values).any() else (0.0, 0.0)
+        if high > WIDE * low and name not in problem.table.watched:
+            found[name] = values
+    return found
 
 
 def unit_of(problem: "Problem", name: str) -> str:

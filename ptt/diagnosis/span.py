@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import linalg
 
-from ptt.dependence.way import last_moves, ways_of
+from ptt.dependence.contexts import moves_of
+from ptt.dependence.way import ways_of
 from ptt.diagnosis.smooth import cosines, ends_of, product, scaled, unit
 from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
 
 SLOW = 10  # cosines over the time of the run
 SAME_FEED = 0.05  # share of the largest that a feed has to vary by
-SAME_STEP = 0.1  # share of the largest by which moves or pauses have to differ
 LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
 
 
@@ -108,21 +108,16 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         yield Context("feed", _bowed(feed), fields=False)
         swift = np.column_stack([np.ones(view.rows), unit(feed), unit(feed**2)])
         yield Context("turn", product(turns, swift), fields=False, joints=False)
-    watched = watched_values(problem.table)
-    far, since = last_moves(view.p.numpy(), view.time.numpy(), view.starts.numpy())
-    for name, values in {"step": far, **({"pause": since} if "time" in view.varies else {})}.items():
-        if name not in watched:
-            yield from _by_shares(name, values)
-    for title, values in watched.items():
+    for name, values in moves_of(problem).items():
+        yield Context(name, _bowed(_by_shares(values)), fields=False)
+    for title, values in watched_values(problem.table).items():
         yield Context(title, _bowed(np.nan_to_num(values - np.nanmean(values))))
 
 
-def _by_shares(name: str, values: np.ndarray) -> Iterator[Context]:
-    """A length or a duration, by shares: what settles forgets where it began by shares."""
+def _by_shares(values: np.ndarray) -> np.ndarray:
+    """A length or a duration, by shares, (n,): what settles forgets where it began by shares."""
     known = np.isfinite(values) & (values > 0.0)
-    if known.any() and np.ptp(values[known]) > SAME_STEP * values[known].max():
-        logs = np.where(known, np.log(np.where(known, values, 1.0)), np.log(np.median(values[known])))
-        yield Context(name, _bowed(logs), fields=False)
+    return np.log(np.where(known, values, np.median(values[known])))
 
 
 def _bowed(values: np.ndarray) -> np.ndarray:
