@@ -173,7 +173,7 @@ def outdone(given: Noise, left: Noise) -> bool:
 
 
 def _after_a_knock(left: Noise) -> Noise:
-    return replace(left, source=f"{SATURATED}; repeats scatter by more, as after a knock or in a wander")
+    return replace(left, source=f"{SATURATED}; repeats scatter by more, through what changed between them")
 
 
 def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
