@@ -15,7 +15,7 @@ from ptt.diagnosis.probability import Probability
 from ptt.diagnosis.spread import exchanged_errors, spread_of, values_of
 from ptt.diagnosis.state import State
 from ptt.diagnosis.steps import Named, Step, share_of
-from ptt.diagnosis.witness import ALIKE, is_unwitnessed, own_drift
+from ptt.diagnosis.witness import own_drift, unwitnessed
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.linear import usual_sizes
@@ -180,7 +180,7 @@ def candidates_of_steps(
                 _parameters(term, problem),
                 step.others,
                 together,
-                " ".join([words, *coincidences(term, problem), *([ALIKE] if is_unwitnessed(term, problem) else [])]),
+                " ".join([words, *coincidences(term, problem), *unwitnessed(term, problem)]),
                 own,
             )
         )

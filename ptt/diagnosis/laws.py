@@ -29,7 +29,6 @@ OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear a
 NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
 HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
 ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
-CONDITIONS = ("temperature",)  # at a value of which a clamp, a stick or a thermostat lets go
 MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 
@@ -151,7 +150,7 @@ def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
         The laws of one place.
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
-    views, conditions = context_views(problem), (*CONDITIONS, *problem.table.watched)
+    passed = list(_passed_again(problem))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
         name = place.residual
@@ -163,12 +162,9 @@ def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
         laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in here.items()]
         for ons, shapes in _arrivals(problem, place.joint):
             laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
-        for on, values in ((own, heights), *((on, warm) for on, warm in views.items() if on in conditions)):
-            for height in _heights(values[problem.used]):
-                passed = values > height
-                if on == own or _is_passed_again(passed[problem.used]):
-                    shapes = passed.astype(float)[:, None]
-                    laws.append(Block(f"law {name} jumps on {on}#{float(height)!r}", place, (on,), shapes))
+        jumps = [*((own, height, heights > height) for height in _heights(heights[problem.used])), *passed]
+        for on, value, above in jumps:
+            laws.append(Block(f"law {name} jumps on {on}#{float(value)!r}", place, (on,), above.astype(float)[:, None]))
         yield laws
 
 
@@ -223,6 +219,16 @@ def _heights(visited: np.ndarray) -> np.ndarray:
     inner = np.unique(order[edge - 1 : len(order) - edge + 1])
     some = np.linspace(0, max(len(inner) - 2, 0), min(HEIGHTS, max(len(inner) - 1, 0))).round().astype(int)
     return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
+
+
+def _passed_again(problem: Problem) -> Iterator[tuple[str, float, np.ndarray]]:
+    """Warmth, and columns of a person's own, at which something may let go: the value, and the rows above it."""
+    for on, values in context_views(problem).items():
+        if on == "temperature" or on in problem.table.watched:
+            for value in _heights(values[problem.used]):
+                above = values > value
+                if _is_passed_again(above[problem.used]):
+                    yield on, float(value), above
 
 
 def _is_passed_again(passed: np.ndarray) -> bool:

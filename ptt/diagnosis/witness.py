@@ -12,15 +12,17 @@ HALF = 0.5  # of a frame's time that visits to base reflectors have to span; and
 ALIKE = "No base reflector was read along the run: a machine that drifts as a whole would look the same."
 
 
-def is_unwitnessed(term: Term, problem: Problem) -> bool:
-    """Whether a tracker's drift may as well be the machine's.
+def unwitnessed(term: Term, problem: Problem) -> list[str]:
+    """Say that a tracker's drift may as well be the machine's, where nothing shows which.
 
     Args:
         term: an effect at its values.
         problem: n rows.
+
+    Returns:
+        One sentence; none for what is no drift, or was seen at rest.
     """
-    slow = term.effect.stage == "metrology" and term.effect.follows_clock and not isinstance(term.effect, Sudden)
-    return slow and not _was_watched(problem)
+    return [ALIKE] if _is_unwitnessed(term, problem) else []
 
 
 def own_drift(terms: Sequence[Term], problem: Problem) -> float:
@@ -35,12 +37,17 @@ def own_drift(terms: Sequence[Term], problem: Problem) -> float:
     """
     square = 0.0
     for term in terms:
-        if is_unwitnessed(term, problem):
+        if _is_unwitnessed(term, problem):
             moved = term.effect.shift(term.theta, problem.view).numpy()[problem.used]
             for frame in np.unique(problem.frame[problem.used]):
                 here = moved[problem.frame[problem.used] == frame]
                 square += HALF * float(np.square(here - here.mean(axis=0)).sum()) / len(moved)
     return float(np.sqrt(square))
+
+
+def _is_unwitnessed(term: Term, problem: Problem) -> bool:
+    slow = term.effect.stage == "metrology" and term.effect.follows_clock and not isinstance(term.effect, Sudden)
+    return slow and not _was_watched(problem)
 
 
 def _was_watched(problem: Problem) -> bool:

@@ -137,6 +137,9 @@ def _distribute(
 
     fill()
     for future in running:
+        if future.status in ("lost", "pending"):  # its worker died with the outcome in its hands: another runs it again
+            running.add(future)
+            continue
         task = doing.pop(future)
         tell(f"{task.machine}, {task.date[:10]}")
         if future.status == "finished":

@@ -172,10 +172,7 @@ def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:
         (n,) bool.
     """
     bits = np.ascontiguousarray(table.measured, dtype=np.float64).view(np.int64)
-    kind = number_rows(np.column_stack([group, bits]))
-    first = np.zeros(table.rows, dtype=bool)
-    first[np.unique(kind, return_index=True)[1]] = True
-    return first
+    return first_rows(number_rows(np.column_stack([group, bits])), np.ones(table.rows, dtype=bool))
 
 
 def first_rows(group: np.ndarray, rows: np.ndarray) -> np.ndarray:
