@@ -11,7 +11,7 @@ from ptt.effects.memory import Passed, go_on
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
-from ptt.run.pace import Pace, pace_of
+from ptt.run.pace import Pace, line_ends, pace_of
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
 from ptt.run.view import View
@@ -78,7 +78,10 @@ class Task:
         """
         if self.clock is None:
             return self
-        return replace(self, pace=pace_of(self.stands(sent).numpy(), run_starts(self.clock.run), self.clock))
+        place, ends = self.stands(sent), None
+        if self.model.file.machine.moves == "straight" and len(place) > 1:
+            ends = line_ends(self.mechanism, self.mechanism.inverse(place, None, self.nominal), place)
+        return replace(self, pace=pace_of(place.numpy(), run_starts(self.clock.run), self.clock, ends))
 
     def stands(self, sent: np.ndarray) -> Tensor:
         """Targets at which the machine is, (n, 3) mm: of a row that is not sent, that of the row before."""

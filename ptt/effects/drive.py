@@ -116,7 +116,8 @@ class FollowingError(Effect):
     )
     card: ClassVar[Card] = Card(
         cause="The position loop lags behind a moving command, and the reading is taken on the move.",
-        equation="dq_i = -v_i tau_i, v_i from the feed and the path, else time stamps; at a corner of the way there",
+        equation="dq_i = -v_i tau_i, v_i from the feed and the path, else time stamps; at a corner that with which the "
+        "move there ends",
         source="velocity lag of a proportional position loop: tau = 1/K_v",
         size="v/K_v: 670 um at 20 mm/s and K_v = 30/s; none at standstill",
         fingerprint="J e is proportional to the slider's velocity and points backward along the path.",

@@ -76,7 +76,32 @@ def travel_direction(slider: Array) -> Array:
     return np.take_along_axis(sign, at, axis=0)
 
 
-def slider_speed(command: Array, tool: Array, time: Array, still: Array, run: Array | None = None) -> Array:
+def end_moves(path: Path) -> tuple[Array, Array]:
+    """How the sliders set off and arrive on straight moves of the tool, from the path's own points.
+
+    Args:
+        path: of straight moves.
+
+    Returns:
+        (n, 3) mm per move each, of the move to each row; those to first rows tell nothing.
+    """
+
+    def along(step: int) -> Array:
+        return path.slider[np.maximum(path.last + step, 0)]
+
+    begin = 4.0 * along(1 - TRANSIT) - along(2 - TRANSIT) - 3.0 * along(-TRANSIT)
+    end = 3.0 * along(0) - 4.0 * along(-1) + along(-2)
+    return 0.5 * TRANSIT * begin, 0.5 * TRANSIT * end
+
+
+def slider_speed(
+    command: Array,
+    tool: Array,
+    time: Array,
+    still: Array,
+    run: Array | None = None,
+    ends: tuple[Array, Array] | None = None,
+) -> Array:
     """Slider speeds at the rows of a path that is run without stopping.
 
     Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, an axis
@@ -89,33 +114,39 @@ def slider_speed(command: Array, tool: Array, time: Array, still: Array, run: Ar
         time: (n,) s.
         still: (n,) bool, rows that are read at standstill.
         run: (n,) number of each row's run; every run is led in and out by itself. None for a single one.
+        ends: (n, 3) mm per move each, how straight moves to the rows set off and arrive; None: sliders run evenly.
 
     Returns:
         (n, 3) mm/s, zero at standstill.
     """
     if run is not None and len(np.unique(run)) > 1:
         parts = [np.flatnonzero(run == number) for number in np.unique(run)]
-        speeds = [slider_speed(command[rows], tool[rows], time[rows], still[rows]) for rows in parts]
+        speeds = [
+            slider_speed(
+                command[rows], tool[rows], time[rows], still[rows], ends=ends and (ends[0][rows], ends[1][rows])
+            )
+            for rows in parts
+        ]
         return np.concatenate(speeds)[np.argsort(np.concatenate(parts))]
     speed = np.zeros_like(command)
     if still.all():
         return speed
     sharp, change = _corners(tool, time, still)
-    ends = [0, *np.flatnonzero(sharp | change), len(command) - 1]
-    for first, last in pairwise(ends):
+    corners = [0, *np.flatnonzero(sharp | change), len(command) - 1]
+    for first, last in pairwise(corners):
         rows = np.arange(first, last + 1)
         if len(rows) < 2:
             continue
-        along = CubicSpline(time[rows], command[rows])(time[rows], 1) if len(rows) > 2 else _chord(command, time, first)
+        if len(rows) > 2:
+            along = CubicSpline(time[rows], command[rows])(time[rows], 1)
+        else:
+            moves = [command[last] - command[first]] * 2 if ends is None else [part[last] for part in ends]
+            along = np.array(moves) / (time[last] - time[first])
         rounded = sharp[first] and time[first] - time[first - 1] < ROUNDED
         kept = 0.0 if first == 0 else 0.5 if rounded else 1.0
         speed[first] = kept * speed[first] + (1.0 - kept) * along[0]
-        speed[rows[1:]] = along[1:] if len(along) > 1 else along
+        speed[rows[1:]] = along[1:]
     return np.where(still[:, None], 0.0, speed)
-
-
-def _chord(command: Array, time: Array, first: int) -> Array:
-    return np.diff(command[first : first + 2], axis=0) / (time[first + 1] - time[first])
 
 
 def _corners(tool: Array, time: Array, still: Array) -> tuple[Array, Array]:

@@ -1,7 +1,8 @@
 """How fast the joints are at each row of a travel: linear in their values, once it is known where the motion is smooth.
 
 Along smooth stretches the velocity is that of a cubic spline over time. At a corner an axis that lags still has that
-of its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached.
+of its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached. On a move
+of two rows joints run evenly, or bend so that the tool runs straight.
 """
 
 from dataclasses import dataclass
@@ -9,8 +10,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
+from torch import Tensor
 
 if TYPE_CHECKING:
+    from ptt.mechanisms.protocol import Mechanism
     from ptt.run.table import Table
 
 SMOOTH = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
@@ -19,6 +23,7 @@ ROUNDED = 0.2  # s: what follows a move this short is rounded off, the mean of b
 INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
 
 Shares = tuple[np.ndarray, np.ndarray, np.ndarray]  # place in a sum, interval between two rows, its weight
+Ends = tuple[np.ndarray, np.ndarray]  # how a move sets off and arrives: beyond that of an even one, per move
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,7 @@ class Pace:
         owner: whose rows these slopes are, (m,) int.
         part: what these slopes are of their rows' velocities, (m,).
         right: what intervals' slopes add to the right-hand side of that system.
+        bend: (n, k) mm/s or rad/s on top, where joints bend so that the tool runs straight; None: they run evenly.
     """
 
     lasts: np.ndarray
@@ -40,6 +46,7 @@ class Pace:
     owner: np.ndarray
     part: np.ndarray
     right: Shares
+    bend: np.ndarray | None = None
 
     def velocity(self, q: np.ndarray) -> np.ndarray:
         """Velocity at each row.
@@ -52,6 +59,8 @@ class Pace:
         """
         slope = np.diff(q, axis=0) / self.lasts[:, None]
         total = _added(self.straight, slope, len(q))
+        if self.bend is not None:
+            total += self.bend
         if len(self.owner):
             from scipy.linalg import solve_banded  # scipy.interpolate takes half a second to load
 
@@ -65,13 +74,43 @@ def shows_feed(table: "Table") -> bool:
     return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
 
 
-def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
+def tells_speed(table: "Table") -> bool:
+    """Whether anything tells speeds: the feed, or time stamps."""
+    return shows_feed(table) or table.time_s is not None
+
+
+def line_ends(mechanism: "Mechanism", q: Tensor, p: Tensor) -> Ends:
+    """How the joints set off and arrive where the tool runs straight from row to row.
+
+    By the least change of an even motion of theirs that gives the tool its direction: all of it where joints have
+    nothing to spare.
+
+    Args:
+        mechanism: the nominal mechanism.
+        q: joint values, (n, k); rows out of reach are NaN.
+        p: tool positions, (n, 3) mm.
+
+    Returns:
+        (n - 1, k) each, beyond those of the even motion and per move; zero at rows out of reach.
+    """
+    jacobian = mechanism.jacobian(q)
+    inverse = torch.linalg.pinv(torch.nan_to_num(jacobian))
+    turned, moved = q.diff(dim=0)[:, :, None], p.diff(dim=0)[:, :, None]
+    begin, end = (
+        (inverse[rows] @ (moved - jacobian[rows] @ turned))[:, :, 0].nan_to_num().numpy()
+        for rows in (slice(None, -1), slice(1, None))
+    )
+    return begin, end
+
+
+def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None = None) -> Pace | None:
     """Durations and smooth stretches of a travel.
 
     Args:
         p: tool positions, (n, 3) mm.
         starts: first rows of runs, (n,) bool.
         table: the rows, with feed or time.
+        ends: how straight moves set off and arrive; None: joints run evenly.
 
     Returns:
         The pace; None where nothing tells it.
@@ -90,12 +129,13 @@ def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table") -> Pace | None:
     sound = (lasts > INSTANT) & ~starts[1:]
     lasts = np.where(sound, lasts, np.inf)
     bends, changes = _corners(moved, length, lasts, sound)
-    ends = np.flatnonzero(bends | changes)
-    splines = [(a, b) for a, b in pairwise(ends.tolist()) if b - a > 2 and sound[a:b].all()]
+    corners = np.flatnonzero(bends | changes)
+    splines = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
     changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
     both = np.where(bends, np.append(np.inf, lasts) < ROUNDED, changing) & np.isfinite(np.append(lasts, np.inf))
     leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
-    return Pace(lasts, _straight(lasts, sound, ends, leaving), *_splines(lasts, splines, leaving))
+    bend = None if ends is None else _bend(lasts, sound, corners, leaving, ends)
+    return Pace(lasts, _straight(lasts, sound, corners, leaving), *_splines(lasts, splines, leaving), bend)
 
 
 def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
@@ -153,6 +193,16 @@ def _straight(lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray, leaving: n
             (double + 1, double + 1, before),
         ]
     )
+
+
+def _bend(lasts: np.ndarray, sound: np.ndarray, corners: np.ndarray, leaving: np.ndarray, ends: Ends) -> np.ndarray:
+    """What straight moves from corner to corner add to velocities, (n, k)."""
+    move = corners[:-1][(np.diff(corners) == 1) & sound[corners[:-1]]]
+    begin, end = (part[move] / lasts[move, None] for part in ends)
+    total = np.zeros((len(lasts) + 1, begin.shape[1]))
+    total[move] += leaving[move, None] * begin
+    total[move + 1] += (1.0 - leaving[move + 1])[:, None] * end
+    return total
 
 
 def _none() -> Shares:

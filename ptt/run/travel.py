@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
 from ptt.run.backlash.reversal import STANDSTILL, hold_direction
-from ptt.run.pace import pace_of
+from ptt.run.pace import line_ends, pace_of, tells_speed
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
@@ -66,7 +66,8 @@ def read_travel(mechanism: Mechanism, q: Tensor, p: Tensor, table: "Table", *, s
     direction = arrival_direction(q.numpy(), turning, starts)
     if stated is not None:
         direction = np.where(known, stated, direction)
-    pace = pace_of(p.numpy(), starts, table)
+    ends = line_ends(mechanism, q, p) if straight and tells_speed(table) and len(p) > 1 else None
+    pace = pace_of(p.numpy(), starts, table, ends)
     velocity = np.zeros_like(q.numpy()) if pace is None else pace.velocity(q.numpy())
     return Travel(
         torch.as_tensor(direction),
