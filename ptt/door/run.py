@@ -12,6 +12,7 @@ from ptt.door.options import Reading
 from ptt.door.reading import read_rows
 from ptt.door.result import Note, unheard
 from ptt.run.blanks import fill_blanks
+from ptt.run.display import between_steps
 from ptt.run.readers import Ask
 from ptt.run.table import Table, table_to_frame
 
@@ -124,10 +125,11 @@ def read_path(path: str | Path, model: Model, reading: Reading, *, ask: Ask | No
         The run.
     """
     table, blanks = fill_blanks(read_rows(path, model.file, reading, checked=True, ask=ask, note=note))
-    for line in blanks:
+    table, steps = between_steps(table)
+    for line in (*blanks, *steps):
         note(line)
     files = (Path(path), *map(Path, reading.also or ()))
-    return Run(table, files, reading, (*table.understood.lines, *blanks))
+    return Run(table, files, reading, (*table.understood.lines, *blanks, *steps))
 
 
 def read_targets(
