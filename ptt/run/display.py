@@ -6,7 +6,7 @@ from ptt.run.table import Table
 
 COARSEST = 1.0  # K: no thermometer shows less than whole degrees; what goes further at once was set by somebody
 HELD = 0.5  # share of neighbouring rows that show the same, from which a display is said to stand still
-BY_ONE = 0.9  # share of its changes that are of one step: what skips steps scatters by more than they are wide
+BY_ONE = 0.5  # share of its changes that are of one step; the others are pauses, or somebody sets what it shows
 ALIKE = 1e-6  # of a step, by which written numbers may lie beside the steps of a display
 
 
