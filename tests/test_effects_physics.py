@@ -208,32 +208,42 @@ def test_windup_turns_over_with_travel(bench):
 
 def test_following_error_is_velocity_times_lag(bench):
     table = make_table(None, heights(280, 290, 300, 290, 280), feed_mm_s=20.0)
-    shift = library()["following-error"]().shift(tensor([0.03, 0.0, 0.01]), build_view(bench, table))
+    shift = library()["following-error"]().shift(tensor([0.03, 0.0, 0.01, 0.0]), build_view(bench, table))
     expected = np.array([-0.6, -0.6, -0.6, 0.6, 0.6])  # 20 mm/s up, still so where it turns, 20 mm/s down
     assert_close(shift, tensor(np.stack([expected, 0.0 * expected, expected / 3.0], axis=1)), atol=1e-9, rtol=0.0)
 
 
 def test_a_corner_after_a_move_as_short_as_the_lag_is_rounded_off(bench):
     table = make_table(None, heights(280, 280.5, 281, 280.5, 280), feed_mm_s=20.0)
-    shift = library()["following-error"]().shift(tensor([0.03, 0.0, 0.0]), build_view(bench, table))
+    shift = library()["following-error"]().shift(tensor([0.03, 0.0, 0.0, 0.0]), build_view(bench, table))
     assert_close(shift[:, 0], tensor([-0.6, -0.6, 0.0, 0.6, 0.6]), atol=1e-9, rtol=0.0)
 
 
 def test_a_feed_is_that_of_its_row_however_short_the_move(bench):
     table = make_table(None, heights(280, 281, 282, 283), feed_mm_s=[20.0, 20.0, 10.0, 30.0])
-    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0]), build_view(bench, table))
+    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0, 0.0]), build_view(bench, table))
     assert_close(shift[:, 0], tensor([-0.2, -0.2, -0.1, -0.3]), atol=1e-9, rtol=0.0)
 
 
 def test_a_clock_tells_no_corner_where_a_way_goes_on_faster(bench):
     table = make_table(None, heights(280, 290, 305, 327.5), time_s=[0.0, 1.0, 2.0, 3.0])
-    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0]), build_view(bench, table))
+    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0, 0.0]), build_view(bench, table))
     assert_close(shift[:, 0], tensor([-0.1, -0.125, -0.1875, -0.225]), atol=1e-9, rtol=0.0)
+
+
+@pytest.mark.parametrize(
+    ("pace", "expected"),
+    [(0, [10.0, 10.0, 20.0, -20.0]), (1, [10.0, 50.0 / 3.0, 20.0 / 3.0, -20.0]), (2, [10.0, 10.0, 20.0, -20.0])],
+)
+def test_a_row_may_mean_the_speed_of_the_move_there_or_of_both_sides(bench, pace, expected):
+    table = make_table(None, heights(280, 290, 300, 280), feed_mm_s=[10.0, 10.0, 20.0, 20.0])
+    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0, pace]), build_view(bench, table))
+    assert_close(shift[:, 0], -0.01 * tensor(expected), atol=1e-9, rtol=0.0)
 
 
 def test_a_row_read_at_standstill_does_not_know_that_it_will_move(bench):
     table = make_table(None, heights(280, 290, 290, 300, 310), time_s=[0.0, 1.0, 4.0, 5.0, 6.0])
-    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0]), build_view(bench, table))
+    shift = library()["following-error"]().shift(tensor([0.01, 0.0, 0.0, 0.0]), build_view(bench, table))
     assert_close(shift[:, 0], tensor([-0.1, -0.1, 0.0, -0.1, -0.1]), atol=1e-9, rtol=0.0)
 
 

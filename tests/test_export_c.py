@@ -276,7 +276,9 @@ def test_the_self_test_runs_clean_under_sanitisers_and_fails_on_other_numbers(
     file = replace(bench, controller=ControllerSpec(compensates=("windup",)))
     names = ("homing-offset", "backlash", "windup", "screw-error-map", "following-error")
     model = random_model(file, 3, names)
-    model = model + Term(make_effect(library(), "following-error"), torch.full((3,), 0.02, dtype=torch.float64))
+    model = model + Term(
+        make_effect(library(), "following-error"), torch.tensor([0.02, 0.02, 0.02, 0.0], dtype=torch.float64)
+    )
     result = write(Compensator(model, None, {}), tmp_path, Options())
     assert [item.effect for item in result.cannot_hold] == ["following-error", "windup"]
     assert set(result.holds) == {"homing-offset", "backlash", "screw-error-map"}

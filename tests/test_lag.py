@@ -1,17 +1,22 @@
 """A position loop followed through time: nothing here knows what the program takes for a speed at a corner."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
+from conftest import BENCH as MACHINE
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.correct.compensate import compensate
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism
+from ptt.model.entries import read_model
 from ptt.model.model import Model
+from ptt.run.pace import SMOOTH
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
@@ -44,6 +49,10 @@ def arrive(sent: np.ndarray, feed: np.ndarray, moves: str) -> np.ndarray:
     return np.array(reached)
 
 
+def lags_of(found: Diagnosis) -> list[float]:
+    return [one.value for one in found.candidates[0].parameters if one.name.startswith("lag")]
+
+
 @pytest.mark.parametrize("moves", ["sliders", "straight"])
 def test_a_loop_that_lags_is_told_and_led_though_every_row_is_a_corner(moves: str) -> None:
     file = replace(BENCH, machine=BENCH.machine.model_copy(update={"moves": moves}))
@@ -56,11 +65,62 @@ def test_a_loop_that_lags_is_told_and_led_though_every_row_is_a_corner(moves: st
     read = actual + random.normal(0.0, 0.004, target.shape)
     found = diagnose(Model(file), build_problem(file, replace(table, measured=read)))
     assert (found.verdict, found.suggested) == ("missing", (("following-error",),))
-    lags = np.array([one.value for one in found.candidates[0].parameters])
-    np.testing.assert_allclose(lags, LAG, rtol=0.02)
+    np.testing.assert_allclose(lags_of(found), LAG, rtol=0.02)
     commands = compensate(found.model, make_table(target, feed_mm_s=feed)).q
     assert np.isfinite(commands).all()
     there = MECHANISM.forward(torch.as_tensor(arrive(commands, feed, moves))).numpy()
     before, after = (np.linalg.norm(place - target, axis=1)[1:].mean() for place in (actual, there))
     assert before > 0.2
     assert after < 0.03 * before
+
+
+def helix(random: np.random.Generator) -> np.ndarray:
+    turn = np.linspace(0.0, 8.0 * np.pi, 200)
+    return np.column_stack([60.0 * np.cos(turn), 60.0 * np.sin(turn), np.linspace(-40.0, 40.0, 200)])
+
+
+def raster(random: np.random.Generator) -> np.ndarray:
+    lines = [(side * x, y, z) for z in (-30.0, 30.0) for side, y in RASTER for x in np.linspace(-60.0, 60.0, 10)]
+    return np.array(lines)
+
+
+def cloud(random: np.random.Generator) -> np.ndarray:
+    return random.uniform(-60.0, 60.0, (200, 3))
+
+
+RASTER = [(1 if line % 2 else -1, y) for line, y in enumerate(np.linspace(-50.0, 50.0, 10))]
+
+
+def speeds(meant: str, sent: np.ndarray, target: np.ndarray, feed: np.ndarray) -> np.ndarray:
+    """What a simulation of one's own may take for the speed of the sliders at a row, (n, 3) mm/s."""
+    way = np.diff(target, axis=0)
+    lasts = np.linalg.norm(way, axis=1) / feed[1:]
+    if meant == "both sides":
+        return np.asarray(np.gradient(sent, np.append(0.0, np.cumsum(lasts)), axis=0))
+    if meant == "the move there":
+        move = np.diff(sent, axis=0) / lasts[:, None]
+        return np.concatenate([move[:1], move])
+    tool = np.concatenate([way[:1], way / lasts[:, None]])
+    tool[0] /= lasts[0]
+    jacobian = MECHANISM.jacobian(torch.as_tensor(sent)).numpy()
+    return np.linalg.solve(jacobian, tool[:, :, None])[:, :, 0]
+
+
+@pytest.mark.parametrize("path", [helix, raster, cloud])
+@pytest.mark.parametrize("meant", ["both sides", "the move there", "the tool's way there"])
+def test_whatever_speed_a_row_means_the_lag_alone_is_told(path: Callable, meant: str) -> None:
+    random = np.random.default_rng(3)
+    target = path(random)
+    feed = np.repeat(random.choice([10.0, 20.0, 30.0], 20), len(target) // 20)
+    sent = MECHANISM.inverse(torch.as_tensor(target)).numpy()
+    late = MECHANISM.forward(torch.as_tensor(sent - LAG * speeds(meant, sent, target, feed))).numpy()
+    read = late + random.normal(0.0, 0.004, target.shape)
+    found = diagnose(Model(BENCH), build_problem(BENCH, make_table(target, sent, feed_mm_s=feed, measured=read)))
+    assert (found.verdict, found.suggested) == ("missing", (("following-error",),))
+    np.testing.assert_allclose(lags_of(found), LAG, rtol=0.01)
+
+
+def test_a_lag_of_an_older_file_means_the_speed_of_a_smooth_way() -> None:
+    entry = '[[effect]]\nname = "following-error"\n[effect.parameters]\nlag_s = { value = [0.02, 0.03, 0.012] }\n'
+    (term,) = read_model(parse_machine(MACHINE + entry)).terms
+    np.testing.assert_array_equal(term.theta, [*LAG, SMOOTH])

@@ -22,12 +22,17 @@ from ptt.model.model import Model, Term
 from ptt.rig import simulate
 from ptt.run import written
 from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.pace import PACES, SMOOTH
 from ptt.run.readers import numbers
 from ptt.run.reading import read_table
 from ptt.run.table import Table, make_table, write_table
 
 HOMING = torch.tensor([0.35, -0.22, 0.12], dtype=torch.float64)
 DATA = Path(__file__).resolve().parents[1] / "data"
+
+
+def late(lag: float, pace: int = SMOOTH) -> torch.Tensor:
+    return torch.tensor([lag, lag, lag, pace], dtype=torch.float64)
 
 
 def model_of(file: MachineFile, *more: Term) -> Model:
@@ -76,7 +81,7 @@ def predict_text(file: MachineFile, targets: Table) -> str:
 
 @pytest.mark.parametrize("clock", ["time_s", "feed_mm_s"])
 def test_blocks_know_the_speed_and_the_turns_before_and_behind_them(bench: MachineFile, monkeypatch, clock) -> None:
-    lag = Term(FollowingError(), torch.full((3,), 0.02, dtype=torch.float64))
+    lag = Term(FollowingError(), late(0.02))
     turn = Term(Windup(), torch.tensor([0.01, 0.02, 0.03, 2.0], dtype=torch.float64))
     columns = {"time_s": np.arange(260.0)}
     if clock == "feed_mm_s":  # tells the speeds of all rows once it tells one
@@ -91,8 +96,8 @@ def test_blocks_know_the_speed_and_the_turns_before_and_behind_them(bench: Machi
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=0.0, atol=1e-8)
 
 
-def lagging(file: MachineFile, *, play: bool) -> Model:
-    lag = Term(FollowingError(), torch.full((3,), 0.02, dtype=torch.float64))
+def lagging(file: MachineFile, *, play: bool, pace: int = SMOOTH) -> Model:
+    lag = Term(FollowingError(), late(0.02, pace))
     return model_of(file, lag) if play else Model(file) + Term(HomingOffset(), HOMING) + lag
 
 
@@ -105,10 +110,12 @@ CLOCKS = {
 
 
 @pytest.mark.parametrize("clock", CLOCKS)
-@pytest.mark.parametrize("play", [False, True])
-def test_axes_that_lag_settle_at_standstill_whole_and_in_blocks(bench: MachineFile, monkeypatch, clock, play) -> None:
+@pytest.mark.parametrize(("play", "pace"), [(True, SMOOTH), *((False, pace) for pace in PACES)])
+def test_axes_that_lag_settle_at_standstill_whole_and_in_blocks(
+    bench: MachineFile, monkeypatch, clock, play, pace
+) -> None:
     """Newton steps that leave out what a move does to speeds did not: they were off by up to 0.5 mm here."""
-    targets, model = targets_of(bench, **CLOCKS[clock]), lagging(bench, play=play)
+    targets, model = targets_of(bench, **CLOCKS[clock]), lagging(bench, play=play, pace=pace)
     whole = compensate(model, targets, limit=50.0)
     assert whole.sent.sum() > 200
     assert np.nanmax(whole.missed) < 3.0 * STANDSTILL  # a slider that moves by less takes up no gap
@@ -120,7 +127,7 @@ def test_axes_that_lag_settle_at_standstill_whole_and_in_blocks(bench: MachineFi
 
 def test_a_lag_as_long_as_a_move_is_said_row_by_row(bench: MachineFile) -> None:
     """No command of such a row moves its axis, by v tau: the system is singular."""
-    lag = Term(FollowingError(), torch.full((3,), 0.2, dtype=torch.float64))
+    lag = Term(FollowingError(), late(0.2))
     commands = compensate(model_of(bench, lag), targets_of(bench, time_s=0.2 * np.arange(260.0)), limit=50.0)
     assert (commands.status == "out of reach").sum() > 5
     assert np.nanmax(commands.missed) < 3.0 * STANDSTILL

@@ -58,7 +58,7 @@ def test_rows_one_by_one_in_blocks_and_at_once_are_those_of_predict(bench: Machi
 
 @COMPILED
 def test_effects_that_need_the_rows_ahead_are_refused(bench: MachineFile) -> None:
-    lag = Term(FollowingError(), torch.full((3,), 0.02, dtype=torch.float64))
+    lag = Term(FollowingError(), torch.tensor([0.02, 0.02, 0.02, 0.0], dtype=torch.float64))
     with pytest.raises(InputError, match=r"following-error.*ptt predict"):
         Predictor(Compensator(Model(bench) + lag, None, {}))
 

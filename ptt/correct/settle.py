@@ -11,7 +11,6 @@ from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways
 from ptt.correct.newton import MISSED, holding, invert, invert_together, least_move
 from ptt.correct.task import Behind, Task
-from ptt.effects.drive import FollowingError
 from ptt.effects.memory import Passed
 from ptt.effects.reversal import Backlash
 from ptt.fitting.chunks import CHUNK, enter, stretches
@@ -207,12 +206,10 @@ def _after(task: Task, solved: Solved) -> np.ndarray:
 
 def _lead(task: Task, sent: np.ndarray) -> Lead | None:
     """How commands run ahead of axes that lag; None where none does."""
-    late = [theta for effect, theta in task.steady if isinstance(effect, FollowingError)]
-    if task.pace is None or not late:
+    if task.pace is None or not task.late:
         return None
     given = np.arange(len(sent)) < task.given
-    lag = sum(late, torch.zeros(task.nominal.shape[1], dtype=torch.float64))
-    return lead_of(task.pace, lag.numpy(), holding(sent | given), sent & ~given)
+    return lead_of(task.pace, task.lag.numpy(), holding(sent | given), sent & ~given)
 
 
 def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:

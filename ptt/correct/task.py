@@ -7,11 +7,13 @@ import torch
 from torch import Tensor
 
 from ptt.correct.newton import holding
+from ptt.effects.base import shape_of
+from ptt.effects.drive import FollowingError, pace_number
 from ptt.effects.memory import Passed, go_on
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
-from ptt.run.pace import Pace, line_ends, pace_of
+from ptt.run.pace import SMOOTH, STRAIGHT, Pace, line_ends, pace_of
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
 from ptt.run.view import View
@@ -61,13 +63,30 @@ class Task:
         """How many rows at the start are those before, whose commands are known."""
         return 0 if self.behind is None else len(self.behind.q)
 
+    @property
+    def late(self) -> list[tuple[FollowingError, Tensor]]:
+        """Lags of axes behind their commands."""
+        return [(effect, theta) for effect, theta in self.steady if isinstance(effect, FollowingError)]
+
+    @property
+    def lag(self) -> Tensor:
+        """Of each axis, (k,) s."""
+        joints = self.nominal.shape[1]
+        return sum((theta[:joints] for _, theta in self.late), torch.zeros(joints, dtype=torch.float64))
+
+    @property
+    def way(self) -> int:
+        """What rows mean by speed where an axis lags, one of `ptt.run.pace.PACES`."""
+        ways = [pace_number(shape_of(effect, theta, self.nominal.shape[1])) for effect, theta in self.late]
+        return ways[0] if ways else SMOOTH
+
     def see(self, q: Tensor) -> View:
         """The travel that commands q (n, k) make, with the context of the targets."""
         view = replace(build_view(self.model.file, replace(self.targets, command=q.numpy())), time=self.time)
         if self.velocity is not None:
-            view = replace(view, velocity=self.velocity)
+            view = replace(view, velocity=self.velocity, paces=None)
         elif self.pace is not None:
-            view = replace(view, velocity=torch.as_tensor(self.pace.velocity(q.numpy())))
+            view = replace(view, velocity=torch.as_tensor(self.pace.velocity(q.numpy())), paces=None)
         return view if self.behind is None else go_on(view, self.behind.passed)
 
     def paced(self, sent: np.ndarray) -> "Task":
@@ -79,9 +98,11 @@ class Task:
         if self.clock is None:
             return self
         place, ends = self.stands(sent), None
-        if self.model.file.machine.moves == "straight" and len(place) > 1:
-            ends = line_ends(self.mechanism, self.mechanism.inverse(place, None, self.nominal), place)
-        return replace(self, pace=pace_of(place.numpy(), run_starts(self.clock.run), self.clock, ends))
+        if (self.way == STRAIGHT or self.model.file.machine.moves == "straight") and len(place) > 1:
+            q = self.mechanism.inverse(place, None, self.nominal)
+            ends = line_ends(self.mechanism.jacobian(q), q, place)
+        slowest, starts = float(self.lag.abs().max()), run_starts(self.clock.run)
+        return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, self.way, slowest))
 
     def stands(self, sent: np.ndarray) -> Tensor:
         """Targets at which the machine is, (n, 3) mm: of a row that is not sent, that of the row before."""

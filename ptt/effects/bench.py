@@ -125,5 +125,6 @@ def bare(view: View) -> View:
         The view without context.
     """
     nothing = torch.zeros_like(view.payload)
-    still: dict[str, Any] = {"velocity": torch.zeros_like(view.velocity), "direction": torch.ones_like(view.direction)}
-    return replace(view, payload=nothing, warmth=nothing, time=nothing, torque=None, varies=frozenset(), **still)
+    ahead = torch.ones_like(view.direction)
+    contexts: dict[str, Any] = {"payload": nothing, "warmth": nothing, "time": nothing, "torque": None}
+    return replace(view.standing(), direction=ahead, varies=frozenset(), **contexts)

@@ -1,6 +1,6 @@
 """Effects of the drives: what the axis does differs from what it was told."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +11,7 @@ from ptt.effects.base import Effect, Parameter, Stage, per_joint
 from ptt.effects.card import Card
 from ptt.effects.phrases import Phrase
 from ptt.effects.sudden import AFTER, Sudden
+from ptt.run.pace import PACES, SMOOTH
 from ptt.run.view import View
 
 
@@ -108,7 +109,13 @@ class FollowingError(Effect):
 
     name: ClassVar[str] = "following-error"
     stage: ClassVar[Stage] = "drive"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lag", "s", 0.02, "time the axis is late by", True),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("lag", "s", 0.02, "time the axis is late by", True),
+        Parameter(
+            "pace", "1", 1.0, "speed that a row means: 0 of a smooth way, at corners of the move there; 1 mean of both "
+            "sides; 2 of the move to the row; 3 of that with its tool running straight", role="given",
+        ),
+    )  # fmt: skip
     requires: ClassVar[tuple[str, ...]] = ("speed",)
     called: ClassVar[str] = "following error"
     phrases: ClassVar[tuple[Phrase, ...]] = (
@@ -116,8 +123,8 @@ class FollowingError(Effect):
     )
     card: ClassVar[Card] = Card(
         cause="The position loop lags behind a moving command, and the reading is taken on the move.",
-        equation="dq_i = -v_i tau_i, v_i from the feed and the path, else time stamps; at a corner that with which the "
-        "move there ends",
+        equation="dq_i = -v_i tau_i, v_i from the feed and the path, else time stamps; which speed a row means, at a "
+        "corner above all, is searched",
         source="velocity lag of a proportional position loop: tau = 1/K_v",
         size="v/K_v: 670 um at 20 mm/s and K_v = 30/s; none at standstill",
         fingerprint="J e is proportional to the slider's velocity and points backward along the path.",
@@ -132,9 +139,23 @@ class FollowingError(Effect):
         arm_fingerprint="J e is proportional to the joint's velocity and points backward along the path.",
     )
 
+    def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
+        """All that a row may mean by its speed."""
+        return tuple({"pace": torch.tensor([float(way)])} for way in (PACES if view.paces is not None else (SMOOTH,)))
+
+    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
+        """Older files know one pace alone."""
+        return values if "pace" in values else {**values, "pace": torch.tensor([float(SMOOTH)], dtype=torch.float64)}
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Velocity of each axis, reversed."""
-        return per_joint(-view.velocity)
+        way = pace_number(shape)
+        return per_joint(-view.velocity if way == SMOOTH or view.paces is None else -view.paces[..., way - 1])
+
+
+def pace_number(shape: Mapping[str, Tensor]) -> int:
+    """Which of `ptt.run.pace.PACES` the shape of a following error means."""
+    return int(shape["pace"])
 
 
 @dataclass(frozen=True)

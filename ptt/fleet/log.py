@@ -137,10 +137,9 @@ def read_part(log: Log, part: Part) -> Problem:
     low, high = max(part[0] - BESIDE, 0), min(part[1] + BESIDE, log.rows)
     table, whole = _read(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
     view = build_view(log.machine, in_base(table, whole.stated_in))
-    still = torch.zeros_like(view.velocity)
     time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
     view = replace(
-        view, varies=whole.view.varies, time=time, velocity=view.velocity if log.driven else still,
+        view if log.driven else view.standing(), varies=whole.view.varies, time=time,
         number=torch.arange(low, high, dtype=torch.float64),
     )  # fmt: skip
     frame, observed = np.zeros(table.rows, dtype=int), np.isfinite(table.measured).all(axis=1)

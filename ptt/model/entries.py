@@ -75,7 +75,7 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
     for name, parameter in specs.items():
         size = parameter.size(joints)
         given = entry.parameters.get(name)
-        if given is None and parameter.role != "linear":
+        if given is None and parameter.role != "linear" and parameter.stem not in renewed:
             raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
         if parameter.stem in renewed:
             values.append(_spread(renewed[parameter.stem], size, name))

@@ -48,11 +48,10 @@ def _later(palette: Palette, table: Table, still: bool) -> View:
     begin = float(old.time.max()) + DWELL
     time = begin + torch.as_tensor(np.full(table.rows, clock[-1] / 2.0) if still else clock)
     return replace(
-        view,
+        view if "speed" in old.varies else view.standing(),
         time=time,
         payload=view.payload if table.payload_kg is not None else old.payload[-1].expand(table.rows),
         warmth=view.warmth if table.temp_c is not None else old.warmth[-1].expand(table.rows),
         torque=None,
-        velocity=view.velocity if "speed" in old.varies else torch.zeros_like(view.velocity),
         varies=old.varies,
     )

@@ -171,9 +171,7 @@ def see_plan(model: Model, table: Table) -> tuple[View, Table]:
     place = np.where(np.isfinite(place), place, 0.0)
     way = np.linalg.norm(np.diff(place, axis=0, prepend=place[:1]), axis=1)
     timed = table.replace(time_s=np.cumsum(way / FEED + DWELL))
-    view = build_view(model.file, timed)
-    # Planned readings are taken at standstill.
-    return replace(view, velocity=torch.zeros_like(view.velocity), varies=view.varies - {"speed"}), timed
+    return build_view(model.file, timed).standing(), timed  # as planned readings are taken
 
 
 def columns_of(model: Model, effect: Effect, view: View, sigma: float) -> np.ndarray:

@@ -1,10 +1,8 @@
 """Whether a machine moved while it was read: a feed column alone does not say so."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from ptt.run.view import View
 
@@ -38,7 +36,7 @@ def as_driven(view: View, table: "Table") -> View:
     came = feed > 0.0
     if not came.any() or np.median((took[steps] * feed / way[steps])[came]) < STOPPED:
         return view
-    return replace(view, velocity=torch.zeros_like(view.velocity), varies=view.varies - {"speed"})
+    return view.standing()
 
 
 def _by_clock(way: np.ndarray, took: np.ndarray) -> np.ndarray:

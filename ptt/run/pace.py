@@ -14,10 +14,13 @@ import torch
 from torch import Tensor
 
 if TYPE_CHECKING:
-    from ptt.mechanisms.protocol import Mechanism
     from ptt.run.table import Table
 
-SMOOTH = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
+SMOOTH, MEAN, EVEN, STRAIGHT = PACES = (0, 1, 2, 3)  # what rows mean by the speed at which they are passed:
+# that of a smooth way, or of the move to a corner; the parabola's through three rows, everywhere; that of the move to
+# the row, everywhere, its joints running evenly; the same, its tool running straight
+SLOW = 4.0  # lags: a row later an axis is 98 % of the way to its speed
+TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
 ROUNDED = 0.2  # s: what follows a move this short is rounded off, the mean of both sides; ten lags of a usual drive
 INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
@@ -74,36 +77,59 @@ def shows_feed(table: "Table") -> bool:
     return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
 
 
-def tells_speed(table: "Table") -> bool:
-    """Whether anything tells speeds: the feed, or time stamps."""
-    return shows_feed(table) or table.time_s is not None
-
-
-def line_ends(mechanism: "Mechanism", q: Tensor, p: Tensor) -> Ends:
+def line_ends(jacobian: Tensor, q: Tensor, p: Tensor) -> Ends:
     """How the joints set off and arrive where the tool runs straight from row to row.
 
     By the least change of an even motion of theirs that gives the tool its direction: all of it where joints have
     nothing to spare.
 
     Args:
-        mechanism: the nominal mechanism.
+        jacobian: dp/dq at each row, (n, 3, k).
         q: joint values, (n, k); rows out of reach are NaN.
         p: tool positions, (n, 3) mm.
 
     Returns:
         (n - 1, k) each, beyond those of the even motion and per move; zero at rows out of reach.
     """
-    jacobian = mechanism.jacobian(q)
-    inverse = torch.linalg.pinv(torch.nan_to_num(jacobian))
+    across, _ = torch.linalg.inv_ex(jacobian @ jacobian.mT)
+    inverse = jacobian.mT @ across
     turned, moved = q.diff(dim=0)[:, :, None], p.diff(dim=0)[:, :, None]
     begin, end = (
-        (inverse[rows] @ (moved - jacobian[rows] @ turned))[:, :, 0].nan_to_num().numpy()
+        (inverse[rows] @ (moved - jacobian[rows] @ turned))[:, :, 0].nan_to_num(0.0, 0.0, 0.0).numpy()
         for rows in (slice(None, -1), slice(1, None))
     )
     return begin, end
 
 
-def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None = None) -> Pace | None:
+def joint_speeds(
+    q: Tensor, p: Tensor, jacobian: Tensor, starts: np.ndarray, table: "Table", *, straight: bool
+) -> tuple[Tensor, Tensor | None]:
+    """Velocity of the joints at each row, and what else the rows may mean by it.
+
+    Args:
+        q: joint values, (n, k) mm or rad.
+        p: tool positions, (n, 3) mm.
+        jacobian: dp/dq at each row, (n, 3, k).
+        starts: first rows of runs, (n,) bool.
+        table: the rows, with feed or time.
+        straight: the tool runs straight between rows.
+
+    Returns:
+        (n, k) mm/s or rad/s, zero where nothing tells; (n, k, 3) of the paces beside `SMOOTH`, None there.
+    """
+    if len(p) < 2 or not (shows_feed(table) or table.time_s is not None):
+        return torch.zeros_like(q), None
+    ends = line_ends(jacobian, q, p)
+    speeds = []
+    for way in PACES:
+        pace = pace_of(p.numpy(), starts, table, ends if straight or way == STRAIGHT else None, way)
+        speeds.append(torch.zeros_like(q) if pace is None else torch.as_tensor(pace.velocity(q.numpy())))
+    return speeds[0], torch.stack(speeds[1:], dim=-1)
+
+
+def pace_of(
+    p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None = None, way: int = SMOOTH, lag: float = 0.0
+) -> Pace | None:
     """Durations and smooth stretches of a travel.
 
     Args:
@@ -111,6 +137,9 @@ def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None
         starts: first rows of runs, (n,) bool.
         table: the rows, with feed or time.
         ends: how straight moves set off and arrive; None: joints run evenly.
+        way: one of `PACES`.
+        lag: of the slowest axis, s: between rows that follow each other in less than `SLOW` of it no axis comes up to
+            a speed of its own, so the motion stays smooth there.
 
     Returns:
         The pace; None where nothing tells it.
@@ -128,12 +157,18 @@ def pace_of(p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None
         return None
     sound = (lasts > INSTANT) & ~starts[1:]
     lasts = np.where(sound, lasts, np.inf)
+    before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
     bends, changes = _corners(moved, length, lasts, sound)
+    changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
+    both = np.where(bends, before < ROUNDED, changing) & np.isfinite(after)
+    leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
+    if way != SMOOTH:
+        alone = np.minimum(before, after) >= SLOW * lag
+        inner = np.isfinite(before) & np.isfinite(after)
+        share = np.divide(before, before + after, out=np.zeros_like(before), where=inner & (way == MEAN))
+        leaving, bends = np.where(alone & ~starts, share, leaving), bends | alone
     corners = np.flatnonzero(bends | changes)
     splines = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
-    changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
-    both = np.where(bends, np.append(np.inf, lasts) < ROUNDED, changing) & np.isfinite(np.append(lasts, np.inf))
-    leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
     bend = None if ends is None else _bend(lasts, sound, corners, leaving, ends)
     return Pace(lasts, _straight(lasts, sound, corners, leaving), *_splines(lasts, splines, leaving), bend)
 
@@ -228,7 +263,7 @@ def _corners(
     """Rows at which the tool turns sharply or stands, and the first and last; rows at which its speed changes."""
     rate = length / lasts
     unit = moved / np.maximum(length, 1e-9)[:, None]
-    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < SMOOTH
+    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < TURN
     change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
     ends = np.array([True])
     return np.concatenate([ends, bend | ~sound[1:] | ~sound[:-1], ends]), np.concatenate([~ends, change, ~ends])

@@ -1,4 +1,4 @@
-"""Travel: from which side each joint arrives, where it turned on the way, and how fast it was."""
+"""Travel: from which side each joint arrives, and where it turned on the way."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,7 +9,6 @@ from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
 from ptt.run.backlash.reversal import STANDSTILL, hold_direction
-from ptt.run.pace import line_ends, pace_of, tells_speed
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
@@ -25,13 +24,11 @@ class Travel:
     Attributes:
         direction: (n, k), +1 or -1; standstill keeps the last one, a run's first row arrives as the second moves.
         turning: (n, k) joint value at the last turn on the way from the row before; the row's own value if none.
-        velocity: (n, k) mm/s or rad/s at the row, zero where nothing tells.
         starts: (n,) bool, the first row of each run.
     """
 
     direction: Tensor
     turning: Tensor
-    velocity: Tensor
     starts: Tensor
 
     @property
@@ -66,13 +63,9 @@ def read_travel(mechanism: Mechanism, q: Tensor, p: Tensor, table: "Table", *, s
     direction = arrival_direction(q.numpy(), turning, starts)
     if stated is not None:
         direction = np.where(known, stated, direction)
-    ends = line_ends(mechanism, q, p) if straight and tells_speed(table) and len(p) > 1 else None
-    pace = pace_of(p.numpy(), starts, table, ends)
-    velocity = np.zeros_like(q.numpy()) if pace is None else pace.velocity(q.numpy())
     return Travel(
         torch.as_tensor(direction),
         torch.as_tensor(turning),
-        torch.as_tensor(velocity),
         torch.as_tensor(starts),
     )
 

@@ -12,7 +12,7 @@ from ptt.run.turns import Entry
 
 PER_ROW = (  # the fields of a view that have one entry a row, but for the row's own number
     "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
-    "mount", "link_load", "read",
+    "mount", "link_load", "read", "paces",
 )  # fmt: skip
 
 
@@ -48,6 +48,7 @@ class View:
         link_load: torque of the arm's own links, (n, k) N mm; None where the drawing states no masses.
         varies: which contexts vary in the data: 'payload', 'temperature', 'time', 'speed', 'direction'.
         read: rows with a reading, (n,) bool; None where all have one, or none.
+        paces: joint velocity by the other `ptt.run.pace.PACES`, (n, k, 3); None where these are not asked.
         number: place of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
         entries: where rows are left out before a row, how the joints came to it.
         kept: gradual reversals of just these rows for lengths that a search tries, by the lengths' identity.
@@ -78,6 +79,7 @@ class View:
     link_load: Tensor | None = None
     varies: frozenset[str] = field(default_factory=frozenset)
     read: Tensor | None = None
+    paces: Tensor | None = None
     number: Tensor | None = None
     entries: tuple[Entry, ...] = ()
     kept: dict[int, tuple[Tensor, Tensor]] = field(default_factory=dict, init=False, compare=False, repr=False)
@@ -108,6 +110,10 @@ class View:
             A view with the stage's input replaced.
         """
         return replace(self, q=self.q if q is None else q, p=self.p if p is None else p)
+
+    def standing(self) -> "View":
+        """The same rows read at a standstill."""
+        return replace(self, velocity=torch.zeros_like(self.velocity), paces=None, varies=self.varies - {"speed"})
 
     def of_rows(self, rows: Tensor) -> "View":
         """Some rows by themselves, each with its place in the whole.

@@ -9,6 +9,7 @@ from torch import Tensor
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
 from ptt.mechanisms.statics import gravity_of, link_torques
+from ptt.run.pace import joint_speeds
 from ptt.run.travel import Travel, read_travel, run_starts
 from ptt.run.view import View
 
@@ -75,7 +76,9 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     commands = command_rows(mechanism, table)
     position = mechanism.forward(commands)
     jacobian = mechanism.jacobian(commands)
-    travel = read_travel(mechanism, commands, position, table, straight=spec.moves == "straight")
+    straight = spec.moves == "straight"
+    travel = read_travel(mechanism, commands, position, table, straight=straight)
+    velocity, paces = joint_speeds(commands, position, jacobian, travel.starts.numpy(), table, straight=straight)
     zeros = torch.zeros(table.rows, dtype=torch.float64)
     warmth = zeros if table.temp_c is None else _tensor(table.temp_c) - spec.reference_temp_c
     payload = zeros if table.payload_kg is None else _tensor(table.payload_kg)
@@ -89,7 +92,8 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         jacobian=jacobian,
         direction=travel.direction,
         turning=travel.turning,
-        velocity=travel.velocity,
+        velocity=velocity,
+        paces=paces,
         starts=travel.starts,
         run=_tensor(table.run).long(),
         payload=payload,
@@ -102,7 +106,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         travel_limits=joint_limits(file),
         gravity=gravity_of(spec),
         link_load=link_torques(mechanism, file.machine, commands),
-        varies=_what_varies(table, travel),
+        varies=_what_varies(table, travel, velocity),
         read=_rows_read(table),
     )
 
@@ -155,7 +159,7 @@ def _growth(file: "MachineFile", mechanism: Mechanism) -> Tensor:
     return growth
 
 
-def _what_varies(table: "Table", travel: Travel) -> frozenset[str]:
+def _what_varies(table: "Table", travel: Travel, velocity: Tensor) -> frozenset[str]:
     pose = table.role != "base"
     names = []
     for name, column, step in (
@@ -165,7 +169,7 @@ def _what_varies(table: "Table", travel: Travel) -> frozenset[str]:
     ):
         if column is not None and pose.any() and np.ptp(np.asarray(column)[pose]) > step:
             names.append(name)
-    speed = travel.velocity.norm(dim=1)[torch.as_tensor(pose)]
+    speed = velocity.norm(dim=1)[torch.as_tensor(pose)]
     # Speeds that differ by less than a fifth cannot part a lag that follows speed from one that follows direction.
     if len(speed) and float(speed.max()) > 0 and float(speed.std()) > 0.05 * float(speed.mean()):
         names.append("speed")
