@@ -1,12 +1,18 @@
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ptt.machine import load_machine
+from ptt.correct.compensate import compensate
+from ptt.effects.reversal import Backlash
+from ptt.machine import MachineFile, load_machine
+from ptt.mechanisms import build_mechanism
+from ptt.model.chain import predict
+from ptt.model.model import Model, Term
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.table import make_table
 from ptt.run.travel import arrival_direction, run_starts
@@ -46,3 +52,39 @@ def test_every_field_of_a_view_that_has_an_entry_a_row_is_cut_with_the_rows():
     told = re.findall(r"^ {8}(\w+): (.*?)(?=^ {8}\w|\Z)", attributes, re.S | re.M)
     assert {name for name, words in told} >= {field.name for field in fields(View) if field.init}
     assert {name for name, words in told if "(n," in words} == {*PER_ROW, "number"}
+
+
+def straight_bench() -> MachineFile:
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
+    return replace(file, machine=file.machine.model_copy(update={"moves": "straight"}))
+
+
+def test_a_slider_turns_on_a_straight_move_where_it_does_and_not_at_a_point_that_was_looked_at():
+    file = straight_bench()
+    mechanism = build_mechanism(file.machine)
+    poses = np.random.default_rng(5).uniform(-55.0, 55.0, (300, 3))
+    view = build_view(file, make_table(poses))
+    share = torch.linspace(0.0, 1.0, 2001, dtype=torch.float64)[None, :, None]
+    begin, end = (torch.as_tensor(ends)[:, None] for ends in (poses[:-1], poses[1:]))
+    way = mechanism.inverse((begin + share * (end - begin)).reshape(-1, 3)).reshape(299, 2001, 3).numpy()
+    step = np.sign(np.diff(way, axis=1))
+    against = step != step[:, -1:]
+    last = step.shape[1] - 1 - np.argmax(against[:, ::-1], axis=1)
+    turn = np.where(against.any(axis=1), np.take_along_axis(way, last[:, None] + 1, axis=1)[:, 0], way[:, -1])
+    assert against.any(axis=1).sum() > 50
+    np.testing.assert_allclose(view.turning[1:], turn, rtol=0.0, atol=0.003)
+    clear = np.abs(turn - way[:, -1]) > 1e-4
+    np.testing.assert_array_equal(view.direction[1:].numpy()[clear], step[:, -1][clear])
+
+
+def test_a_command_that_turns_back_by_less_than_the_gap_still_puts_the_tool_where_it_should_be():
+    file = straight_bench()
+    gap = torch.tensor([0.9, 0.6, 0.8], dtype=torch.float64)
+    model = Model(file, (Term(Backlash(), gap),))
+    poses = np.random.default_rng(6).uniform(-55.0, 55.0, (400, 3))
+    sent = compensate(model, make_table(poses))
+    view = build_view(file, make_table(None, sent.q))
+    back = (view.q - view.turning).abs()
+    assert ((back > 1e-3) & (back < gap)).sum() >= 5
+    reached = predict([(Backlash(), gap)], view).p.numpy()
+    assert np.mean(np.abs(reached - poses).max(axis=1) < 1e-6) > 0.995

@@ -10,6 +10,7 @@ from ptt.effects.memory import standing
 from ptt.effects.reversal import Backlash
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts, predict
+from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.travel import arrival_direction
 from ptt.run.view import View
 
@@ -174,7 +175,25 @@ def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor, going: bool)
     direction = torch.as_tensor(arrival_direction(nut.numpy(), turning, view.starts.numpy()))
     if going:
         direction = torch.where(standing(nut, torch.as_tensor(turning)), view.direction[0], direction)
-    return nut + 0.5 * sum(theta for _, theta in gaps) * direction
+    return nut + open_gap(sum((theta for _, theta in gaps), torch.zeros_like(gaps[0][1])), direction, view)
+
+
+def open_gap(gap: Tensor, direction: Tensor, view: View) -> Tensor:
+    """How far a command has to be from where the nut has to be: half the gap ahead in the direction of travel.
+
+    Where the joint turned on the way and came back by less than the gap, the nut still lies on the side from before.
+
+    Args:
+        gap: of each joint, (k,) mm or rad.
+        direction: of arrival, (n, k).
+        view: the travel, which knows where the joints turned.
+
+    Returns:
+        (n, k) mm or rad.
+    """
+    back = (view.q - view.turning).abs()
+    taken = torch.where(back > STANDSTILL, torch.minimum(back, gap), gap)
+    return (taken - 0.5 * gap) * direction
 
 
 def _size(step: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways
-from ptt.correct.newton import MISSED, holding, invert, invert_together, least_move
+from ptt.correct.newton import MISSED, holding, invert, invert_together, least_move, open_gap
 from ptt.correct.task import Behind, Task
 from ptt.effects.memory import Passed
 from ptt.effects.reversal import Backlash
@@ -214,5 +214,5 @@ def _lead(task: Task, sent: np.ndarray) -> Lead | None:
 
 def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:
     """Commands half the gap ahead in the direction of travel: the exact inverse of the play operator."""
-    gaps = [0.5 * theta for effect, theta in turning if isinstance(effect, Backlash)]
-    return height + sum(gaps, torch.zeros(height.shape[1], dtype=height.dtype)) * view.direction
+    gaps = [theta for effect, theta in turning if isinstance(effect, Backlash)]
+    return height + open_gap(sum(gaps, torch.zeros(height.shape[1], dtype=height.dtype)), view.direction, view)
