@@ -121,12 +121,11 @@ def _tensor(values: object) -> Tensor:
 
 
 def elapsed(table: "Table") -> Tensor:
-    """Seconds since the first row, (n,) s; runs whose clocks do not join are laid end to end."""
+    """Seconds since the first row, (n,) s; where a clock goes back it was set anew, and what it shows is laid on."""
     if table.time_s is None:
         return torch.zeros(table.rows, dtype=torch.float64)
     clock = np.asarray(table.time_s, dtype=float)
-    step = np.diff(clock, prepend=clock[:1])
-    return _tensor(np.cumsum(np.where(run_starts(table.run) & (step < 0.0), 0.0, step)))
+    return _tensor(np.cumsum(np.maximum(np.diff(clock, prepend=clock[:1]), 0.0)))
 
 
 def joint_limits(file: "MachineFile") -> Tensor:
@@ -165,7 +164,7 @@ def _what_varies(table: "Table", travel: Travel, velocity: Tensor) -> frozenset[
     for name, column, step in (
         ("payload", table.payload_kg, 1e-3),
         ("temperature", table.temp_c, 0.05),
-        ("time", table.time_s, 1.0),
+        ("time", None if table.time_s is None else elapsed(table), 1.0),
     ):
         if column is not None and pose.any() and np.ptp(np.asarray(column)[pose]) > step:
             names.append(name)
