@@ -349,6 +349,8 @@ def test_a_path_cut_short_says_that_more_is_missing(tmp_path):
     assert len(found.suggested) == 1
     assert found.verdict == "unknown"
     assert "no more steps were allowed" in found.words
+    # The tangent asked for a wind-up over less than no travel: no law has that.
+    assert found.model.keys == ("windup",) and float(found.model.terms[0].theta[-1]) >= 1e-3
     assert found.depends_on == () or found.depends_on[0].share > 0.0
 
 

@@ -107,7 +107,7 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Pro
             np.sqrt(spread_of(found.scorer, state, key) ** 2 + exchanged[atom.name][free.numpy()])
         )
         seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
-        current = current + replace(term, theta=theta, std=error, measured=seen)
+        current = current + replace(term, theta=_within(term, theta, model), std=error, measured=seen)
     return current.terms
 
 
@@ -133,8 +133,19 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
     for term in terms:
         atom, theta = atoms[term.effect.key], term.theta.clone()
         theta[_free(found, atom)] = torch.as_tensor(values_of(alone, atom, scorer.system.scale))
-        sent.append(replace(term, theta=theta))
+        sent.append(replace(term, theta=_within(term, theta, found.fitted.model)))
     return tuple(sent)
+
+
+def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
+    """Values with lengths where their law holds: far from where it was linearised a tangent may ask for any."""
+    bounds = [
+        (p.lower, p.upper) if p.role == "searched" else (-np.inf, np.inf)
+        for p in (each.on(model.file.machine.kind) for each in term.effect.parameters)
+        for _ in range(p.size(model.joints))
+    ]
+    low, high = torch.tensor(bounds, dtype=theta.dtype).T
+    return torch.clamp(theta, low, high)
 
 
 def _free(found: Found, atom: Atom) -> torch.Tensor:
