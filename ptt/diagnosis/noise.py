@@ -27,6 +27,7 @@ LEAST_FREEDOM = 12.0
 AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
 ONE_AXIS = 1e-3  # chance at which the axes of a wander are not alike: of a thousand sound wanders one is called a fault
 TINY = 1e-6  # of the scatter: what an axis that does not wander is taken to wander by
+FINEST = 1e-3  # variance along one axis over that along another: a beam's length is read ten times as well, not thirty
 ROUNDS = 3
 ONE_FIGURE = "machine file"  # source of a noise that is stated for all axes alike
 SHORT_SEARCH = 12  # shapes from which an effect is left out of the saturated model
@@ -64,7 +65,11 @@ def noise_left(system: System, state: State) -> Noise:
     left = system.innovation(state.columns, state.posterior.values, state.memory)
     freedom = max(system.count - state.decided, 1.0)
     scatter = system.in_mm(left)
-    return Noise(scatter.T @ scatter * (3.0 / freedom), SATURATED, freedom)
+    covariance = scatter.T @ scatter * (3.0 / freedom)
+    squares, ways = np.linalg.eigh(covariance)
+    if squares[0] < FINEST * squares[-1]:  # an axis that blocks follow to the last digit tells no noise
+        covariance = (ways * np.maximum(squares, FINEST * squares[-1])) @ ways.T
+    return Noise(covariance, SATURATED, freedom)
 
 
 def visit_left(system: System, state: State) -> Noise:

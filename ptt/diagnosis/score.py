@@ -16,7 +16,7 @@ from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
-from ptt.fitting.evidence import WIDTH, Posterior, learn
+from ptt.fitting.evidence import WIDTH, Posterior, factor_of, learn
 from ptt.model.model import rival
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ class Scorer:
 
     def _fixed(self, gram: np.ndarray, side: np.ndarray, square: float) -> float:
         """Log evidence of columns of unit variance."""
-        factor = linalg.cholesky(gram + np.eye(len(gram)), lower=True, check_finite=False)
+        factor = factor_of(gram, 1.0)
         along = linalg.solve_triangular(factor, side, lower=True, check_finite=False)
         left = max(square - float(along @ along), 1e-12)
         known = self.system.freedom + self.system.spare

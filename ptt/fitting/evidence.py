@@ -83,7 +83,7 @@ class Posterior:
         unit = np.zeros((len(self.order), len(some)))
         unit[place, np.arange(len(some))] = 1.0
         along = lapack.dtrtrs(self.cholesky, unit, lower=1)[0]
-        factor, values = _factor(along.T @ along, 0.0), self.values[some]
+        factor, values = factor_of(along.T @ along, 0.0), self.values[some]
         sure = lapack.dpotrs(factor, values, lower=1)[0]
         width = 0.5 * float(np.log(self.prior[some]).sum()) - float(np.log(factor.diagonal()).sum())
         return width - 0.5 * float(values @ sure) / self.phi
@@ -222,7 +222,7 @@ class _Problem:
         self.evaluations += 1
         scales = np.exp(logs)
         prior = np.append(scales, self.wide)[self.group]
-        factor = _factor(self.gram, 1.0 / prior)
+        factor = factor_of(self.gram, 1.0 / prior)
         values = lapack.dpotrs(factor, self.side, lower=1)[0] if len(prior) else self.side
         # A quadratic form about its minimum: rounding of the values enters only squared.
         taken = float(values @ (2.0 * self.side - self.gram @ values - values / prior))
@@ -329,13 +329,20 @@ def _climb(
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """Inverse of normal equations with a prior on every unknown, (P, P), whatever the units of its columns."""
-    return _invert(_factor(matrix, 0.0))
+    return _invert(factor_of(matrix, 0.0))
 
 
-def _factor(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
+def factor_of(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
     """Lower Cholesky factor of a gram with more on its diagonal; rounding may ask for a little more than that.
 
     The units of the columns make no difference to its accuracy: a factor of scaled columns is the scaled factor.
+
+    Args:
+        gram: (P, P).
+        more: for all of them or (P,).
+
+    Returns:
+        (P, P).
     """
     if not len(gram):
         return gram
