@@ -18,13 +18,16 @@ from ptt.diagnosis.system import System
 from ptt.diagnosis.turn import with_shapes
 from ptt.effects import Library
 from ptt.effects.base import flatten
+from ptt.errors import PosesError
 from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
+from ptt.model.chain import predict
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+HALVINGS = 10  # after which next to nothing is left of any value
 OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
 
 
@@ -118,7 +121,45 @@ def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
 
 
 def _fit(model: Model, less: Problem, noise: Noise, hopeless: float) -> FitResult:
-    return fit(model, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+    try:
+        return fit(model, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+    except PosesError:
+        return fit(_standing(model, less), less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+
+
+def _standing(model: Model, problem: Problem) -> Model:
+    """The model drawn back towards the drawing until the machine stands where it was commanded to.
+
+    A tangent may ask for values beyond the reach of the links, where no tangent holds. From within it no step of a fit
+    leads out again.
+    """
+    for _ in range(HALVINGS):
+        model = replace(model, terms=tuple(_halved(term, problem) for term in model.terms))
+        if stands(model.terms, problem):
+            break
+    return model
+
+
+def stands(terms: Sequence[Term], problem: Problem) -> bool:
+    """Whether the machine can stand where it was commanded to with these effects.
+
+    Args:
+        terms: the effects; those without values are left aside.
+        problem: the readings; rows that do not count may be anywhere.
+    """
+    reading = predict([(term.effect, term.theta) for term in terms if len(term.theta)], problem.view).reading
+    return bool(torch.isfinite(reading[torch.as_tensor(problem.used)]).all())
+
+
+def _halved(term: Term, problem: Problem) -> Term:
+    """A term with half of the values that are not held, its shape as it is."""
+    if not len(term.theta):
+        return term
+    joints = problem.view.joints
+    free = [
+        p.role == "linear" and p.stem not in term.fixed for p in term.effect.parameters for _ in range(p.size(joints))
+    ]
+    return replace(term, theta=torch.where(torch.tensor(free), 0.5 * term.theta, term.theta))
 
 
 def scorer_at(

@@ -88,7 +88,9 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     return Rest(lack, field, depends, tuple(reasons))
 
 
-def with_objections(rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None) -> Rest:
+def with_objections(
+    rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None, beyond: Sequence[str] = ()
+) -> Rest:
     """The rest with what else speaks against an explanation: hidden readings, and far more left than is stated.
 
     Args:
@@ -97,6 +99,7 @@ def with_objections(rest: Rest, faithful: bool, unproven: Sequence[str], left: N
         unproven: names of effects that the readings ask for, though hidden ones do not bear them out.
         left: what the explanation leaves.
         stated: the noise as stated; None where nobody did.
+        beyond: names of effects with whose values the machine could not stand where it was commanded to.
 
     Returns:
         The rest with those reasons.
@@ -106,6 +109,8 @@ def with_objections(rest: Rest, faithful: bool, unproven: Sequence[str], left: N
         reasons.append(f"the readings ask for {listed(unproven)}, with which hidden ones are foretold no better")
     elif not faithful:
         reasons.append("hidden readings are foretold far worse than the explanation claims to")
+    if beyond:
+        reasons.append(f"the readings ask for values of {listed(beyond)} with which the machine could not stand there")
     if stated is not None and left.total > EXCESS * stated.total:
         times = f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left"
         reasons.append(f"{times}: it understates the scatter of a reading, or the rest follows nothing recorded here")

@@ -11,7 +11,7 @@ from ptt.dependence.following import dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
-from ptt.diagnosis.found import Found
+from ptt.diagnosis.found import Found, stands
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, visit_left, wanders_beyond
 from ptt.diagnosis.opening import opening_rows, without_opening
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
@@ -19,7 +19,7 @@ from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
 from ptt.diagnosis.search import without
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
-from ptt.diagnosis.steps import name_steps
+from ptt.diagnosis.steps import Named, name_steps
 from ptt.diagnosis.unknowns import unknowns_of
 from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
@@ -27,7 +27,7 @@ from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import residual_of, rms
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.plan.separation import Separation, plan_separation
 from ptt.progress import Tell
 from ptt.run.noise import Noise
@@ -199,17 +199,21 @@ def conclude(
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
+    shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
     told = name_steps(scorer, state)
+    terms, sent = _at_values(found, told, model, problem)
+    beyond = () if stands(terms, shown) and stands(sent, shown) else tuple(atoms[step.key].name for step in told.steps)
+    if beyond:
+        told = replace(told, steps=())
+        terms = sent = tuple(term for term in found.fitted.model.terms if term.effect.key in scorer.given)
     named = told.steps
     unproven = tuple(atoms[key].name for key in told.unproven)
-    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), problem.noise)
-    shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
+    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), problem.noise, beyond)
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
     noise = noise_after(problem, found.system, state)
     chances = weigh_sets(scorer)
-    terms = fitted_terms(found, model, tuple(step.key for step in named), problem)
-    fitted_model = replace(model, terms=sent_terms(found, terms, tuple(step.key for step in named)))
+    fitted_model = replace(model, terms=sent)
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     verdict = _verdict(found, bool(named), rest)
     depends = dependences(unknowns, left, shown)
@@ -248,6 +252,13 @@ def conclude(
         words="",
     )
     return replace(result, words=explain_verdict(result, steps))
+
+
+def _at_values(found: Found, told: Named, model: Model, problem: Problem) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
+    """Effects of the model as given and those that are named: at their values, and at those that are sent."""
+    keys = tuple(step.key for step in told.steps)
+    terms = fitted_terms(found, model, keys, problem)
+    return terms, sent_terms(found, terms, keys)
 
 
 def _slow(found: Found, problem: Problem) -> Slow | None:
