@@ -7,9 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_rig_bench import BENCH, bench, table, truth, volume
 
+from ptt.challenge.challenge import bench as bench_machine
 from ptt.rig import parse_rig, simulate
 from ptt.rig.drive import friction, play, windup
-from ptt.rig.motion import slider_speed, travel_direction
+from ptt.rig.motion import run_path, slider_speed, travel_direction
+from ptt.rig.nominal import draw_machine, nominal_sliders
 from ptt.rig.targets import make_loop
 
 COMMAND = ["b1_cmd", "b2_cmd", "b3_cmd"]
@@ -192,3 +194,20 @@ def test_each_run_is_homed_anew() -> None:
 
 def test_one_number_stands_for_all_legs() -> None:
     assert parse_rig({"machine": BENCH, "drive": {"homing_mm": 0.2}}).drive.homing_mm == (0.2, 0.2, 0.2)
+
+
+def test_a_straight_path_passes_every_turn_of_its_sliders() -> None:
+    drawing = draw_machine(bench_machine().machine)
+    tool = np.random.default_rng(0).uniform(-60.0, 60.0, (100, 3))
+    command = nominal_sliders(drawing, tool)
+    path = run_path(drawing, tool, command, np.zeros(100, dtype=int), straight=True, lead_in=1.0)
+    turned = 0
+    for row in range(1, 100):
+        between = tool[row - 1] + np.linspace(0.0, 1.0, 5001)[:, None] * (tool[row] - tool[row - 1])
+        height = nominal_sliders(drawing, between)
+        seen = np.vstack([command[row - 1], path.slider[path.row == row]])
+        np.testing.assert_allclose(seen.max(axis=0), height.max(axis=0), atol=1e-5)
+        np.testing.assert_allclose(seen.min(axis=0), height.min(axis=0), atol=1e-5)
+        ends = np.sort(command[[row - 1, row]], axis=0)
+        turned += int(((height.max(axis=0) > ends[1] + 0.01) | (height.min(axis=0) < ends[0] - 0.01)).sum())
+    assert turned > 10

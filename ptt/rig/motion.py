@@ -1,5 +1,6 @@
 """How the sliders get from row to row: the path between, the controller's own compensation, speeds."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,7 +12,8 @@ from ptt.rig.nominal import Array, Drawing, nominal_sliders
 STANDSTILL = 1e-9  # mm
 SHARP = 0.7  # cosine of the angle at which a path turns so sharply that it is no smooth motion
 ROUNDED = 0.2  # s: a controller rounds off corners after moves that are shorter
-TRANSIT = 16  # points looked at while the tool runs straight from one row to the next
+TRANSIT = 16  # even parts of a straight move of the tool that are looked at
+CLOSE = 1e-4  # of a straight move: near enough to its end to have the speed of that, and about a turn its curvature
 
 
 @dataclass(frozen=True)
@@ -46,19 +48,58 @@ def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, strai
         The path.
     """
     first = np.flatnonzero(np.diff(run, prepend=run[0] - 1))
-    count = np.full(len(command), TRANSIT if straight else 1)
+    rows = len(command)
+    points = np.stack([command, command], axis=1)  # shape: (n, points, 3), the last one that of the row
+    if straight:
+        way = _straight_way(drawing, tool, command)
+        points = np.concatenate([way(_inner_parts(way, rows)), command[:, None]], axis=1)
+    count = np.full(rows, points.shape[1] if straight else 1)
     count[first] = 2
-    row = np.repeat(np.arange(len(command)), count)
-    last = np.cumsum(count) - 1
-    part = (np.arange(len(row)) - (last - count)[row]) / count[row]
-    before = np.maximum(row - 1, 0)
-    between = tool[before] + part[:, None] * (tool[row] - tool[before])
-    # What compensation adds to the nominal command changes evenly on the way.
+    points[first, -2] = command[first] - lead_in * _first_moves(command, first)
+    passed = np.arange(points.shape[1]) >= points.shape[1] - count[:, None]
+    return Path(points[passed], np.repeat(np.arange(rows), count), np.cumsum(count) - 1)
+
+
+def _straight_way(drawing: Drawing, tool: Array, command: Array) -> Callable[[Array], Array]:
+    """Sliders while the tool runs straight to each row: from parts of the way, (n, p), to heights, (n, p, 3) mm.
+
+    What compensation adds to the nominal command changes evenly on the way.
+    """
     extra = command - nominal_sliders(drawing, tool)
-    slider = nominal_sliders(drawing, between) + extra[before] + part[:, None] * (extra[row] - extra[before])
-    slider[last] = command
-    slider[last[first] - 1] = command[first] - lead_in * _first_moves(command, first)
-    return Path(slider, row, last)
+    start = np.maximum(np.arange(len(tool)) - 1, 0)
+
+    def way(part: Array) -> Array:
+        between, more = (
+            values[start, None] + part[:, :, None] * (values - values[start])[:, None] for values in (tool, extra)
+        )
+        return nominal_sliders(drawing, between.reshape(-1, 3)).reshape(between.shape) + more
+
+    return way
+
+
+def _inner_parts(way: Callable[[Array], Array], rows: int) -> Array:
+    """Parts of each straight way to look at, in rising order: even ones, and where each slider turns.
+
+    A height curves one way along a straight line, so it turns once at the most: at the top of the parabola through the
+    highest or lowest even part and its neighbours, and once more through three places close about that top.
+    """
+    even = np.tile(np.arange(TRANSIT + 1) / TRANSIT, (rows, 1))
+    height = way(even)  # shape: (n, TRANSIT + 1, 3)
+    step = np.diff(height, axis=1)
+    bend = np.diff(np.sign(step), axis=1) != 0.0
+    nearer = np.where(np.abs(step[:, 0]) < np.abs(step[:, -1]), 1, TRANSIT - 1)
+    at = np.where(bend.any(axis=1), 1 + np.argmax(bend, axis=1), nearer)  # shape: (n, 3)
+    three = [np.take_along_axis(height, at[:, None] + beside, axis=1)[:, 0] for beside in (-1, 0, 1)]
+    turn = np.clip((at + _top(*three)) / TRANSIT, CLOSE, 1.0 - CLOSE)
+    three = [np.einsum("nll->nl", way(turn + beside * CLOSE)) for beside in (-1, 0, 1)]
+    turn = np.clip(turn + CLOSE * _top(*three), CLOSE, 1.0 - CLOSE)
+    return np.sort(np.concatenate([even[:, 1:-1], turn], axis=1), axis=1)
+
+
+def _top(before: Array, here: Array, after: Array) -> Array:
+    """Where the parabola through three even places turns, in steps from the middle one, within them."""
+    bend = before - 2.0 * here + after
+    return np.clip(np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend != 0.0), -1.0, 1.0)
 
 
 def travel_direction(slider: Array) -> Array:
@@ -76,22 +117,20 @@ def travel_direction(slider: Array) -> Array:
     return np.take_along_axis(sign, at, axis=0)
 
 
-def end_moves(path: Path) -> tuple[Array, Array]:
-    """How the sliders set off and arrive on straight moves of the tool, from the path's own points.
+def end_moves(drawing: Drawing, tool: Array, command: Array) -> tuple[Array, Array]:
+    """How the sliders set off and arrive on straight moves of the tool.
 
     Args:
-        path: of straight moves.
+        drawing: the ideal machine.
+        tool: (n, 3) mm, commanded tool positions.
+        command: (n, 3) mm, commanded slider heights.
 
     Returns:
         (n, 3) mm per move each, of the move to each row; those to first rows tell nothing.
     """
-
-    def along(step: int) -> Array:
-        return path.slider[np.maximum(path.last + step, 0)]
-
-    begin = 4.0 * along(1 - TRANSIT) - along(2 - TRANSIT) - 3.0 * along(-TRANSIT)
-    end = 3.0 * along(0) - 4.0 * along(-1) + along(-2)
-    return 0.5 * TRANSIT * begin, 0.5 * TRANSIT * end
+    way, part = _straight_way(drawing, tool, command), np.tile([0.0, CLOSE, 1.0 - CLOSE, 1.0], (len(tool), 1))
+    start, after, before, end = np.moveaxis(way(part), 1, 0)
+    return (after - start) / CLOSE, (end - before) / CLOSE
 
 
 def slider_speed(

@@ -87,7 +87,7 @@ def simulate(
     path = motion.run_path(drawing, tool, command, schedule.run, straight=straight, lead_in=rig.conditions.lead_in_mm)
     warmth = follow_warmth(rig, path, time, schedule.rows, run_seed if noise else None)
     still = (schedule.role != "pose") | (not rig.conditions.moving)
-    ends = motion.end_moves(path) if straight else None
+    ends = motion.end_moves(drawing, tool, command) if straight else None
     speed = motion.slider_speed(command, tool, time, still, schedule.run, ends)
     slider = drive_sliders(rig, drawing, path, time, speed, schedule, warmth)
     mass = rig.spec.platform_mass_kg
