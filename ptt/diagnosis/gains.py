@@ -6,7 +6,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lapack
 
-STRETCH = 32  # rows whose innovations are worked out at once where columns lie one behind the other
+STRETCH = 16  # rows whose innovations are worked out at once where columns lie one behind the other
+SLAB = 512  # of these columns at a time, which stay in the cache
 MANY = 200  # columns from which a row of them is worth a step of its own
 
 
@@ -27,17 +28,15 @@ class Gains:
     log_noise: float
 
     @cached_property
-    def stretches(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """What readings of each stretch of w rows (w, w + 1), and the state before it (w + 1,), make of it.
+    def stretches(self) -> tuple[np.ndarray, np.ndarray]:
+        """Weights of the state before each stretch of w rows and of its readings, (s, w + 1, w) and (s, w + 1).
 
-        The innovation of each of its rows in units of its error, and the state behind the last.
+        Of the innovations of its rows in units of their error, and of the state behind the last.
         """
         count = len(self.root)
         keep, take, root = np.zeros((3, -(-count // STRETCH) * STRETCH))  # behind the last row nothing is foretold
         keep[: count - 1], take[: count - 1], root[:count], root[count:] = self.keep, self.take, self.root, 1.0
-        taken, kept = _triangles(*(part.reshape(-1, STRETCH) for part in (keep, take, root)))
-        widths = [min(STRETCH, count - first) for first in range(0, count, STRETCH)]
-        return [(own[:w, : w + 1], all_[: w + 1]) for own, all_, w in zip(taken, kept, widths, strict=True)]
+        return _triangles(*(part.reshape(-1, STRETCH) for part in (keep, take, root)))
 
 
 def gains_of(share: float, decay: np.ndarray) -> Gains:
@@ -55,20 +54,36 @@ def gains_of(share: float, decay: np.ndarray) -> Gains:
     return Gains(keeps, decay[1:] - keeps, np.sqrt(widths), 0.5 * float(np.log(widths).sum()))
 
 
-def filter_rows(flat: np.ndarray, gains: Gains) -> np.ndarray:
+def filter_rows(rows: np.ndarray, gains: Gains, white: np.ndarray) -> None:
     """Innovations of rows (r, n) of one axis, or of axes that wander alike.
 
     Within a stretch they are a triangle of weights times the readings, and the state with which it begins goes on into
     each of them.
+
+    Args:
+        rows: the rows.
+        gains: of the wander.
+        white: where they are put, (r, n).
     """
-    white, state, first = np.empty_like(flat), np.zeros((len(flat), 1)), 0
-    for taken, kept in gains.stretches:
-        width = len(taken)
-        both = flat[:, first : first + width] @ taken
-        both += state * kept
-        white[:, first : first + width], state = both[:, :width], both[:, width:]
-        first += width
-    return white
+    for first in range(0, len(rows), SLAB):
+        _filter(rows[first : first + SLAB], *gains.stretches, white[first : first + SLAB])
+
+
+def _filter(rows: np.ndarray, weights: np.ndarray, onward: np.ndarray, white: np.ndarray) -> None:
+    """The same of so few rows that they stay in the cache; all stretches at once but for the states between them."""
+    (count, length), full = rows.shape, rows.shape[1] // STRETCH
+    both = np.zeros((len(weights), count, 1 + STRETCH))  # the state before each stretch, and its readings
+    both[:full, :, 1:] = _cut(rows, full)
+    both[full:, :, 1 : 1 + length - full * STRETCH] = rows[:, full * STRETCH :]
+    for now, then, weight in zip(both[:-1], both[1:], onward[:-1], strict=True):
+        np.matmul(now, weight, out=then[:, 0])
+    np.matmul(both[:full], weights[:full], out=_cut(white, full))
+    white[:, full * STRETCH :] = (both[full:] @ weights[full:]).sum(axis=0)[:, : length - full * STRETCH]
+
+
+def _cut(rows: np.ndarray, count: int) -> np.ndarray:
+    """Stretches of rows (r, n), (count, r, w): the same numbers in memory."""
+    return rows[:, : count * STRETCH].reshape(len(rows), count, STRETCH).transpose(1, 0, 2)
 
 
 def foretell(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
@@ -96,15 +111,14 @@ def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndar
 
 
 def _triangles(keep: np.ndarray, take: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of all stretches at once, (s, w) each: (s, w, w + 1) and (s, w + 1) as `Gains.stretches` has them."""
+    """Of all stretches at once, (s, w) each, as `Gains.stretches` has them: first what foretells each row."""
     count, width = keep.shape
-    taken, kept = np.zeros((count, width, width + 1)), np.ones((count, width + 1))
+    weights = np.zeros((count, width + 1, width + 1))
+    weights[:, 0, 0] = 1.0
     for row in range(width):
-        taken[:, :row, row + 1] = keep[:, row, None] * taken[:, :row, row]
-        taken[:, row, row + 1] = take[:, row]
-        kept[:, row + 1] = keep[:, row] * kept[:, row]
-    every = np.arange(width)
-    taken[:, :, :width] *= -1.0 / root[:, None]
-    taken[:, every, every] = 1.0 / root
-    kept[:, :width] *= -1.0 / root
-    return taken, kept
+        weights[:, : row + 1, row + 1] = keep[:, row, None] * weights[:, : row + 1, row]
+        weights[:, row + 1, row + 1] = take[:, row]
+    onward, every = weights[:, :, width].copy(), np.arange(width)
+    weights = weights[:, :, :width] * (-1.0 / root[:, None])
+    weights[:, every + 1, every] = 1.0 / root
+    return weights, onward

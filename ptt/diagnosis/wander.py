@@ -159,15 +159,12 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
     """
     if wander is None:
         return rows, 0.0
-    if len(wander.parts) == 1:  # all axes alike: nothing has to be put together
-        gains = clock.gains(wander.parts[0][1], wander.constant)
-        white = filter_rows(rows.reshape(-1, rows.shape[-1]), gains).reshape(rows.shape)
-        return white, gains.log_noise * rows.shape[-2]
-    white, log_noise = np.empty_like(rows), 0.0
+    white, log_noise = np.empty(rows.shape), 0.0
+    flat, filled = (each.reshape(-1, *rows.shape[-2:]) for each in (rows, white))
     for axes, share in wander.parts:
-        own, gains = rows[..., axes, :], clock.gains(share, wander.constant)
-        white[..., axes, :] = filter_rows(own.reshape(-1, rows.shape[-1]), gains).reshape(own.shape)
-        log_noise += gains.log_noise * own.shape[-2]
+        own, gains = flat[:, axes], clock.gains(share, wander.constant)
+        filter_rows(own.reshape(-1, own.shape[2]), gains, filled[:, axes].reshape(-1, own.shape[2]))
+        log_noise += gains.log_noise * own.shape[1]
     return white, log_noise
 
 
