@@ -6,7 +6,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from ptt.fitting.evidence import WIDTH, Posterior, learn
+from ptt.fitting.evidence import WIDTH, learn
+from ptt.fitting.posterior import Posterior
 
 ROWS = 40
 FREE = 1e3  # wide enough, and readings' own covariance can still be inverted to many digits

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ptt.diagnosis import hidden as hidden_module
-from ptt.diagnosis import score as score_module
+from ptt.diagnosis import memories
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.blocks import Block, Place
 from ptt.diagnosis.hidden import held_out, hide
@@ -136,6 +136,6 @@ def test_no_step_is_taken_from_a_wander_that_lies_far_behind_errors_of_poses(mon
     scorer = Scorer(system_of(random.normal(size=(300, 3)) + slow + 30.0 * random.normal(size=(POSES, 3))[pose]))
     found, _ = scorer.best_memory(scorer.score((), WHITE))
     assert found.pose  # beside which a wander is told, but explains next to nothing of the poses
-    monkeypatch.setattr(score_module, "_uphill", None)
+    monkeypatch.setattr(memories, "_uphill", None)
     memory, _ = scorer.best_memory(scorer.score((), found))
     assert memory == found

@@ -13,11 +13,12 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.gains import MANY, STRETCH
+from ptt.diagnosis.memories import prior_of
 from ptt.diagnosis.memory import WHITE, Memory, Sums
 from ptt.diagnosis.periods import _spectrum, _telling
 from ptt.diagnosis.row_sums import SumsOfRows, poses_of, sums_of_poses, sums_of_rows, white_rows
 from ptt.diagnosis.row_system import RowSystem
-from ptt.diagnosis.score import Scorer, prior_of
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import BROAD, Basis, Screen
 from ptt.diagnosis.wander import Clock, Wander, filtered, innovations, likelihoods
 from ptt.effects import library

@@ -9,7 +9,8 @@ import numpy as np
 from ptt.again.changes import CURVE, Change
 from ptt.again.weigh import Weighed
 from ptt.diagnosis.slow import share_within
-from ptt.fitting.evidence import WIDE, inverse
+from ptt.fitting.evidence import WIDE
+from ptt.fitting.factor import inverse
 from ptt.fitting.solve import rms
 from ptt.record import Record
 

@@ -9,7 +9,7 @@ from ptt.diagnosis.memory import WHITE, Hidden
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import without
 from ptt.diagnosis.state import State
-from ptt.fitting.evidence import Posterior
+from ptt.fitting.posterior import Posterior
 
 FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
 

@@ -2,35 +2,30 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
-from ptt.diagnosis.atoms import MEMORY_ODDS, Atom
+from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.idle import idle_columns
-from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums
+from ptt.diagnosis.memories import best_memory, prior_of
+from ptt.diagnosis.memory import Hidden, Memory, Sums
 from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
-from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
-from ptt.fitting.evidence import WIDTH, Posterior, factor_of, learn
+from ptt.fitting.evidence import WIDTH, learn
+from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
 
 if TYPE_CHECKING:
     from ptt.diagnosis.hidden import Trial
 
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
-POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
-REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
 # A wrong unit of length stretches about where the tracker stands; in a trusted frame the readings shift with it. The
 # unit is what it costs: that the frame is not what the file says it is needs no reason of its own then.
 ONE_CAUSE = ("tracker-scale", "tracker-frame")
-UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
-FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
 
@@ -232,107 +227,14 @@ class Scorer:
         """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""
         where = state.keys, state.memory
         if where not in self.suiting:
-            self.suiting[where] = self._best_memory(state)
+            self.suiting[where] = best_memory(self.system, state)
         return self.suiting[where]
-
-    def _best_memory(self, state: State) -> tuple[Memory, float]:
-        system, at = self.system, state.memory
-        ways = self._ways(state)
-        among = system.among(state.columns, ways)
-        seen: dict[Memory, float] = {}
-
-        def value(memory: Memory) -> float:
-            if memory not in seen:
-                sums = among(memory)
-                fixed = self._fixed(sums.gram, sums.side, sums.square)
-                seen[memory] = fixed - sums.log_noise + prior_of(memory)
-            return seen[memory]
-
-        tried = self._neighbours(state, value) if system.memories is None else system.memories
-        best = max([WHITE, at, *tried], key=value)
-        return best, value(best) - value(at)
-
-    def _ways(self, state: State) -> np.ndarray:
-        """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
-        size, gram = np.sqrt(state.posterior.prior), self.system.sums_of(state.columns, state.memory).gram
-        strength, ways = np.linalg.eigh(gram * size[:, None] * size)
-        kept = np.cumsum(np.maximum(strength, 0.0)) > UNSEEN
-        return np.asarray(size[:, None] * ways[:, kept])
-
-    def _fixed(self, gram: np.ndarray, side: np.ndarray, square: float) -> float:
-        """Log evidence of columns of unit variance."""
-        factor = factor_of(gram, 1.0)
-        along = linalg.solve_triangular(factor, side, lower=True, check_finite=False)
-        left = max(square - float(along @ along), 1e-12)
-        known = self.system.freedom + self.system.spare
-        half = float(np.log(np.diag(factor)).sum())
-        return -half - 0.5 * known * float(np.log((self.system.freedom + left) / known))
-
-    def _neighbours(self, state: State, value: Callable[[Memory], float]) -> list[Memory]:
-        """The best wander of each kind, and all errors of poses without one."""
-        found = list[Memory]()
-        constants = self.system.clock.constants
-        if len(constants):
-            left = self.system.left(state.columns, state.posterior.values)
-            for axes in kinds_of_wander(self.system.noise):
-                rough = self._rough_wander(left, constants, axes)
-                found.append(self._wander_near(state.memory, rough, constants, axes, value))
-        if self.system.repeats >= REPEATED:
-            found += [Memory(None, float(size)) for size in POSES]
-        return found
-
-    def _wander_near(
-        self, at: Memory, rough: tuple[int, int], constants: np.ndarray, axes: Axes, value: Callable[[Memory], float]
-    ) -> Memory:
-        """The best wander of a kind by coordinate steps over the grid; what there is already, if that is far better."""
-        share, slow = rough
-        if value(_wandering(share, float(constants[slow]), axes)) < value(at) - FAR_BEHIND:
-            return at
-        for _ in range(3):
-            before = share, slow
-            share = _uphill(share, len(SHARES), partial(_at_share, value, float(constants[slow]), axes))
-            slow = _uphill(slow, len(constants), partial(_at_constant, value, share, constants, axes))
-            if (share, slow) == before:
-                break
-        return _wandering(share, float(constants[slow]), axes)
-
-    def _rough_wander(self, left: np.ndarray, constants: np.ndarray, axes: Axes) -> tuple[int, int]:
-        """Where on the grid the wander of a state's residual lies, its atoms held."""
-        grid = [(i, j) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
-        wanders = [Wander(float(SHARES[i]), float(constants[j]), axes) for i, j in grid]
-        return grid[int(np.argmax(likelihoods(left, wanders, self.system.clock)))]
 
 
 def _odds_against(atoms: Sequence[Atom]) -> float:
     """Nats of prior odds against some atoms together."""
     pair = [atom.odds for atom in atoms if atom.name in ONE_CAUSE]
     return sum(atom.odds for atom in atoms) - (max(pair) if len(pair) == len(ONE_CAUSE) else 0.0)
-
-
-def prior_of(memory: Memory) -> float:
-    """Log prior odds of a memory of the noise."""
-    wander = 0.0 if memory.wander is None else memory.wander.log_prior - MEMORY_ODDS
-    return wander - (MEMORY_ODDS if memory.pose else 0.0)
-
-
-def _wandering(share: int, constant: float, axes: Axes) -> Memory:
-    return Memory(Wander(float(SHARES[share]), constant, axes))
-
-
-def _at_share(value: Callable[[Memory], float], constant: float, axes: Axes, share: int) -> float:
-    return value(_wandering(share, constant, axes))
-
-
-def _at_constant(value: Callable[[Memory], float], share: int, constants: np.ndarray, axes: Axes, slow: int) -> float:
-    return value(_wandering(share, float(constants[slow]), axes))
-
-
-def _uphill(index: int, count: int, value: Callable[[int], float]) -> int:
-    """The local maximum that single steps lead to."""
-    for step in (1, -1):
-        while 0 <= index + step < count and value(index + step) > value(index):
-            index += step
-    return index
 
 
 def _excluded(atom: Atom, effects: Sequence[str]) -> bool:

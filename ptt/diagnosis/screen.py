@@ -19,7 +19,8 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.system import System
-from ptt.fitting.evidence import WIDTH, Posterior, learn
+from ptt.fitting.evidence import WIDTH, learn
+from ptt.fitting.posterior import Posterior
 
 RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screened
 USUAL = 0.5 * (0.5 * np.log(RATIOS) / WIDTH) ** 2  # nats against an effect of that size

@@ -9,7 +9,7 @@ from scipy.linalg import lapack
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import Memory
-from ptt.fitting.evidence import Posterior
+from ptt.fitting.posterior import Posterior
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
+from ptt.fitting.factor import factor_of
+from ptt.fitting.posterior import Posterior
+
 WIDTH = float(np.log(8.0))  # of the log-normal prior of a group's size: two in three lie within 8 x of the usual
 WIDE = 1e6  # prior variance of unknowns of no group: they take what the data ask for
 NARROWEST, WIDEST = 1e-6, 1e8  # variances a group may have: a thousandth to ten thousand usual sizes
@@ -19,79 +22,6 @@ HALVINGS = 8
 HOPE = 4.0  # times the gain that slope and curvature foretell twice over: no more than that is still to be had
 ROUNDING = 1e-13  # share of the sum of squares that is rounding
 TINY = 1e-12  # nothing scatters by a millionth of its noise
-
-
-@dataclass(frozen=True)
-class Posterior:
-    """Unknowns of a linear problem at the prior variances that make the data most probable.
-
-    Attributes:
-        values: (P,) posterior mean, in units of the columns.
-        cholesky: (P, P) lower L with L L^T = X^T X + diag(1 / prior), rows and columns in `order`.
-        order: (P,) the unknowns, group by group.
-        prior: (P,) variance of each unknown before the data, in units of `phi`.
-        scales: (G,) learned variance of each group, in units of `phi`.
-        curvature: (G, G) minus the second derivative of `total` by the logarithms of `scales`, where the last step
-            began.
-        log_evidence: log marginal likelihood at these scales, nats, up to a constant of the data alone.
-        log_prior: log prior density of the scales over its peak, nats.
-        left: Q = |y - X values|^2 + values^T diag(1 / prior) values.
-        phi: white variance, (freedom + Q) / (freedom + count).
-        steps: evaluations of the evidence.
-        ended: whether it ended because it would not reach the total that was asked for.
-    """
-
-    values: np.ndarray
-    cholesky: np.ndarray
-    order: np.ndarray
-    prior: np.ndarray
-    scales: np.ndarray
-    curvature: np.ndarray
-    log_evidence: float
-    log_prior: float
-    left: float
-    phi: float
-    steps: int
-    ended: bool = False
-
-    @property
-    def total(self) -> float:
-        """What is maximised: log evidence and log prior of the scales, nats."""
-        return self.log_evidence + self.log_prior
-
-    @property
-    def inverse(self) -> np.ndarray:
-        """(X^T X + diag(1 / prior))^-1, (P, P)."""
-        place = np.argsort(self.order)
-        return _invert(self.cholesky)[np.ix_(place, place)]
-
-    @property
-    def precision(self) -> np.ndarray:
-        """X^T X + diag(1 / prior), (P, P)."""
-        place = np.argsort(self.order)
-        return np.asarray((self.cholesky @ self.cholesky.T)[np.ix_(place, place)])
-
-    def zeroed(self, some: np.ndarray) -> float:
-        """Log evidence that is gained where some of the unknowns are zero, at these scales, nats.
-
-        What they are believed to be at zero after the data over what they were before (Savage and Dickey).
-
-        Args:
-            some: (m,) which.
-        """
-        place = np.argsort(self.order)[some]
-        unit = np.zeros((len(self.order), len(some)))
-        unit[place, np.arange(len(some))] = 1.0
-        along = lapack.dtrtrs(self.cholesky, unit, lower=1)[0]
-        factor, values = factor_of(along.T @ along, 0.0), self.values[some]
-        sure = lapack.dpotrs(factor, values, lower=1)[0]
-        width = 0.5 * float(np.log(self.prior[some]).sum()) - float(np.log(factor.diagonal()).sum())
-        return width - 0.5 * float(values @ sure) / self.phi
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """Of the unknowns given the scales, (P, P)."""
-        return self.phi * self.inverse
 
 
 def learn(
@@ -325,41 +255,3 @@ def _climb(
         if point.value > here.value:
             return there, point
     return None
-
-
-def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of normal equations with a prior on every unknown, (P, P), whatever the units of its columns."""
-    return _invert(factor_of(matrix, 0.0))
-
-
-def factor_of(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
-    """Lower Cholesky factor of a gram with more on its diagonal; rounding may ask for a little more than that.
-
-    The units of the columns make no difference to its accuracy: a factor of scaled columns is the scaled factor.
-
-    Args:
-        gram: (P, P).
-        more: for all of them or (P,).
-
-    Returns:
-        (P, P).
-    """
-    if not len(gram):
-        return gram
-    extra, diagonal = 0.0, gram.diagonal() + more
-    for _ in range(8):
-        matrix = gram.copy()
-        matrix.ravel()[:: len(gram) + 1] = diagonal * (1.0 + extra)
-        factor, failed = lapack.dpotrf(matrix.T, lower=1, clean=1, overwrite_a=1)  # turned, it lies as LAPACK wants it
-        if not failed:
-            return np.asarray(factor)
-        extra = max(10.0 * extra, len(gram) * 1e-16)
-    raise np.linalg.LinAlgError("normal equations are not positive definite")
-
-
-def _invert(lower: np.ndarray) -> np.ndarray:
-    """(L L^T)^-1."""
-    if not len(lower):
-        return lower
-    half = np.asarray(lapack.dpotri(lower, lower=1)[0])  # its upper triangle is the factor's own: zero
-    return half + half.T - np.diag(half.diagonal())

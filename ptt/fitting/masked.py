@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.effects import Effect, library
-from ptt.fitting.evidence import inverse
+from ptt.fitting.factor import inverse
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.result import FitResult
 from ptt.machine_schema import MaskedSpec

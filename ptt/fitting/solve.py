@@ -11,7 +11,7 @@ from ptt.effects.sudden import Sudden
 from ptt.errors import PosesError
 from ptt.fitting.alike import excess, times_of
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
-from ptt.fitting.evidence import inverse
+from ptt.fitting.factor import inverse
 from ptt.fitting.gauss_newton import DONE, HOPELESS, Equations, descend
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator, LongSystem

@@ -1,0 +1,130 @@
+"""Which memory of the noise suits a set of atoms: a wander of the tracker, errors that belong to a pose, or none."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import lapack
+
+from ptt.diagnosis.atoms import MEMORY_ODDS
+from ptt.diagnosis.memory import WHITE, Memory, Sums
+from ptt.diagnosis.state import State
+from ptt.diagnosis.system import System
+from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
+from ptt.fitting.factor import factor_of
+
+POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
+REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
+UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
+FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
+Value = Callable[[Memory], float]
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A wander on the grid of those that are tried.
+
+    Attributes:
+        share: number of its share.
+        slow: number of its time constant.
+        axes: of the wander.
+        constants: time constants of the grid.
+    """
+
+    share: int
+    slow: int
+    axes: Axes
+    constants: np.ndarray
+
+    @property
+    def memory(self) -> Memory:
+        """The wander as a memory of the noise."""
+        return Memory(Wander(float(SHARES[self.share]), float(self.constants[self.slow]), self.axes))
+
+    def beside(self, share: int, slow: int) -> "Spot | None":
+        """So many steps on; None beyond the grid."""
+        there = replace(self, share=self.share + share, slow=self.slow + slow)
+        inside = 0 <= there.share < len(SHARES) and 0 <= there.slow < len(self.constants)
+        return there if inside else None
+
+
+def best_memory(system: System, state: State) -> tuple[Memory, float]:
+    """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total.
+
+    Args:
+        system: the linearised problem.
+        state: the set.
+    """
+    among = system.among(state.columns, _ways(system, state))
+    seen: dict[Memory, float] = {}
+
+    def value(memory: Memory) -> float:
+        if memory not in seen:
+            sums = among(memory)
+            seen[memory] = _evidence(sums, system) - sums.log_noise + prior_of(memory)
+        return seen[memory]
+
+    tried = _neighbours(system, state, value) if system.memories is None else system.memories
+    best = max([WHITE, state.memory, *tried], key=value)
+    return best, value(best) - value(state.memory)
+
+
+def prior_of(memory: Memory) -> float:
+    """Log prior odds of a memory of the noise."""
+    wander = 0.0 if memory.wander is None else memory.wander.log_prior - MEMORY_ODDS
+    return wander - (MEMORY_ODDS if memory.pose else 0.0)
+
+
+def _ways(system: System, state: State) -> np.ndarray:
+    """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
+    size, gram = np.sqrt(state.posterior.prior), system.sums_of(state.columns, state.memory).gram
+    strength, ways = np.linalg.eigh(gram * size[:, None] * size)
+    kept = np.cumsum(np.maximum(strength, 0.0)) > UNSEEN
+    return np.asarray(size[:, None] * ways[:, kept])
+
+
+def _evidence(sums: Sums, system: System) -> float:
+    """Log evidence of columns of unit variance."""
+    factor, known = factor_of(sums.gram, 1.0), system.freedom + system.spare
+    along = lapack.dtrtrs(factor, sums.side, lower=1)[0] if len(factor) else sums.side
+    left = max(sums.square - float(along @ along), 1e-12)
+    return -float(np.log(factor.diagonal()).sum()) - 0.5 * known * float(np.log((system.freedom + left) / known))
+
+
+def _neighbours(system: System, state: State, value: Value) -> list[Memory]:
+    """The best wander of each kind, and all errors of poses without one."""
+    found = list[Memory]()
+    if len(system.clock.constants):
+        left = system.left(state.columns, state.posterior.values)
+        found = [_wander_of(system, state.memory, left, axes, value) for axes in kinds_of_wander(system.noise)]
+    if system.repeats >= REPEATED:
+        found += [Memory(None, float(size)) for size in POSES]
+    return found
+
+
+def _wander_of(system: System, at: Memory, left: np.ndarray, axes: Axes, value: Value) -> Memory:
+    """The best wander of a kind by coordinate steps over the grid; what there is already, if that is far better."""
+    spot = _rough_spot(system, left, axes)
+    if value(spot.memory) < value(at) - FAR_BEHIND:
+        return at
+    for _ in range(3):
+        before, spot = spot, _uphill(_uphill(spot, 1, 0, value), 0, 1, value)
+        if spot is before:
+            break
+    return spot.memory
+
+
+def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> Spot:
+    """Where on the grid the wander of a state's residual lies, its atoms held."""
+    constants = system.clock.constants
+    spots = [Spot(i, j, axes, constants) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
+    wanders = [spot.memory.wander for spot in spots]
+    return spots[int(np.argmax(likelihoods(left, [one for one in wanders if one is not None], system.clock)))]
+
+
+def _uphill(spot: Spot, share: int, slow: int, value: Value) -> Spot:
+    """The local maximum that single steps along one side of the grid lead to."""
+    for sign in (1, -1):
+        while (there := spot.beside(sign * share, sign * slow)) and value(there.memory) > value(spot.memory):
+            spot = there
+    return spot

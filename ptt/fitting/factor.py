@@ -1,0 +1,42 @@
+"""Cholesky factors of normal equations, and inverses by them."""
+
+import numpy as np
+from scipy.linalg import lapack
+
+
+def inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of normal equations with a prior on every unknown, (P, P), whatever the units of its columns."""
+    return invert(factor_of(matrix, 0.0))
+
+
+def factor_of(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
+    """Lower Cholesky factor of a gram with more on its diagonal; rounding may ask for a little more than that.
+
+    The units of the columns make no difference to its accuracy: a factor of scaled columns is the scaled factor.
+
+    Args:
+        gram: (P, P).
+        more: for all of them or (P,).
+
+    Returns:
+        (P, P).
+    """
+    if not len(gram):
+        return gram
+    extra, diagonal = 0.0, gram.diagonal() + more
+    for _ in range(8):
+        matrix = gram.copy()
+        matrix.ravel()[:: len(gram) + 1] = diagonal * (1.0 + extra)
+        factor, failed = lapack.dpotrf(matrix.T, lower=1, clean=1, overwrite_a=1)  # turned, it lies as LAPACK wants it
+        if not failed:
+            return np.asarray(factor)
+        extra = max(10.0 * extra, len(gram) * 1e-16)
+    raise np.linalg.LinAlgError("normal equations are not positive definite")
+
+
+def invert(lower: np.ndarray) -> np.ndarray:
+    """(L L^T)^-1."""
+    if not len(lower):
+        return lower
+    half = np.asarray(lapack.dpotri(lower, lower=1)[0])  # its upper triangle is the factor's own: zero
+    return half + half.T - np.diag(half.diagonal())

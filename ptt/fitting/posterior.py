@@ -1,0 +1,81 @@
+"""Posterior: what is known of the unknowns of a linear problem, their values as well as how wide they are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lapack
+
+from ptt.fitting.factor import factor_of, invert
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Unknowns of a linear problem at the prior variances that make the data most probable.
+
+    Attributes:
+        values: (P,) posterior mean, in units of the columns.
+        cholesky: (P, P) lower L with L L^T = X^T X + diag(1 / prior), rows and columns in `order`.
+        order: (P,) the unknowns, group by group.
+        prior: (P,) variance of each unknown before the data, in units of `phi`.
+        scales: (G,) learned variance of each group, in units of `phi`.
+        curvature: (G, G) minus the second derivative of `total` by the logarithms of `scales`, where the last step
+            began.
+        log_evidence: log marginal likelihood at these scales, nats, up to a constant of the data alone.
+        log_prior: log prior density of the scales over its peak, nats.
+        left: Q = |y - X values|^2 + values^T diag(1 / prior) values.
+        phi: white variance, (freedom + Q) / (freedom + count).
+        steps: evaluations of the evidence.
+        ended: whether it ended because it would not reach the total that was asked for.
+    """
+
+    values: np.ndarray
+    cholesky: np.ndarray
+    order: np.ndarray
+    prior: np.ndarray
+    scales: np.ndarray
+    curvature: np.ndarray
+    log_evidence: float
+    log_prior: float
+    left: float
+    phi: float
+    steps: int
+    ended: bool = False
+
+    @property
+    def total(self) -> float:
+        """What is maximised: log evidence and log prior of the scales, nats."""
+        return self.log_evidence + self.log_prior
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """(X^T X + diag(1 / prior))^-1, (P, P)."""
+        place = np.argsort(self.order)
+        return invert(self.cholesky)[np.ix_(place, place)]
+
+    @property
+    def precision(self) -> np.ndarray:
+        """X^T X + diag(1 / prior), (P, P)."""
+        place = np.argsort(self.order)
+        return np.asarray((self.cholesky @ self.cholesky.T)[np.ix_(place, place)])
+
+    def zeroed(self, some: np.ndarray) -> float:
+        """Log evidence that is gained where some of the unknowns are zero, at these scales, nats.
+
+        What they are believed to be at zero after the data over what they were before (Savage and Dickey).
+
+        Args:
+            some: (m,) which.
+        """
+        place = np.argsort(self.order)[some]
+        unit = np.zeros((len(self.order), len(some)))
+        unit[place, np.arange(len(some))] = 1.0
+        along = lapack.dtrtrs(self.cholesky, unit, lower=1)[0]
+        factor, values = factor_of(along.T @ along, 0.0), self.values[some]
+        sure = lapack.dpotrs(factor, values, lower=1)[0]
+        width = 0.5 * float(np.log(self.prior[some]).sum()) - float(np.log(factor.diagonal()).sum())
+        return width - 0.5 * float(values @ sure) / self.phi
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the unknowns given the scales, (P, P)."""
+        return self.phi * self.inverse
