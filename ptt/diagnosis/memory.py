@@ -27,12 +27,20 @@ WHITE = Memory()
 FEW = 3  # columns of a matrix for each wanted one from which it is slower to copy whole rows first
 
 
-def entries(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def entries(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray | slice) -> np.ndarray:
     """Some rows and columns of a matrix, (r, c): number by number where they are few, else rows first."""
     width = matrix.shape[1]
+    if isinstance(columns, slice):
+        return np.asarray(matrix[rows][:, columns])
     if FEW * len(columns) < width and matrix.flags.c_contiguous:
         return np.asarray(matrix.ravel().take(rows[:, None] * width + columns))
     return np.asarray(matrix[rows].take(columns, axis=1))
+
+
+def run_of(columns: np.ndarray) -> np.ndarray | slice:
+    """Indices as a slice where they follow each other: what they stand for is read as it lies in memory."""
+    first, last = int(columns[0]), int(columns[-1])
+    return slice(first, last + 1) if last - first + 1 == len(columns) else columns
 
 
 @dataclass(frozen=True)
@@ -52,8 +60,8 @@ class Sums:
     log_noise: float
     _own: dict[bytes, np.ndarray] = field(default_factory=dict, repr=False)
 
-    def across(self, chosen: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Entries of the gram, (p, o)."""
+    def across(self, chosen: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
+        """Entries of the gram, (p, o), the caller's own."""
         return entries(self.gram, chosen, others)
 
     def of(self, chosen: np.ndarray) -> "Sums":

@@ -1,9 +1,10 @@
 """Wide atoms in as few columns as the rows can tell apart: of a field or a map, a path shows but a few ways.
 
-Unknowns that share one prior variance may be turned into others that do, so nothing of an explanation changes.
+Unknowns that share one prior variance may be turned into others that do, so nothing of an explanation changes. Atoms of
+one width come to lie side by side, so that what is worked out for all of them at once is read as it lies in memory.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,11 +25,13 @@ class Narrowed:
     Attributes:
         atoms: by key, each with its new columns.
         place: old index -> new index of each column that stays as it is, -1 for the others.
+        stay: these columns by their old index, in their new order.
         turned: keys of the atoms whose columns are new, in the order in which their columns follow the others.
     """
 
     atoms: dict[str, Atom]
     place: np.ndarray
+    stay: np.ndarray
     turned: tuple[str, ...]
     old: Mapping[str, np.ndarray]
 
@@ -37,10 +40,9 @@ class Narrowed:
         if not self.turned:
             return columns
         behind = columns.transpose()  # as they lie in memory, one behind the other
-        stay = np.flatnonzero(self.place >= 0)
-        first = len(stay)
+        first = len(self.stay)
         found = np.empty((first + sum(len(self.atoms[key].columns) for key in self.turned), *behind.shape[1:]))
-        np.take(behind, stay, axis=0, out=found[:first], mode="clip")  # without a check it needs no second copy
+        np.take(behind, self.stay, axis=0, out=found[:first], mode="clip")  # without a check it needs no second copy
         for key in self.turned:
             turn = self.atoms[key].turn
             assert turn is not None
@@ -54,7 +56,7 @@ class Narrowed:
         """Sizes of the units of the new columns, (P,); those of turned ones are in their turn."""
         if not self.turned:
             return scale
-        return np.concatenate([scale[self.place >= 0], *(np.ones(len(self.atoms[k].columns)) for k in self.turned)])
+        return np.concatenate([scale[self.stay], *(np.ones(len(self.atoms[k].columns)) for k in self.turned)])
 
 
 def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) -> Narrowed:
@@ -70,13 +72,13 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
     """
     wide = [key for key, atom in atoms.items() if _pays(atom, columns[:, :, 0].size)]
     if not wide:
-        return Narrowed(dict(atoms), np.arange(columns.shape[2]), (), {})
-    stays = np.ones(columns.shape[2], dtype=bool)
-    for key in wide:
-        stays[atoms[key].columns] = False
-    place = np.where(stays, np.cumsum(stays) - 1, -1)
+        every = np.arange(columns.shape[2])
+        return Narrowed(dict(atoms), every, every, (), {})
+    stay = _by_width(atoms, wide, columns.shape[2])
+    place = np.full(columns.shape[2], -1)
+    place[stay] = np.arange(len(stay))
     found = {key: atom if key in wide else replace(atom, columns=place[atom.columns]) for key, atom in atoms.items()}
-    first = int(stays.sum())
+    first = len(stay)
     for key in wide:
         atom = atoms[key]
         behind = columns.transpose()[atom.columns]
@@ -86,7 +88,16 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
         free = np.zeros(len(own), dtype=bool)
         found[key] = replace(atom, columns=own, group=group, bounded=free, turn=turn, joint=None)
         first += len(group)
-    return Narrowed(found, place, tuple(wide), {key: atoms[key].columns for key in wide})
+    return Narrowed(found, place, stay, tuple(wide), {key: atoms[key].columns for key in wide})
+
+
+def _by_width(atoms: Mapping[str, Atom], wide: Collection[str], count: int) -> np.ndarray:
+    """Columns that stay as they are: first those of no atom, then atoms by their width, of one width effects first."""
+    own = [atom for key, atom in atoms.items() if key not in wide]
+    own.sort(key=lambda atom: (len(atom.columns), atom.effect is None))
+    free = np.ones(count, dtype=bool)
+    free[np.concatenate([atom.columns for atom in atoms.values()])] = False
+    return np.concatenate([np.flatnonzero(free), *(atom.columns for atom in own)])
 
 
 def _pays(atom: Atom, coordinates: int) -> bool:

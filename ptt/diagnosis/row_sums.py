@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.memory import Hidden, Memory, PoseParts, Sums, as_sums, entries, of_poses
+from ptt.diagnosis.memory import Hidden, Memory, PoseParts, Sums, as_sums, entries, of_poses, run_of
 from ptt.diagnosis.wander import Clock, filtered
 
 PLENTY = 4  # rows for each column from which the sums of all columns are worked out at once
@@ -46,10 +46,10 @@ class LazySums(Sums):
             gram[np.ix_(lack, lack)] = self.products(chosen[lack], chosen[lack])
         return Sums(gram, self.side[chosen], self.square, self.log_noise)
 
-    def across(self, chosen: np.ndarray, others: np.ndarray) -> np.ndarray:
+    def across(self, chosen: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
         """Rows of the gram, (p, o); where many others are asked for, the rows are worked out whole and kept."""
         lack = chosen[~self.there[chosen]]
-        if len(lack) and len(others) > MOST * len(self.there):
+        if len(lack) and (isinstance(others, slice) or len(others) > MOST * len(self.there)):
             self.gram[lack], self.there[lack] = self.products(lack, slice(None)), True
             lack = lack[:0]
         found = entries(self.gram, chosen, others)
@@ -73,7 +73,7 @@ class SumsOfRows(LazySums):
         return np.asarray(self.white[some] @ self.white[others].T)
 
     def _blocks(self, columns: np.ndarray) -> np.ndarray:
-        own = self.white[columns]
+        own = self.white[run_of(columns.ravel())].reshape(*columns.shape, -1)
         return np.asarray(own @ own.transpose(0, 2, 1))
 
     def widened(self, white: np.ndarray, values: np.ndarray) -> "SumsOfRows":
@@ -126,7 +126,7 @@ class SumsOfPoses(LazySums):
         return wider
 
     def _blocks(self, columns: np.ndarray) -> np.ndarray:
-        own = self.means[columns]
+        own = self.means[run_of(columns.ravel())].reshape(*columns.shape, -1)
         return np.asarray(self.plain.own(columns) - (own * self.share) @ own.transpose(0, 2, 1))
 
 

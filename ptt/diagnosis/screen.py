@@ -17,7 +17,7 @@ from scipy.linalg import blas, lapack
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.idle import idle_columns
-from ptt.diagnosis.memory import Memory
+from ptt.diagnosis.memory import Memory, run_of
 from ptt.diagnosis.system import System
 from ptt.fitting.evidence import WIDTH, learn
 from ptt.fitting.posterior import Posterior
@@ -102,35 +102,46 @@ class Screen:
         new = [item for item in new if item[2]]
         if not new:
             return
+        posterior, sums = self.basis.posterior, self.system.sums(self.basis.memory)
+        every = 2 * sum(columns[places].size for _, columns, places in new) > len(sums.side)
         own = np.concatenate([columns[places].ravel() for _, columns, places in new])
         # C of all of them at once, solved from the right: so it lies in memory as the products below want it.
-        posterior, sums = self.basis.posterior, self.system.sums(self.basis.memory)
-        root, solved = posterior.cholesky, sums.across(self.basis.columns[posterior.order], own)
-        side = sums.side[own] - posterior.values[posterior.order] @ solved
+        root = posterior.cholesky
+        solved = sums.across(self.basis.columns[posterior.order], slice(None) if every else own)
+        side = sums.side[slice(None) if every else own] - posterior.values[posterior.order] @ solved
         if len(root):
             solved = blas.dtrsm(1.0, root, solved.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
         first, looked = 0, list[Looked]()
         for family, columns, places in new:
-            last = first + columns[places].size
-            half = solved[:, first:last].reshape(len(root), len(places), columns.shape[1]).transpose(1, 2, 0)
-            atoms, along = [family[i] for i in places], side[first:last].reshape(len(places), -1)
-            looked.append((atoms, _left(sums.own(columns)[places], half), along))
-            first = last
+            place = columns[places].ravel() if every else np.arange(first, first + columns[places].size)
+            first += len(place)
+            half = solved[:, run_of(place)].reshape(len(root), len(places), columns.shape[1]).transpose(1, 2, 0)
+            gram = sums.own(columns) if len(places) == len(family) else sums.own(columns)[places]
+            looked.append(([family[i] for i in places], _left(gram, half), side[place].reshape(len(places), -1)))
         self._keep(looked)
 
     def _keep(self, looked: Sequence[Looked]) -> None:
         """Keep what atoms add, from what a set leaves of their columns: those of one variance all at once."""
-        alone, taken, spread = list[Atom](), list[np.ndarray](), list[np.ndarray]()
+        alone, wide = list[Atom](), list[tuple[Atom, np.ndarray, np.ndarray]]()
+        taken, spread = list[np.ndarray](), list[np.ndarray]()
         for atoms, gram, side in looked:
             places = [place for place, atom in enumerate(atoms) if atom.groups == 1]
             for place in sorted(set(range(len(atoms))).difference(places)):
                 self.gains[atoms[place].key] = self._learned(atoms[place], gram[place], side[place])
-            if places:
+            if gram.shape[1] >= BROAD:
+                wide += [(atoms[place], gram[place], side[place]) for place in places]
+            elif places:
                 some = slice(None) if len(places) == len(atoms) else places
                 both = _at_ratios(gram[some], side[some])
                 alone += [atoms[place] for place in places]
                 taken.append(both[0])
                 spread.append(both[1])
+        if wide:
+            some, grams, sides = zip(*wide, strict=True)
+            both = _at_ratios_of_wide(grams, sides)
+            alone += some
+            taken.append(both[0])
+            spread.append(both[1])
         if alone:
             nats = self._noise_gain(np.concatenate(taken), np.concatenate(spread))
             nats -= np.array([atom.effect is not None for atom in alone])[:, None] * USUAL
@@ -198,36 +209,36 @@ def _left(whole: np.ndarray, half: np.ndarray) -> np.ndarray:
 
 def _at_ratios(gram: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What atoms of one width take of the sum of squares at each ratio, and log|1 + ratio G|, (atoms, ratios) each."""
-    if gram.shape[1] >= BROAD and (found := _tridiagonal(gram, side)) is not None:
-        return found
     strength, ways = np.linalg.eigh(gram)
     strength, along = np.maximum(strength, 0.0), np.einsum("aij,ai->aj", ways, side) ** 2
     spread = 1.0 + RATIOS[:, None] * strength[:, None, :]  # shape: (atoms, ratios, width)
     return (along[:, None, :] * RATIOS[:, None] / spread).sum(axis=2), np.log(spread).sum(axis=2)
 
 
-def _tridiagonal(gram: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """The same by tridiagonal forms, which are a fifth of the work; None where rounding spoils one.
+def _at_ratios_of_wide(grams: Sequence[np.ndarray], sides: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The same of atoms of many columns, by tridiagonal forms, which are a fifth of the work.
 
     Reflections that turn the gram G bordered by the side s into a tridiagonal T turn s into |s| times the first unit
     vector, so s^T (G + 1/ratio)^-1 s is |s|^2 over the last pivot of T + 1/ratio worked out from below.
     """
-    atoms, width = side.shape
-    room = int(lapack.dsytrd_lwork(width + 1, lower=1)[0])
+    width = np.array([len(side) for side in sides])
+    room = int(lapack.dsytrd_lwork(int(width.max()) + 1, lower=1)[0])
     bands = [
         lapack.dsytrd(_bordered(*both), lower=1, lwork=room, overwrite_a=1)[1:3]
-        for both in zip(gram, side, strict=True)
+        for both in zip(grams, sides, strict=True)
     ]
-    level, beside = (np.array(part)[:, ::-1] for part in zip(*bands, strict=True))
-    # All of them behind each other, with nothing in between, are one tridiagonal matrix.
-    pivots = np.repeat(level[:, None, :-1], len(RATIOS), axis=1) + 1.0 / RATIOS[:, None]
-    off = np.zeros_like(pivots)
-    off[:, :, :-1] = beside[:, None, :-1]
-    pivots, _, failed = lapack.dpttrf(pivots.ravel(), off.ravel()[:-1])
-    if failed:
-        return None
-    pivots = pivots.reshape(atoms, len(RATIOS), width)
-    return beside[:, -1:] ** 2 / pivots[:, :, -1], np.log(pivots).sum(axis=2) + width * np.log(RATIOS)
+    # All behind each other, with nothing in between, are one tridiagonal matrix: at each ratio, and all ratios' too.
+    level = np.concatenate([level[:0:-1] for level, _ in bands])
+    beside, last = np.concatenate([beside[::-1] for _, beside in bands]), np.cumsum(width) - 1
+    square, beside[last] = beside[last] ** 2, 0.0
+    off = np.tile(beside, len(RATIOS))[:-1]
+    pivots, _, failed = lapack.dpttrf((level + 1.0 / RATIOS[:, None]).ravel(), off)
+    if failed:  # where rounding spoils one
+        found = [_at_ratios(gram[None], side[None]) for gram, side in zip(grams, sides, strict=True)]
+        return np.concatenate([one for one, _ in found]), np.concatenate([two for _, two in found])
+    pivots = pivots.reshape(len(RATIOS), -1)
+    spread = np.add.reduceat(np.log(pivots), last + 1 - width, axis=1) + width * np.log(RATIOS)[:, None]
+    return (square / pivots[:, last]).T, spread.T
 
 
 def _bordered(gram: np.ndarray, side: np.ndarray) -> np.ndarray:

@@ -123,11 +123,14 @@ class System(ABC):
 
     @cached_property
     def families(self) -> list[tuple[tuple[Atom, ...], np.ndarray]]:
-        """Atoms by how many columns they have, so that alike ones are screened together."""
-        widths: dict[int, list[Atom]] = {}
-        for atom in self.atoms.values():
-            widths.setdefault(len(atom.columns), []).append(atom)
-        return [(tuple(some), np.array([atom.columns for atom in some])) for some in widths.values()]
+        """Atoms of one width side by side, so that alike ones are screened together, and their columns (a, w)."""
+        families: list[list[Atom]] = []
+        for atom in sorted(self.atoms.values(), key=lambda atom: int(atom.columns[0])):
+            before = families[-1][-1].columns if families else atom.columns
+            if not families or len(before) != len(atom.columns) or before[-1] + 1 != atom.columns[0]:
+                families.append([])
+            families[-1].append(atom)
+        return [(tuple(some), np.array([atom.columns for atom in some])) for some in families]
 
 
 def straightened(linear: Linear, fitted: FitResult, problem: Problem) -> Linear:
