@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ptt.diagnosis.ansatz import Ansatz, open_run
 from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.hidden import held_out
@@ -19,7 +20,8 @@ from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.sampled import spread
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.span import span_of
-from ptt.diagnosis.summed import Ansatz, SummedSystem, open_run, sum_up
+from ptt.diagnosis.summed import sum_up
+from ptt.diagnosis.summed_system import SummedSystem
 from ptt.diagnosis.system import clock_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.diagnosis.wander import Wander

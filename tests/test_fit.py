@@ -21,7 +21,8 @@ from ptt.fitting.outliers import inside
 from ptt.fitting.report import format_fit, report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
-from ptt.fitting.solve import fit, residual_of, rms, unseen_directions
+from ptt.fitting.solve import fit, residual_of, rms
+from ptt.fitting.stated import unseen_directions
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.machine_schema import BasePoint
 from ptt.model.chain import predict

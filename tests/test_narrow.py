@@ -7,7 +7,8 @@ from ptt.diagnosis.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.blocks import SIZE, Block, Place
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.narrow import narrow
-from ptt.diagnosis.row_sums import FewSums, poses_of
+from ptt.diagnosis.poses import poses_of
+from ptt.diagnosis.row_sums import FewSums
 from ptt.diagnosis.wander import Clock
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.evidence import learn

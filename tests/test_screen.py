@@ -16,7 +16,8 @@ from ptt.diagnosis.gains import MANY, STRETCH
 from ptt.diagnosis.memories import prior_of
 from ptt.diagnosis.memory import WHITE, Memory, Sums
 from ptt.diagnosis.periods import _spectrum, _telling
-from ptt.diagnosis.row_sums import SumsOfRows, poses_of, sums_of_poses, sums_of_rows, white_rows
+from ptt.diagnosis.poses import poses_of
+from ptt.diagnosis.row_sums import SumsOfRows, sums_of_poses, sums_of_rows, white_rows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import BROAD, Basis, Screen

@@ -5,22 +5,25 @@ from functools import partial
 
 import numpy as np
 
+from ptt.diagnosis.ansatz import Ansatz, Run, Trials
 from ptt.diagnosis.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.found import Found, moved, settled
 from ptt.diagnosis.moments import find_moments, place_moments
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import starting_noise
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import improve, without
+from ptt.diagnosis.search import improve
 from ptt.diagnosis.state import State
-from ptt.diagnosis.summed import Ansatz, Run, SummedSystem, Trials, sum_up
+from ptt.diagnosis.summed import sum_up
+from ptt.diagnosis.summed_system import SummedSystem
 from ptt.effects import Library
 from ptt.fitting.chunks import numbers
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Shape
 from ptt.fitting.moment import at_rows
 from ptt.fitting.result import FitResult
-from ptt.fitting.solve import fitted_terms
+from ptt.fitting.stated import fitted_terms
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem

@@ -8,7 +8,8 @@ import torch
 from ptt.diagnosis.atoms import is_effect
 from ptt.diagnosis.found import Found, fit_less, is_better, moved, scorer_at
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.search import HOPEFUL, improve, loose, plainest, refilled
+from ptt.diagnosis.moves import loose
+from ptt.diagnosis.search import HOPEFUL, improve, plainest, refilled
 from ptt.diagnosis.state import State
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS

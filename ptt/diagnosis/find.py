@@ -12,12 +12,13 @@ from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, s
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import best_of, ends_of, improve, is_told, loose, plainest, refilled
+from ptt.diagnosis.search import best_of, ends_of, improve, is_told, plainest, refilled
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes

@@ -9,9 +9,10 @@ from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import first_of, present_candidates
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import LEAST, without
+from ptt.diagnosis.search import LEAST
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System

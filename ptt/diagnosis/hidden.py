@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.memory import WHITE, Hidden
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import without
 from ptt.diagnosis.state import State
 from ptt.fitting.posterior import Posterior
 

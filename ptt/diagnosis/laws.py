@@ -14,9 +14,10 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES, context_views, path_views
 from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
 from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain
+from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import FEW, HOPEFUL, LEAST, improve, loose, plainest, without
+from ptt.diagnosis.search import FEW, HOPEFUL, LEAST, improve, plainest
 from ptt.diagnosis.smooth import cosines, ends_of, scaled
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import whitened

@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.search import without
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.fitting.sums import Projected, gain, project

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ptt.diagnosis.ansatz import Ansatz, Run, columns_of
 from ptt.diagnosis.blocks import unknown_blocks
 from ptt.diagnosis.moment import Along, along, best_row, joined
-from ptt.diagnosis.summed import Ansatz, Run, columns_of
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import map_chunks, numbers

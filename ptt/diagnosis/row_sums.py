@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ptt.diagnosis.memory import Hidden, Memory, PoseParts, Sums, as_sums, entries, of_poses, run_of
+from ptt.diagnosis.poses import Poses
 from ptt.diagnosis.wander import Clock, filtered
 
 PLENTY = 4  # rows for each column from which the sums of all columns are worked out at once
@@ -146,7 +147,7 @@ def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all
     return SumsOfRows(room, side, square, log_noise, white=white, there=there)
 
 
-def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: "Poses", size: float) -> Sums:
+def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: Poses, size: float) -> Sums:
     """Normal sums where each pose has an error to itself.
 
     Args:
@@ -163,38 +164,6 @@ def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: "Po
         np.empty((width, width)), plain.side - means @ (share * values), square, log_noise,
         there=np.zeros(width, dtype=bool), plain=plain, means=means, share=share,
     )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Poses:
-    """Which rows are visits of which pose.
-
-    Attributes:
-        order: the rows, pose by pose, (m,) int.
-        first: place of the first visit of each pose in this order.
-        visits: of each pose.
-    """
-
-    order: np.ndarray
-    first: np.ndarray
-    visits: np.ndarray
-
-    def means(self, rows: np.ndarray) -> np.ndarray:
-        """Root of the visits times the mean of each pose, (.., poses) of rows (.., m)."""
-        ordered = np.take(rows, self.order, axis=-1)  # twice as fast as an index behind an ellipsis
-        return np.asarray(np.add.reduceat(ordered, self.first, axis=-1) / np.sqrt(self.visits))
-
-    def share(self, size: float) -> tuple[np.ndarray, float]:
-        """What errors of a size take off three coordinates' means, (3 poses,); half the log-determinant they cost."""
-        times = size * self.visits
-        return np.tile(times / (1.0 + times), 3), 1.5 * float(np.log1p(times).sum())
-
-
-def poses_of(pose: np.ndarray) -> Poses:
-    """Poses of rows (m,) int, equal for visits of one pose."""
-    order = np.argsort(pose, kind="stable")
-    first = np.flatnonzero(np.diff(pose[order], prepend=pose[order[:1]] - 1))
-    return Poses(order, first, np.diff(np.append(first, len(order))))
 
 
 @dataclass

@@ -10,18 +10,17 @@ from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_joined, base_sums
 from ptt.diagnosis.narrow import narrow
+from ptt.diagnosis.poses import Poses, poses_of
 from ptt.diagnosis.row_sums import (
     FewSums,
-    Poses,
     SumsOfPoses,
     SumsOfRows,
     flattened,
     hide_rows,
-    poses_of,
     sums_of_poses,
     sums_of_rows,
     white_rows,
-)  # fmt: skip
+)
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, clock_of, straightened, whitened
 from ptt.effects import Effect

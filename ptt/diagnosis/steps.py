@@ -10,8 +10,9 @@ from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.hidden import held_out, hide, left_of
 from ptt.diagnosis.laws import is_broad
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moves import added, loose, without
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import PLAIN, added, loose, without
+from ptt.diagnosis.search import PLAIN
 from ptt.diagnosis.state import State
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate

@@ -1,75 +1,26 @@
-"""A system whose rows are gone: normal sums of a long run, chunk by chunk, and what a solution leaves of its rows."""
+"""Normal sums of a long run, chunk by chunk, and what a solution leaves of its rows."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, atoms_of
-from ptt.diagnosis.blocks import unknown_blocks
+from ptt.diagnosis.ansatz import Ansatz, Run, Trials, columns_of
+from ptt.diagnosis.atoms import atoms_of
 from ptt.diagnosis.gross import gross_errors, places_of
-from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_sums, base_sums, block_sums, hide, sum_rows
+from ptt.diagnosis.memory import WHITE, as_sums, base_sums, block_sums, sum_rows
 from ptt.diagnosis.sampled import Held, share_of_rows, spread
-from ptt.diagnosis.span import Span
-from ptt.diagnosis.system import System, clock_of, straightened, whitened
+from ptt.diagnosis.summed_system import SummedSystem
+from ptt.diagnosis.system import clock_of
 from ptt.effects import Effect
 from ptt.fitting.chunks import cut, map_chunks, numbers
-from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
+from ptt.fitting.linear import Linear, Shape, few_shapes
 from ptt.fitting.outliers import inside
-from ptt.fitting.result import FitResult
-from ptt.run.holdout import blocks as travel_blocks
-from ptt.run.holdout import sharing_groups
-from ptt.run.noise import Noise
 from ptt.run.problem import Problem
-
-Chunks = Sequence[Callable[[], Problem]]
-Trials = Mapping[str, tuple[Effect, Sequence[Shape]]]  # candidates by key, each in the shapes that are summed
 
 SLAB = 4_000  # rows of a chunk whose columns of all candidates are there at once: more of them leave the cache
 MOST_STRETCHES = 50  # of a chunk, up to which sums over each are cheap
-
-
-@dataclass(frozen=True)
-class Run:
-    """A long run as chunks are made of it.
-
-    Attributes:
-        problem: all rows.
-        chunks: makers of its chunks, in order.
-        span: what it covers.
-        block: held-out block of each row, (n,) int.
-        pose: (n,) int, equal for rows that may err alike: of one pose, or of one visit.
-        by_visit: whether of one visit.
-    """
-
-    problem: Problem
-    chunks: Chunks
-    span: Span
-    block: np.ndarray
-    pose: np.ndarray
-    by_visit: bool
-
-
-@dataclass(frozen=True)
-class Ansatz:
-    """What all chunks are linearised at.
-
-    Attributes:
-        fitted: the model; its layout and unknowns.
-        blocks: atoms of the blocks that stand beside it, in the order of their columns.
-        periods: joint and length of periods among them.
-        noise: the noise floor.
-        freedom: degrees of freedom behind it.
-        memory: of the noise.
-    """
-
-    fitted: FitResult
-    blocks: tuple[Atom, ...]
-    periods: Sequence[tuple[int, float]]
-    noise: Noise
-    freedom: float
-    memory: Memory
 
 
 @dataclass(frozen=True)
@@ -91,61 +42,6 @@ class Contribution:
     rows: np.ndarray
     gross: np.ndarray
     linear: Linear
-
-
-@dataclass
-class SummedSystem(System):
-    """A system that keeps sums only.
-
-    Attributes:
-        total: by memory of the noise; there are no others.
-        hidden_sums: held-out block -> joined sums in noise units and in mm, and its rows.
-        extra: coordinates of base reflectors.
-        visits: beyond the first of each pose.
-        look: what a solution leaves of all rows, by another pass over them.
-    """
-
-    total: dict[Memory, Sums]
-    hidden_sums: dict[int, Held]
-    extra: int
-    visits: int
-    look: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    _left: dict[bytes, np.ndarray] = field(default_factory=dict)
-
-    @property
-    def count(self) -> int:
-        """Number of coordinates."""
-        return 3 * len(self.rows) + self.extra
-
-    @property
-    def repeats(self) -> int:
-        """Visits beyond the first of each pose."""
-        return self.visits
-
-    @property
-    def memories(self) -> tuple[Memory, ...]:
-        """Those that there are sums of."""
-        return tuple(self.total)
-
-    def sums(self, memory: Memory) -> Sums:
-        """Normal sums of all columns."""
-        return self.total[memory]
-
-    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """What a solution leaves, (m, 3) whitened; the last few are kept."""
-        key = chosen.tobytes() + values.tobytes()
-        if key not in self._left:
-            if len(self._left) > 3:
-                self._left.pop(next(iter(self._left)))
-            self._left[key] = self.look(chosen, values)
-        return self._left[key]
-
-    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
-        """Sums of chosen columns over each held-out block of travel."""
-        both = np.ix_(*(np.append(chosen, len(self.scale)),) * 2)
-        for index, (white, in_mm, rows) in self.hidden_sums.items():
-            if index >= 0:
-                yield hide(white[both], in_mm[both], rows)
 
 
 def sum_up(
@@ -240,32 +136,6 @@ def _sum_rows(
     return both
 
 
-def columns_of(
-    chunk: Problem, run: Run, at: Ansatz, trials: Trials, names: Sequence[str] | None = None
-) -> tuple[Linear, np.ndarray]:
-    """Columns of the model, of candidates and of blocks, on a chunk.
-
-    Args:
-        chunk: m rows.
-        run: the run.
-        at: what it is linearised at.
-        trials: candidates.
-        names: of the blocks that are wanted; None for all.
-
-    Returns:
-        The linearised chunk, and its columns with those of blocks at the end, (m, 3, P).
-    """
-    shapes = {key: shapes for key, (_, shapes) in trials.items()}
-    linear = linear_columns(at.fitted, chunk, [effect for effect, _ in trials.values()], at.noise, shapes)
-    linear = straightened(linear, at.fitted, run.problem)
-    wanted = [atom.name for atom in at.blocks] if names is None else list(names)
-    if not wanted:
-        return linear, linear.columns
-    assert linear.at is not None
-    blocks = unknown_blocks(chunk, linear.at.chain, at.periods, run.span, wanted)
-    return linear, np.concatenate([linear.columns, whitened(blocks, at.noise)], axis=2)
-
-
 def left_of(
     run: Run, at: Ansatz, trials: Trials, system: SummedSystem, chosen: np.ndarray, values: np.ndarray
 ) -> np.ndarray:
@@ -298,21 +168,6 @@ def left_of(
         return (linear.values - columns[:, :, place] @ values)[counted[numbers(chunk)]]
 
     return np.concatenate(list(map_chunks(work, run.chunks)))
-
-
-def open_run(problem: Problem, chunks: Chunks, span: Span) -> Run:
-    """A long run with its held-out blocks and poses.
-
-    Args:
-        problem: all rows.
-        chunks: makers of its chunks.
-        span: what it covers.
-
-    Returns:
-        The run.
-    """
-    sharing = sharing_groups(problem.table, problem.used)
-    return Run(problem, chunks, span, travel_blocks(problem.table), *sharing)
 
 
 def _add(hidden: dict[int, Held], index: int, own: Held) -> None:

@@ -9,9 +9,9 @@ from ptt.diagnosis.atoms import Atom, is_sudden
 from ptt.diagnosis.gross import alone, are_exceptions, places_of, stand_out
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moment import best_moment
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import without
 from ptt.diagnosis.state import State
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden

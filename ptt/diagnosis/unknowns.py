@@ -8,8 +8,8 @@ from scipy import linalg
 
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.found import parts_of
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import without
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 

@@ -12,11 +12,11 @@ from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found, stands
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, visit_left, wanders_beyond
 from ptt.diagnosis.opening import opening_rows, without_opening
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
-from ptt.diagnosis.search import without
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
 from ptt.diagnosis.steps import Named, name_steps

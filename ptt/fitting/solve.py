@@ -1,17 +1,15 @@
 """Weighted least squares of all effects and the tracker frame together, and what the fit does not know."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from ptt.effects.phrases import listed
 from ptt.effects.sudden import Sudden
 from ptt.errors import PosesError
 from ptt.fitting.alike import excess, times_of
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
-from ptt.fitting.factor import inverse
 from ptt.fitting.gauss_newton import DONE, HOPELESS, Equations, descend
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator, LongSystem
@@ -19,6 +17,7 @@ from ptt.fitting.outliers import inside, linear_residual
 from ptt.fitting.prior import Prior, crowding_of, learn_prior, usual_prior
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
+from ptt.fitting.stated import Witness, conclude
 from ptt.fitting.whitened import Evaluator, System
 from ptt.model.chain import read_base
 from ptt.model.model import Model, Term
@@ -27,10 +26,7 @@ from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.problem import Problem
 
 NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
-SEEN = 1.0  # a direction counts as seen where the data know it better than its usual size
-ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
 ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
-Witness = Callable[[np.ndarray, float], np.ndarray | None]
 ALIKE = 0.1  # change of a log variance below which sizes count as settled
 
 
@@ -127,21 +123,6 @@ def hold(term: Term) -> Term:
     return replace(term, fixed=frozenset(parameter.stem for parameter in term.effect.parameters))
 
 
-def unseen_directions(information: np.ndarray) -> np.ndarray:
-    """Directions that the rows know no better than the size that the unknowns may have.
-
-    Args:
-        information: J^T J in units of those sizes, (u, u).
-
-    Returns:
-        (u, m), orthonormal columns.
-    """
-    if not len(information):
-        return np.zeros((0, 0))
-    strength, directions = np.linalg.eigh(information)
-    return directions[:, strength < max(SEEN, ROUNDING * strength[-1])]
-
-
 def near(one: Prior, other: Prior) -> bool:
     """Tell sizes so alike that no unknown would move by what matters."""
     return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
@@ -236,67 +217,6 @@ def _witness(system: System | LongSystem, problem: Problem, kept: np.ndarray) ->
         return None
     times = times_of(problem, kept)
     return lambda inverse, scatter: excess(system.jacobian[kept], system.residual[kept], times, inverse, scatter)
-
-
-def conclude(
-    fitted: FitResult,
-    unknowns: np.ndarray,
-    information: np.ndarray,
-    chi2: float,
-    count: float,
-    witness: Witness | None = None,
-) -> FitResult:
-    """State what rows tell of the unknowns: values, covariance, directions that they do not see.
-
-    Args:
-        fitted: for the layout and the prior.
-        unknowns: (u,) in usual sizes.
-        information: J^T J of the rows in usual sizes, (u, u).
-        chi2: weighted sum of squares that is left of them.
-        count: number of their coordinates.
-        witness: what rows that err alike add to the scatter of X^T r, given the inverse of the equations and the
-            scatter of a row.
-
-    Returns:
-        The fit with all this.
-    """
-    layout, prior = fitted.layout, fitted.prior
-    left = inverse(information + np.diag(prior.weight))
-    freedom = max(count - len(unknowns) + float(np.diag(left) @ prior.weight), 1.0)
-    widening, informed = max(1.0, chi2 / freedom), information + np.diag(layout.held.astype(float))
-    # Small learned sizes make good values, but one parameter may be large where its fellows are not.
-    sizes = prior.sizes(layout)
-    wide = widening * prior.crowding
-    solved = inverse(information + np.diag(wide / np.maximum(prior.variance, sizes**2)))
-    more = witness(solved, wide) if witness else None
-    covariance = wide * solved if more is None else wide * solved + solved @ more @ solved
-    unseen = unseen_directions(informed * np.outer(sizes, sizes))
-    result = replace(
-        fitted, unknowns=unknowns, covariance=covariance * np.outer(layout.scale, layout.scale), information=informed,
-        chi2=chi2, freedom=round(freedom), rank=len(unknowns) - unseen.shape[1], unseen=unseen,
-    )  # fmt: skip
-    return replace(result, model=replace(result.model, terms=fitted_terms(result)))
-
-
-def fitted_terms(result: FitResult) -> tuple[Term, ...]:
-    """Terms at a fit's unknowns, with what is known of their accuracy.
-
-    Args:
-        result: the fit.
-
-    Returns:
-        The terms.
-    """
-    layout, terms, start = result.layout, [], 0
-    for term, free, theta in zip(layout.terms, layout.free, layout.thetas(result.unknowns), strict=True):
-        part = slice(start, start + int(free.sum()))
-        std, measured = torch.full_like(theta, torch.nan), torch.ones(len(theta), dtype=torch.bool)
-        mask = torch.as_tensor(free)
-        std[mask] = torch.as_tensor(result.std[part])
-        measured[mask] = torch.as_tensor(result.measured[part])
-        terms.append(replace(term, theta=theta, std=std, measured=measured))
-        start = part.stop
-    return tuple(terms)
 
 
 def rms(residual: np.ndarray, rows: np.ndarray | Sequence[bool]) -> dict[str, float]:

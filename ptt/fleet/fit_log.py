@@ -21,7 +21,8 @@ from ptt.fitting.outliers import EXCEPTIONS, limit_of
 from ptt.fitting.prior import Prior, design_effect, learn_prior, usual_prior
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
-from ptt.fitting.solve import ROUNDS, conclude, near
+from ptt.fitting.solve import ROUNDS, near
+from ptt.fitting.stated import conclude
 from ptt.fitting.whitened import Total
 from ptt.fleet.log import Log, enter_part, open_log, read_part, to_parquet
 from ptt.fleet.shares import EDGES, Passes, Share

@@ -4,7 +4,8 @@ import numpy as np
 
 from ptt.effects.dated import is_dated
 from ptt.effects.parameter import Parameter
-from ptt.fitting.solve import FitResult, unseen_directions
+from ptt.fitting.solve import FitResult
+from ptt.fitting.stated import unseen_directions
 from ptt.fleet.task import Testimony
 from ptt.model.model import parameter_names
 
