@@ -1,7 +1,7 @@
 """Find: linearise, search, move the model to what was found, linearise there again."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from ptt.diagnosis.exact import by_names, find_needless
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.laws import by_laws, with_atoms
-from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
@@ -19,17 +18,41 @@ from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import best_of, ends_of, improve, is_told, plainest, refilled
+from ptt.diagnosis.shapes import with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
-from ptt.diagnosis.turn import best_moments, gross_beside, with_shapes
+from ptt.diagnosis.turn import Turn, best_moments, first_turn, gross_beside
 from ptt.effects import Effect, Library
-from ptt.fitting.linear import Linear, Shape, few_shapes, linear_columns
+from ptt.fitting.linear import Linear, few_shapes, linear_columns
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be explained, and with what.
+
+    Attributes:
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        tell: told what is being done.
+        steps: how many effects may be added.
+        span: of the run that the rows are a part of; None where they are all of it.
+        freedom: degrees of freedom behind the noise floor.
+    """
+
+    model: Model
+    problem: Problem
+    known: Library
+    tell: Tell
+    steps: int
+    span: Span | None
+    freedom: float
 
 
 def find(
@@ -49,73 +72,87 @@ def find(
         What was found.
     """
     noise, freedom = starting_noise(problem)
-    opening, whole = remembering_rows(model.terms, problem, noise), problem
-    current, gross = model, np.zeros(problem.table.rows, dtype=bool)
-    carried = np.zeros((problem.table.rows, 3))
-    kept: tuple[str, ...] | None = None
-    moments: dict[str, list[Shape]] = {}
-    before: Found | None = None  # with effects that seemed needless
-    memory, periods, barred, held = WHITE, list[tuple[int, float]](), frozenset[str](), tuple[str, ...]()
-    for turn in range(TURNS):
-        tell(f"linearise {turn + 1}")
-        problem = without_opening(whole, opening)
-        fitted = fit_less(current, problem, carried, gross, noise)
-        candidates, untestable = present_candidates(fitted, problem, known)
-        linear = None
-        if turn == 0:
-            linear = linear_columns(fitted, problem, candidates, noise)
-            gross = _sift(linear, problem)
-        rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
-        shapes = {effect.key: [*effect.search(problem.view), *moments.get(effect.key, ())] for effect in candidates}
-        system = build_system(fitted, problem, candidates, noise, freedom, rows, periods, shapes, span, linear)
-        scorer = Scorer(system, model.keys, steps, barred)
-        tell(f"search {turn + 1}")
-        if kept is None:
-            scorer, system, state = _search_first(scorer, system, candidates)
-        else:
-            state = scorer.score([key for key in kept if key in system.atoms], memory)
-            if turn < TURNS - 1:  # what is said is what it is linearised at
-                state = refilled(scorer, improve(scorer, state))
-        state = plainest(scorer, state)
-        found = Found(fitted, system, scorer, state, noise, carried, gross, untestable, periods, span, opening=opening)
-        if before is not None and is_better(before, found):  # curves that bend further did the work of what went
-            found = before
+    asked = Asked(model, problem, known, tell, steps, span, freedom)
+    turn: Turn | None = first_turn(model, problem, noise)
+    while turn is not None:
+        problem = without_opening(asked.problem, turn.opening)
+        found, candidates = _searched(asked, turn, problem)
+        if turn.before is not None and is_better(turn.before, found):  # curves that bend further did the work
+            found = turn.before
             break
-        before = None
-        if turn == TURNS - 1:
-            break
-        seen = find_period(scorer, state, problem, periods)
-        far, gross = gross, gross_beside(system, state, gross)
-        blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
-        same = settled(state, system) and set(blocks) == set(held)
-        steady = turn > 0 and seen is None and same and (far == gross).all()
-        still = turn == 0 and seen is None and same and not gross.any()
-        if still and noise_again(problem, system, state) is noise:  # the next turn would be this one, but for moments
-            again = _with_moments(found, candidates)
-            steady = again.state.keys == state.keys
-            found = again if steady else found
-        if steady or turn == TURNS - 2:
-            needless = find_needless(found if steady else _fitted_beside(found, problem), problem)
-            if needless:
-                current, memory, before = _without(fitted.model, needless), state.memory, found
-                barred, kept = barred | set(needless), (*current.keys, *blocks)
-                system.forget()
-                continue
-        if steady:
-            break
-        moments = best_moments(scorer, state, loose(scorer, state), candidates)
-        periods += [] if seen is None else [(seen.joint, seen.length)]
-        carried = carried_by(state, system, problem)
-        noise = noise_again(problem, system, state)
-        current = moved(found, model, problem)
-        kept, memory, held = (*current.keys, *blocks), state.memory, blocks
-        if not opening.any():
-            opening = remembering_rows(current.terms, problem, noise)
-        system.forget()
+        found, turn = _turned(asked, turn, found, problem, candidates)
     found = by_names(found, model, problem, known, freedom, steps)
     if span is not None:  # what explains a part has to be worked out for all of the run
         return found
     return _lawful(found, model, problem, known, freedom, steps)
+
+
+def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[Effect]]:
+    """Linearise and search; what may have been added."""
+    asked.tell(f"linearise {turn.number + 1}")
+    gross, noise = turn.gross, turn.noise
+    fitted = fit_less(turn.model, problem, turn.carried, gross, noise)
+    candidates, untestable = present_candidates(fitted, problem, asked.known)
+    linear = None
+    if turn.number == 0:
+        linear = linear_columns(fitted, problem, candidates, noise)
+        gross = _sift(linear, problem)
+    rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
+    shapes = {effect.key: [*effect.search(problem.view), *turn.moments.get(effect.key, ())] for effect in candidates}
+    system = build_system(
+        fitted, problem, candidates, noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear
+    )
+    scorer = Scorer(system, asked.model.keys, asked.steps, turn.barred)
+    asked.tell(f"search {turn.number + 1}")
+    if turn.kept is None:
+        scorer, system, state = _search_first(scorer, system, candidates)
+    else:
+        state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
+        if turn.number < TURNS - 1:  # what is said is what it is linearised at
+            state = refilled(scorer, improve(scorer, state))
+    return Found(
+        fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
+        asked.span, opening=turn.opening,
+    ), candidates  # fmt: skip
+
+
+def _turned(
+    asked: Asked, turn: Turn, found: Found, problem: Problem, candidates: Sequence[Effect]
+) -> tuple[Found, Turn | None]:
+    """What was found, and the turn that it asks for; None where it is linearised at what it says."""
+    if turn.number == TURNS - 1:
+        return found, None
+    scorer, system, state = found.scorer, found.system, found.state
+    assert isinstance(system, RowSystem)
+    seen = find_period(scorer, state, problem, turn.periods)
+    gross = gross_beside(system, state, found.gross)
+    blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
+    same = seen is None and settled(state, system) and set(blocks) == set(turn.held)
+    steady = turn.number > 0 and same and bool((found.gross == gross).all())
+    still = turn.number == 0 and same and not gross.any()
+    if still and noise_again(problem, system, state) is found.noise:  # the next would be this one, but for moments
+        again = _with_moments(found, candidates)
+        steady = again.state.keys == state.keys
+        found = again if steady else found
+    following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None)
+    if steady or turn.number == TURNS - 2:
+        needless = find_needless(found if steady else _fitted_beside(found, problem), problem)
+        if needless:
+            current = _without(found.fitted.model, needless)
+            kept, barred = (*current.keys, *blocks), turn.barred | set(needless)
+            system.forget()
+            return found, replace(following, model=current, kept=kept, barred=barred, before=found)
+    if steady:
+        return found, None
+    moments = best_moments(scorer, state, loose(scorer, state), candidates)
+    carried, noise = carried_by(state, system, problem), noise_again(problem, system, state)
+    current = moved(found, asked.model, problem)
+    system.forget()
+    return found, replace(
+        following, model=current, noise=noise, carried=carried, kept=(*current.keys, *blocks), held=blocks,
+        moments=moments, periods=turn.periods if seen is None else (*turn.periods, (seen.joint, seen.length)),
+        opening=turn.opening if turn.opening.any() else remembering_rows(current.terms, problem, noise),
+    )  # fmt: skip
 
 
 def _lawful(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:

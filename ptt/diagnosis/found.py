@@ -13,10 +13,10 @@ from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import LEAST
+from ptt.diagnosis.shapes import with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
-from ptt.diagnosis.turn import with_shapes
 from ptt.effects import Library
 from ptt.effects.base import flatten
 from ptt.errors import PosesError

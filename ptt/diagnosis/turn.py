@@ -1,21 +1,73 @@
 """What one turn of linearising and searching tells the next: rows that are gross errors, rows at which jumps may be."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom, is_sudden
+from ptt.diagnosis.found import Found
 from ptt.diagnosis.gross import alone, are_exceptions, places_of, stand_out
-from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.moves import without
+from ptt.diagnosis.opening import remembering_rows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
+from ptt.model.model import Model
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Where a turn of linearising and searching begins.
+
+    Attributes:
+        number: from 0.
+        model: with all that was named so far.
+        noise: the noise floor.
+        gross: rows left out as gross errors, (n,) bool.
+        carried: what blocks put into the readings, (n, 3) mm.
+        opening: rows left out because they tell from where the joints came to the run, (n,) bool.
+        kept: atoms that the search starts from; None for a search from nothing.
+        memory: of the noise.
+        held: blocks that were carried along.
+        periods: joint and length of those that were seen.
+        barred: effects that an exact fit does without.
+        moments: effect -> further moments of it.
+        before: what was found with effects that seemed needless; None where none went.
+    """
+
+    number: int
+    model: Model
+    noise: Noise
+    gross: np.ndarray
+    carried: np.ndarray
+    opening: np.ndarray
+    kept: tuple[str, ...] | None = None
+    memory: Memory = WHITE
+    held: tuple[str, ...] = ()
+    periods: tuple[tuple[int, float], ...] = ()
+    barred: frozenset[str] = frozenset()
+    moments: Mapping[str, Sequence[Shape]] = field(default_factory=dict)
+    before: Found | None = None
+
+
+def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
+    """The first: nothing is left out or carried along but rows that open the run.
+
+    Args:
+        model: as given.
+        problem: n rows.
+        noise: the noise floor.
+    """
+    opening = remembering_rows(model.terms, problem, noise)
+    return Turn(0, model, noise, np.zeros(problem.table.rows, dtype=bool), np.zeros((problem.table.rows, 3)), opening)
 
 
 def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarray:
@@ -68,36 +120,6 @@ def best_moments(
         for effect in sudden:
             found.setdefault(effect.key, []).append(_moment_beside(scorer, state, gone, effect))
     return found
-
-
-def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
-    """The same problem with further shapes of its effects, at the price of those that it has.
-
-    Args:
-        scorer: of a linearised problem.
-        shapes: effect -> its further shapes.
-
-    Returns:
-        A scorer that knows what was scored before, and its system.
-    """
-    system, atoms = scorer.system, dict[str, Atom]()
-    columns, base = list[np.ndarray](), list[np.ndarray]()
-    assert isinstance(system, RowSystem)
-    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
-    first = system.columns.shape[2]
-    for name, atom in like.items():
-        assert atom.effect is not None
-        columns.append(system.at.columns(atom.effect, *shapes[name])[system.rows])
-        base.append(system.at.on_base(atom.effect, *shapes[name]))
-        for number, shape in enumerate(shapes[name]):
-            place = np.arange(first, first + len(atom.columns))
-            key, first = f"{name}#further {number}", first + len(place)
-            atoms[key] = replace(atom, key=key, columns=place, shape=dict(shape))
-    size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
-    if atoms:
-        rows, on_base = (np.concatenate(own, axis=2) for own in (columns, base))
-        system = system.widened(atoms, rows, np.concatenate(size), on_base)
-    return scorer.widened(system), system
 
 
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:

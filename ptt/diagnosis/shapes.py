@@ -1,0 +1,41 @@
+"""Further shapes of effects beside those that a problem was linearised with."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.score import Scorer
+from ptt.fitting.linear import Shape
+
+
+def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
+    """The same problem with further shapes of its effects, at the price of those that it has.
+
+    Args:
+        scorer: of a linearised problem.
+        shapes: effect -> its further shapes.
+
+    Returns:
+        A scorer that knows what was scored before, and its system.
+    """
+    system, atoms = scorer.system, dict[str, Atom]()
+    columns, base = list[np.ndarray](), list[np.ndarray]()
+    assert isinstance(system, RowSystem)
+    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
+    first = system.columns.shape[2]
+    for name, atom in like.items():
+        assert atom.effect is not None
+        columns.append(system.at.columns(atom.effect, *shapes[name])[system.rows])
+        base.append(system.at.on_base(atom.effect, *shapes[name]))
+        for number, shape in enumerate(shapes[name]):
+            place = np.arange(first, first + len(atom.columns))
+            key, first = f"{name}#further {number}", first + len(place)
+            atoms[key] = replace(atom, key=key, columns=place, shape=dict(shape))
+    size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
+    if atoms:
+        rows, on_base = (np.concatenate(own, axis=2) for own in (columns, base))
+        system = system.widened(atoms, rows, np.concatenate(size), on_base)
+    return scorer.widened(system), system
