@@ -21,7 +21,7 @@ from ptt.diagnosis.search import best_of, ends_of, improve, is_told, plainest, r
 from ptt.diagnosis.shapes import with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
-from ptt.diagnosis.turn import Turn, best_moments, first_turn, gross_beside
+from ptt.diagnosis.turn import Turn, best_moments, first_turn, gross_beside, still_missed
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Linear, few_shapes, linear_columns
 from ptt.model.model import Model
@@ -94,6 +94,8 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
     fitted = fit_less(turn.model, problem, turn.carried, gross, noise)
     candidates, untestable = present_candidates(fitted, problem, asked.known)
     linear = None
+    if turn.number > 0 and turn.before is None:  # else it is what other rows said that would be compared
+        gross = still_missed(fitted, problem, noise, gross)
     if turn.number == 0:
         linear = linear_columns(fitted, problem, candidates, noise)
         gross = _sift(linear, problem)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from ptt.diagnosis.atoms import Atom, is_any, is_block, is_effect, is_metrology
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import SEEN, loose, plain_moves, slow_moves, without
+from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, plain_moves, slow_moves, without
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.state import State
@@ -73,9 +73,7 @@ def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
 
 
 def refilled(scorer: Scorer, best: State) -> State:
-    """Take each curve of a set out in turn for as many plain effects as it takes: one curve can do several's work.
-
-    Swaps one for one never find those: none of them alone is worth as much. The curve may come back beside them.
+    """Ask of each curve of a set what plain effects do in its place and beside it: one curve can do several's work.
 
     Args:
         scorer: of the system.
@@ -85,18 +83,48 @@ def refilled(scorer: Scorer, best: State) -> State:
         The best set found.
     """
     for key in loose(scorer, best):
-        atom = scorer.system.atoms[key]
-        if key in best.keys and len(atom.columns) > FEW:
-            fewer = scorer.score(without(best, key), best.memory, best.scales)
-            if not any(gain.nats > SEEN for gain in scorer.screen(fewer, _is_plain)):
-                continue
-            plain = improve(scorer, fewer, _is_plain, swaps=False)
-            if set(plain.keys) <= set(fewer.keys):  # none takes its place: what another curve can do, a swap has tried
-                continue
-            other = improve(scorer, plain, swaps=False)
-            if other.total > best.total + LEAST:
-                best = improve(scorer, other)
+        for other in (_instead_of, _beside):
+            if key in best.keys and len(scorer.system.atoms[key].columns) > FEW:
+                best = other(scorer, best, key)
     return _asked_of_tracker(scorer, best)
+
+
+def _instead_of(scorer: Scorer, best: State, key: str) -> State:
+    """A set with as many plain effects as it takes in the place of a curve, which may come back beside them.
+
+    Swaps one for one never find those: none of them alone is worth as much.
+    """
+    fewer = scorer.score(without(best, key), best.memory, best.scales)
+    if not any(gain.nats > SEEN for gain in scorer.screen(fewer, _is_plain)):
+        return best
+    plain = improve(scorer, fewer, _is_plain, swaps=False)
+    if set(plain.keys) <= set(fewer.keys):  # none takes its place: what another curve can do, a swap has tried
+        return best
+    other = improve(scorer, plain, swaps=False)
+    return improve(scorer, other) if other.total > best.total + LEAST else best
+
+
+def _beside(scorer: Scorer, best: State, key: str) -> State:
+    """A set with plain effects that take from a curve what is theirs; with those alone whose slope and level it has.
+
+    The screen holds the curve as wide as it is. That the rest of it is narrower once its slope has a name, only an
+    exact score tells.
+    """
+    near = [gain for gain in scorer.screen(best, _is_plain) if gain.nats > SEEN - NEAR]
+    tried = [added(scorer, best, gain) for gain in near[:TRIED]]
+    lenders = _lenders(scorer, best, key)
+    if lenders:
+        tried.append(scorer.score((*without(best, key), *lenders), best.memory, best.scales))
+    other = max(tried, key=lambda state: state.total, default=best)
+    return improve(scorer, other) if other.total > best.total + LEAST else best
+
+
+def _lenders(scorer: Scorer, state: State, key: str) -> list[str]:
+    """Atoms of the effects beyond a set whose own cause slope and level of one of its curves are."""
+    effect, atoms = scorer.system.atoms[key].effect, scorer.system.atoms
+    names = {name for parameter in effect.parameters for name in parameter.lent} if effect is not None else set()
+    there = {atoms[other].name for other in state.keys}
+    return list({atom.name: atom.key for atom in atoms.values() if atom.name in names - there}.values())
 
 
 def _asked_of_tracker(scorer: Scorer, best: State) -> State:

@@ -82,8 +82,10 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
     likely = [key for key in clear if not odd or ahead[key] > TIE]
-    trials = {key: hide(scorer, _beside(scorer, loose(scorer, state), key), key) for key in likely}
-    faithful = all(trial.faithful for trial in trials.values())
+    every = loose(scorer, state)
+    trials = {key: hide(scorer, _beside(scorer, every, key), key) for key in likely}
+    whole = [key for key in likely if len(_beside(scorer, every, key)) == len(every)]  # no curve of it stands aside
+    faithful = all(trials[key].faithful for key in whole or likely)
     speaking = [key for key in likely if trials[key].speaks(PLAIN)]
     named = _delivered(scorer, speaking, 0.0 if faithful else HALF)
     if len(named) < len(speaking):  # they may want for one that is somewhat likelier than any unknown

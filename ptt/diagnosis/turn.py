@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, is_sudden
 from ptt.diagnosis.found import Found
-from ptt.diagnosis.gross import alone, are_exceptions, places_of, stand_out
+from ptt.diagnosis.gross import CHANCE, alone, are_exceptions, places_of, stand_out
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.moves import without
@@ -18,9 +18,11 @@ from ptt.diagnosis.state import State
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
+from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
+from ptt.run.tails import chi2_isf
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,25 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarr
         white = white * np.sqrt(system.count / max(system.count - state.decided, 1.0))
         found[system.rows[alone(stand_out(white, here, least=0.0), white, here, places)]] = True
     return found if are_exceptions(found, problem.used) else gross
+
+
+def still_missed(fitted: FitResult, problem: Problem, noise: Noise, gross: np.ndarray) -> np.ndarray:
+    """Of rows that were left out those that a fit to the others misses by more than they scatter.
+
+    A law that bends may reach what none of its tangents did: rows at which play is not taken up yet.
+
+    Args:
+        fitted: to the rows that were not left out.
+        problem: the readings.
+        noise: the noise floor.
+        gross: rows that were left out, (n,) bool.
+
+    Returns:
+        (n,) bool.
+    """
+    left = fitted.residual @ noise.whitener.T
+    read = problem.used & np.isfinite(left).all(axis=1)
+    return gross & ~(read & (np.square(left).sum(axis=1) < chi2_isf(CHANCE, 3)))
 
 
 def best_moments(

@@ -18,7 +18,7 @@ from ptt.run.view import View
 
 WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
 
-GAPS = (0.02, 0.06, 0.2)  # mm, from ground to worn screws: between them a row more or less takes the gap up
+GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws: between them a row more or less takes the gap up
 LATE = 0.02  # of the gap, mean over the rows: rows that wait for it, from which they are worth a trial
 
 SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal compensation of {who} by {what}")
