@@ -47,7 +47,7 @@ def added(scorer: Scorer, state: State, gain: Gain, least: float = -np.inf) -> S
 
 def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     """One more atom, one less."""
-    found = [gain for gain in scorer.screen(state, allowed) if gain.nats > SEEN]
+    found = worth_a_try(scorer, state, allowed)
     lead = found[:TRIED]
     lead += [gain for gain in found if is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
     moves = list[State]()
@@ -60,6 +60,21 @@ def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     for key in weak:
         moves.append(scorer.score(without(state, key), state.memory, state.scales, _least(state, moves)))
     return moves
+
+
+def worth_a_try(scorer: Scorer, state: State, allowed: Allowed) -> list[Gain]:
+    """What the screen says of atoms that a set may ask for; from one that cannot be, anything may be the way out.
+
+    Args:
+        scorer: of the system.
+        state: the set.
+        allowed: atoms that may be added.
+
+    Returns:
+        Best first.
+    """
+    least = SEEN if np.isfinite(state.total) else -np.inf
+    return [gain for gain in scorer.screen(state, allowed) if gain.nats > least]
 
 
 def _least(state: State, moves: Sequence[State]) -> float:

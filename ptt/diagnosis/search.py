@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from ptt.diagnosis.atoms import Atom, is_any, is_block, is_effect, is_metrology
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, plain_moves, slow_moves, without
+from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, plain_moves, slow_moves, without, worth_a_try
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.state import State
@@ -95,7 +95,7 @@ def _instead_of(scorer: Scorer, best: State, key: str) -> State:
     Swaps one for one never find those: none of them alone is worth as much.
     """
     fewer = scorer.score(without(best, key), best.memory, best.scales)
-    if not any(gain.nats > SEEN for gain in scorer.screen(fewer, _is_plain)):
+    if not worth_a_try(scorer, fewer, _is_plain):
         return best
     plain = improve(scorer, fewer, _is_plain, swaps=False)
     if set(plain.keys) <= set(fewer.keys):  # none takes its place: what another curve can do, a swap has tried
