@@ -413,3 +413,12 @@ def test_what_is_needless_is_asked_beside_the_unknowns_of_now():
     machine = load_machine(folder / "machine.toml")
     found = diagnose(Model(machine), build_problem(machine, read_table(folder / "run.csv")))
     assert found.suggested == (("backlash",),) and not found.outliers.any()
+
+
+def test_from_a_set_that_cannot_be_anything_may_be_the_way_out():
+    """Without its unknown a clearance is below zero: no screen of such a set says what may come in its place."""
+    drawn, truth = draw(plan("multi", 1, 1090007, kinds="all", noise=None, bench=None, rows=None, visible=True)[0])
+    frame = simulate(drawn.rig, drawn.targets).frame
+    found = diagnose(Model(drawn.rig.machine), build_problem(drawn.rig.machine, table_of(frame, drawn.absent)))
+    assert {step[0] for step in found.suggested} == set(truth.hidden)
+    assert found.verdict == "missing"

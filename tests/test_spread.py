@@ -1,15 +1,19 @@
 """Standard deviations that a diagnosis states: of values told by how wide they are, or by either of two sets."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from ptt.challenge.cases import draw, plan
+from ptt.challenge.cases import Case, draw, plan
+from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.absent import absent_effects
 from ptt.diagnosis.find import find
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.probability import TEMPER
+from ptt.diagnosis.screen import Gain
 from ptt.diagnosis.spread import exchanged_errors, spread_of, square_errors, values_of
 from ptt.effects import library
 from ptt.model.model import Model
@@ -56,3 +60,54 @@ def test_a_slip_and_a_knock_that_may_have_changed_places_say_so():
     alone, both = spread_of(found.scorer, state, key) ** 2, exchanged_errors(found, problem)[key][:3]
     assert np.abs(pull / np.sqrt(alone)).max() > 5.0
     assert np.abs(pull / np.sqrt(alone + both)).max() < 2.0
+
+
+def test_what_zeros_would_do_that_nobody_named_stands_in_the_errors_of_leaning_towers():
+    """In a frame that is fitted, zeros that differ lean the tracker: the towers take what the frame does not."""
+    drawn, _ = draw(Case(1090035, "single", "volume", ("tower-tilt",), noise="white"))
+    drawn = hide_faults(drawn, ["homing-offset"], 1090042)
+    file = drawn.rig.machine
+    problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = find(Model(file), problem, library(), lambda what: None)
+    (key,), state, scorer = found.state.keys, found.state, found.scorer
+    atom, absent = found.system.atoms[key], absent_effects(scorer, state)
+    assert atom.name == "tower-tilt"
+    lean = drawn.truth["tower-tilt"]
+    true = 1e-3 * np.concatenate([lean["lean_radial_mrad"], lean["lean_tangential_mrad"]])
+    off = np.abs(values_of(state, atom, found.system.scale) - true)
+    alone, beside = spread_of(scorer, state, key), spread_of(scorer, state, key, absent)
+    assert (off / alone).max() > 100.0
+    assert (off / beside).max() < 8.0  # the odds against one more effect are a dozen to one
+    most = max(absent, key=lambda each: each.odds * np.trace(each.moved[np.ix_(state.of(key), state.of(key))]))
+    assert most.name == "homing-offset"
+
+
+def test_an_effect_that_the_readings_exclude_leaves_errors_as_they_are():
+    """In a frame that the file trusts, readings tell zeros from towers: nothing is left open."""
+    scores, moves = [], []
+    for known in (0.0, 1e-4, 1e4):
+        state, scorer = beside_one(known)
+        (absent,) = absent_effects(scorer, state)
+        scores.append(absent.odds)
+        moves.append(float(absent.moved[0, 0]))
+    assert scores[0] == pytest.approx(np.exp(-8.0 / TEMPER))
+    assert moves[0] == pytest.approx(1.0)  # of one usual size, told by nothing
+    assert moves[1] == pytest.approx(moves[0], rel=1e-3)
+    assert moves[2] < 1e-3 * moves[0]
+    assert scores[2] < 0.02 * scores[0]
+
+
+def beside_one(known: float) -> tuple:
+    """A set of one value, and an effect that does the same but for what a sum of squares of `known` tells of it."""
+    gram = np.array([[1e6, 1e6], [1e6, 1e6 + known]])
+    own = 0.5 * np.log(1.0 + known)
+    atom = SimpleNamespace(name="told", columns=np.array([0]), odds=8.0, group=np.array([0]))
+    other = SimpleNamespace(name="absent", columns=np.array([1]), odds=8.0, group=np.array([0]))
+    system = SimpleNamespace(
+        atoms={"told": atom, "absent": other},
+        sums_of=lambda columns, memory: SimpleNamespace(gram=gram[np.ix_(columns, columns)], side=np.array([1e6, 1e6])),
+    )
+    posterior = SimpleNamespace(phi=1.0, values=np.array([1.0]), cholesky=np.array([[1e3]]), order=np.array([0]))
+    state = SimpleNamespace(keys=("told",), columns=np.array([0]), memory=None, posterior=posterior)
+    gain = Gain(-8.0 - own, "absent", np.ones(1))
+    return state, SimpleNamespace(system=system, screen=lambda state, allowed: [gain])

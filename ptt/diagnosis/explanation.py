@@ -6,6 +6,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 import torch
 
+from ptt.diagnosis.absent import absent_effects
 from ptt.diagnosis.atoms import Atom, is_effect
 from ptt.diagnosis.coincidence import coincidences
 from ptt.diagnosis.found import Found
@@ -88,7 +89,7 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Pro
     Returns:
         The terms, in the order of a model.
     """
-    exchanged = exchanged_errors(found, problem)
+    exchanged, absent = exchanged_errors(found, problem), absent_effects(found.scorer, found.state)
     system, state, current = found.system, found.state, replace(model, terms=())
     for key in (*found.scorer.given, *keys):
         atom, own = system.atoms[key], state.of(key)
@@ -104,7 +105,7 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Pro
         theta[free] = torch.as_tensor(atom.amplitudes(state.posterior.values[own], system.scale))
         std, prior = state.errors(atom, system.scale)
         error[free] = torch.as_tensor(
-            np.sqrt(spread_of(found.scorer, state, key) ** 2 + exchanged[atom.name][free.numpy()])
+            np.sqrt(spread_of(found.scorer, state, key, absent) ** 2 + exchanged[atom.name][free.numpy()])
         )
         seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
         current = current + replace(term, theta=_within(term, theta, model), std=error, measured=seen)

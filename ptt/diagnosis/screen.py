@@ -117,7 +117,7 @@ class Screen:
             first += len(place)
             half = solved[:, run_of(place)].reshape(len(root), len(places), columns.shape[1]).transpose(1, 2, 0)
             gram = sums.own(columns) if len(places) == len(family) else sums.own(columns)[places]
-            looked.append(([family[i] for i in places], _left(gram, half), side[place].reshape(len(places), -1)))
+            looked.append(([family[i] for i in places], left_beside(gram, half), side[place].reshape(len(places), -1)))
         self._keep(looked)
 
     def _keep(self, looked: Sequence[Looked]) -> None:
@@ -193,7 +193,7 @@ class Screen:
         return Gain(own.total - before - atom.odds, atom.key, own.scales)
 
 
-def _left(whole: np.ndarray, half: np.ndarray) -> np.ndarray:
+def left_beside(whole: np.ndarray, half: np.ndarray) -> np.ndarray:
     """What a set leaves of the columns of atoms of one width w, (a, w, w).
 
     Args:

@@ -1,9 +1,10 @@
-"""How far stated values may be off: in the set that is told, by widths that are learned, by sets that do as well."""
+"""How far stated values may be off: by widths that are learned, by sets that do as well, by what is not named."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ptt.diagnosis.absent import Absent
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.found import Found, fits_exchanged
 from ptt.diagnosis.probability import TEMPER, near_sets
@@ -16,23 +17,27 @@ TWO_SIDED = 0.975  # within two standard deviations: 95 %
 FEWEST = 2.0  # values from which a width is learned at the least: its own prior is worth no less
 
 
-def spread_of(scorer: Scorer, state: State, key: str) -> np.ndarray:
+def spread_of(scorer: Scorer, state: State, key: str, absent: Sequence[Absent] = ()) -> np.ndarray:
     """Standard deviations of the linear values of an atom, in their units, (w,).
 
     Args:
         scorer: that has scored the sets.
         state: the one that is told.
         key: of one of its atoms.
+        absent: effects that may be there beside it.
     """
     scale, atoms = scorer.system.scale, scorer.system.atoms
-    told = values_of(state, atoms[key], scale)
+    told, own = values_of(state, atoms[key], scale), state.of(key)
     weights, squares = [1.0], [square_errors(scorer, state, atoms[key])]
+    for each in absent:
+        weights.append(each.odds)
+        squares.append(squares[0] + _of_values(atoms[key], each.moved[np.ix_(own, own)], scale))
     for odds, rival in near_sets(scorer, state):
-        own = next((other for other in rival.keys if atoms[other].name == atoms[key].name), None)
-        if own is None:
+        there = next((other for other in rival.keys if atoms[other].name == atoms[key].name), None)
+        if there is None:
             continue
         weights.append(odds)
-        squares.append(square_errors(scorer, rival, atoms[own]) + (values_of(rival, atoms[own], scale) - told) ** 2)
+        squares.append(square_errors(scorer, rival, atoms[there]) + (values_of(rival, atoms[there], scale) - told) ** 2)
     return np.asarray(np.sqrt(np.average(squares, axis=0, weights=weights)))
 
 
@@ -80,13 +85,21 @@ def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:
         moved = across @ (state.posterior.values[group] / prior[group])
         unseen = phi * (across / prior[group]) @ across.T
         covariance = covariance + (wider[name] - 1.0) * unseen + np.outer(moved, moved) * (2.0 / max(decided, FEWEST))
-    size = atom.sizes(scorer.system.scale)
+    known = _of_values(atom, covariance, scorer.system.scale)
     if atom.turn is None:
-        return np.asarray(np.diag(covariance) * size**2)
+        return known
     ways, before = atom.turn.ways, state.scales[atom.key][atom.turn.group] * phi
     before = before * np.array([wider.get((atom.key, group), _wider(0.0)) for group in atom.turn.group.tolist()])
     unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
-    return np.asarray((np.einsum("ij,jk,ik->i", ways, covariance, ways, optimize=True) + unseen) * size**2)
+    return np.asarray(known + unseen * atom.sizes(scorer.system.scale) ** 2)
+
+
+def _of_values(atom: Atom, covariance: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Mean squares of an atom's linear values in their units, (w,), from a covariance of its columns."""
+    if atom.turn is None:
+        return np.asarray(np.diag(covariance) * atom.sizes(scale) ** 2)
+    ways = atom.turn.ways
+    return np.asarray(np.einsum("ij,jk,ik->i", ways, covariance, ways, optimize=True) * atom.sizes(scale) ** 2)
 
 
 def _groups(scorer: Scorer, state: State) -> Iterator[tuple[tuple[str, int], np.ndarray]]:
