@@ -75,8 +75,10 @@ class Screen:
         """
         self.system, self.basis, self.begun = system, basis, begun
         self.gains: dict[str, Gain] = {}
+        alike = {atom.name: atom for family, _ in system.families for atom in family}  # all shapes of a name or none
+        names = {name for name, atom in alike.items() if is_open(atom)}
         self.open = [
-            (family, columns, [place for place, atom in enumerate(family) if is_open(atom)])
+            (family, columns, [place for place, atom in enumerate(family) if atom.name in names])
             for family, columns in system.families
         ]
         self.known = system.freedom + system.spare

@@ -50,7 +50,7 @@ class State:
     def worth(self, key: str) -> float:
         """About what an atom is worth: half of Wald's statistic of its values, nats."""
         own = self.of(key)
-        values, spread = self.posterior.values[own], self.covariance[np.ix_(own, own)]
+        values, spread = self.posterior.values[own], self.posterior.phi * self.inverse[np.ix_(own, own)]
         factor, failed = lapack.dpotrf(spread, lower=1)
         if failed:
             return 0.5 * float(values @ np.linalg.lstsq(spread, values, rcond=1e-12)[0])
@@ -74,7 +74,7 @@ class State:
     @property
     def std(self) -> np.ndarray:
         """Posterior standard deviations, (p,)."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt(self.posterior.phi * self.inverse.diagonal())
 
     def errors(self, atom: Atom, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations of an atom's linear values after and before the data, in their units, (w,) each.
@@ -88,5 +88,5 @@ class State:
             return self.std[own] * size, np.sqrt(self.posterior.prior[own] * phi) * size
         ways, before = atom.turn.ways, self.scales[atom.key][atom.turn.group] * phi
         unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
-        after = np.einsum("ij,jk,ik->i", ways, self.covariance[np.ix_(own, own)], ways, optimize=True) + unseen
+        after = np.einsum("ij,jk,ik->i", ways, phi * self.inverse[np.ix_(own, own)], ways, optimize=True) + unseen
         return np.sqrt(after) * size, np.sqrt(before) * size

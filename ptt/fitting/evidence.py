@@ -71,7 +71,7 @@ def learn(
         The posterior.
     """
     groups = int(owner.max(initial=-1)) + 1
-    low, high, spread = (np.broadcast_to(np.asarray(item, dtype=float), groups) for item in (floor, ceiling, width))
+    low, high, spread = (item + np.zeros(groups) for item in (floor, ceiling, width))
     problem = _Problem(gram, side, square, count, freedom, owner, spread, wide)
     at = np.log(np.clip(np.ones(groups) if start is None else start, low, high))
     here = problem.evaluate(at)
