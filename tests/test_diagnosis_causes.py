@@ -14,8 +14,9 @@ from ptt.challenge.remeasure import as_left, remeasure
 from ptt.challenge.truth import Truth, table_of
 from ptt.diagnosis import noise as noises
 from ptt.diagnosis.depends import _followed
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.memory import Memory
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.verdict import diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations, kinds_of_wander
 from ptt.effects import library
 from ptt.machine_schema import BasePoint, TrackerSpec

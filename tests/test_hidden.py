@@ -7,9 +7,10 @@ import pytest
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.hidden import FAITHFUL, Trial
 from ptt.diagnosis.row_sums import hide_rows
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.verdict import diagnose
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import build_problem

@@ -11,7 +11,8 @@ from conftest import BENCH as MACHINE
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.correct.compensate import compensate
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.verdict import diagnose
 from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model

@@ -11,12 +11,13 @@ import torch
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.laws import _arrivals, _is_passed_again, by_laws, laws_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import near_sets, weigh_sets
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.solve import fit

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.errors import ModelError
 from ptt.fitting.solve import fit

@@ -7,7 +7,8 @@ import pytest
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.verdict import diagnose
 from ptt.diagnosis.witness import ALIKE
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model

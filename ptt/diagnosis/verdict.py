@@ -1,7 +1,6 @@
 """The verdict: what is missing, that nothing is, or that something is which no known effect describes."""
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +8,8 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
-from ptt.diagnosis.explanation import Candidate, candidates_of_steps, fitted_terms, other_candidates, sent_terms
+from ptt.diagnosis.diagnosis import Diagnosis, Verdict
+from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found, stands
 from ptt.diagnosis.moves import without
@@ -20,91 +20,20 @@ from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
 from ptt.diagnosis.steps import Named, name_steps
-from ptt.diagnosis.unknowns import unknowns_of
+from ptt.diagnosis.unknowns import Unknown, unknowns_of
 from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
-from ptt.fitting.result import FitResult
 from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model, Term
-from ptt.plan.separation import Separation, plan_separation
+from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
-from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 LEAST = 12  # readings: twice what a rigid motion alone takes
 MOTION = 6  # coordinates that a rigid motion takes
 FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """What the run says about the model.
-
-    Attributes:
-        verdict: 'missing', 'nothing-missing' or 'unknown'.
-        verdict_probability: of each of these.
-        suggested: for each step the effects that fit equally well, the pick first.
-        candidates: the steps, then what else the data would ask for on the model as given, best first.
-        not_testable: effect -> what the data lack.
-        depends_on: what the unknown depends on, largest share first.
-        rest: tests of what the whole explanation leaves.
-        separation: what to measure to part what cannot be told apart; None where nothing is confused.
-        noise: the noise floor.
-        wander: of the noise, if it has a memory.
-        rms_um: error before and after the steps.
-        rows: readings that counted.
-        outliers: rows left out as gross errors, (n,) bool.
-        opening: how many rows were not looked at because a run opens with them.
-        model: the model as given with the steps, at the values that they have without unknowns beside them.
-        fitted: the fit that everything was linearised at.
-        words: the verdict for a machinist.
-    """
-
-    verdict: Verdict
-    verdict_probability: dict[str, float]
-    suggested: tuple[tuple[str, ...], ...]
-    candidates: tuple[Candidate, ...]
-    not_testable: dict[str, str]
-    depends_on: tuple[Dependence, ...]
-    rest: Rest
-    separation: Separation | None
-    noise: Noise
-    wander: Slow | None
-    rms_um: dict[str, dict[str, float]]
-    rows: int
-    outliers: np.ndarray
-    model: Model
-    fitted: FitResult
-    words: str
-    opening: int = 0
-
-    @property
-    def measure_next(self) -> tuple[str, ...]:
-        """What to measure next, in words."""
-        return tuple(self.separation.lines) if self.separation else ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON, keys as documented."""
-        return {
-            "verdict": self.verdict,
-            "verdict_probability": self.verdict_probability,
-            "suggested": [list(step) for step in self.suggested],
-            "candidates": [candidate.to_dict() for candidate in self.candidates],
-            "not_testable": [{"effect": name, "needs": lack} for name, lack in self.not_testable.items()],
-            "depends_on": [item.to_dict() for item in self.depends_on],
-            "measure_next": list(self.measure_next),
-            "separation": self.separation and self.separation.to_dict(),
-            "noise_um": self.noise.to_dict(),
-            "noise_wanders": self.wander and self.wander.to_dict(),
-            "rms_um": self.rms_um,
-            "rows": self.rows,
-            "outlier_rows": [int(row) for row in np.flatnonzero(self.outliers)],
-            "rest": {"significant": self.rest.significant, "reasons": list(self.rest.reasons)},
-            "words": self.words,
-        }
 
 
 def diagnose(
@@ -216,15 +145,7 @@ def conclude(
     fitted_model = replace(model, terms=sent)
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     verdict = _verdict(found, bool(named), rest)
-    depends = dependences(unknowns, left, shown)
-    if not depends and wanders_beyond(found.system, state):  # the memory has taken it: what it took tells what it is
-        found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
-        depends = sized(found_in, left, shown)
-    depends = depends or sized(rest.depends_on[:MOST], left, shown)
-    if verdict == "unknown" and not depends:
-        suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
-        left = rest_of(scorer, suspect, problem)[rows]
-        depends = dependences(unknowns_of(scorer, suspect, left), left, shown)
+    depends = _depends_on(found, told, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     separation = None
@@ -239,7 +160,7 @@ def conclude(
             *other_candidates(found, named, chances, problem),
         ),
         not_testable=found.untestable,
-        depends_on=depends if verdict == "unknown" else (),
+        depends_on=depends,
         rest=rest,
         separation=separation,
         noise=noise,
@@ -252,6 +173,23 @@ def conclude(
         words="",
     )
     return replace(result, words=explain_verdict(result, steps))
+
+
+def _depends_on(
+    found: Found, told: Named, unknowns: tuple[Unknown, ...], left: np.ndarray, rest: Rest, shown: Problem,
+    problem: Problem, seed: int,
+) -> tuple[Dependence, ...]:  # fmt: skip
+    """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
+    depends, scorer, state = dependences(unknowns, left, shown), found.scorer, found.state
+    if not depends and wanders_beyond(found.system, state):  # what the memory took tells what it is
+        found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
+        depends = sized(found_in, left, shown)
+    depends = depends or sized(rest.depends_on[:MOST], left, shown)
+    if depends:
+        return depends
+    suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
+    left = rest_of(scorer, suspect, problem)[slice(None) if found.sample is None else numbers(found.sample)]
+    return dependences(unknowns_of(scorer, suspect, left), left, shown)
 
 
 def _at_values(found: Found, told: Named, model: Model, problem: Problem) -> tuple[tuple[Term, ...], tuple[Term, ...]]:

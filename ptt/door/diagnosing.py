@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.dependence.said import between
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.find import STEPS
 from ptt.diagnosis.long import choose_diagnosis
-from ptt.diagnosis.verdict import Diagnosis
 from ptt.diagnosis.verdict import diagnose as learn_whole
 from ptt.diagnosis.words import doubt_in_words
 from ptt.door.handed import RowsLike

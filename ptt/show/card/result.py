@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import torch
 
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.explanation import Candidate
-from ptt.diagnosis.verdict import Diagnosis
 from ptt.diagnosis.verdict_words import acting
 from ptt.diagnosis.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.base import family

@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from ptt.diagnosis.verdict import Diagnosis
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE
 
 SHOWN = 12  # candidates in a picture

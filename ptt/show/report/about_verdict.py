@@ -1,7 +1,7 @@
 """What the report says is missing, why, and what could not be told."""
 
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.explanation import Candidate
-from ptt.diagnosis.verdict import Diagnosis
 from ptt.effects import Library
 from ptt.effects.cards import card_of
 from ptt.effects.registry import parse_key

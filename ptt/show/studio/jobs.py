@@ -18,7 +18,7 @@ from ptt.show.studio.results import SEAL, Changed, Compared, Learned, Predicted,
 MOST = 1200  # readings of an unknown that a picture shows
 
 if TYPE_CHECKING:
-    from ptt.diagnosis.verdict import Diagnosis
+    from ptt.diagnosis.diagnosis import Diagnosis
 
 __all__ = [
     "again",
