@@ -1,5 +1,7 @@
 """The row at which something happened at once, where the tracker stands anew for each run."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
@@ -35,6 +37,20 @@ def test_a_jump_is_found_beside_the_frames_of_three_runs_and_in_chunks_alike() -
     assert best_row(seen(slice(None), frame, own, left)) == jump
     parts = [seen(slice(first, first + 30), frame, own, left) for first in range(0, 120, 30)]
     assert best_row(joined(parts)) == jump
+
+
+def test_a_jump_a_thousand_times_the_noise_is_dated_to_the_row_in_every_part_of_a_segment() -> None:
+    """What rows see of it grows evenly within a segment; taken for the same all along it, the date was rows off."""
+    random = np.random.default_rng(8)
+    own, lengths = 1.0 + 0.1 * random.normal(size=(300, 3, 1)), np.full(30, 10)
+    frame = np.tile(np.eye(3), (300, 1, 1))
+    flat = frame.reshape(-1, 3)
+    for jump in range(100, 120):
+        readings = 1000.0 * own[:, :, 0] * (np.arange(300) > jump)[:, None] + random.normal(size=(300, 3))
+        left = readings - (flat @ np.linalg.lstsq(flat, readings.ravel(), rcond=None)[0]).reshape(-1, 3)
+        rows = seen(slice(None), frame, own, left)
+        segments = rows.gram.reshape(30, 10, *rows.gram.shape[1:]).sum(axis=1)
+        assert best_row(replace(rows, lengths=lengths, gram=segments)) == jump
 
 
 def test_readings_are_counted_before_a_moment_not_rows_that_are_passed() -> None:

@@ -10,7 +10,7 @@ from ptt.effects.sudden import ALWAYS, EDGE, Sudden
 from ptt.fitting.linear import Place, Shape
 from ptt.fitting.moment import rows_read
 
-SEGMENTS = 40  # what a jump does to the readings changes little within one
+SEGMENTS = 40  # what a jump does to the readings grows evenly within one
 UNSEEN = 1e-12  # share of the largest singular value below which frames and effect do not tell each other apart
 
 
@@ -86,17 +86,17 @@ def best_row(seen: Along) -> int:
     spread = np.linalg.pinv(seen.whole, rcond=UNSEEN, hermitian=True)
     total, whole = seen.side.sum(axis=0), seen.whole[:, -own:]
     after_side = (total - np.cumsum(seen.side, axis=0))[:, -own:]
-    before = np.cumsum(seen.gram, axis=0) - 0.5 * seen.gram  # at the middle of each segment
-    taken, first = np.zeros(len(seen.side)), 0
-    for length, passed in zip(seen.lengths, before, strict=True):
-        after = whole - passed
-        rows, known = slice(first, first + length), after.T @ spread
+    taken, first, passed = np.zeros(len(seen.side)), 0, np.zeros_like(whole)
+    for length, gram in zip(seen.lengths, seen.gram, strict=True):
+        part = np.arange(1, length + 1)[:, None, None] / length
+        after = whole - passed - part * gram
+        rows, known = slice(first, first + length), after.transpose(0, 2, 1) @ spread
         side = after_side[rows] - known @ total
-        taken[rows] = np.einsum("np,pq,nq->n", side, _inverse(after[-own:] - known @ after), side)
-        first += length
+        taken[rows] = np.einsum("np,npq,nq->n", side, _inverse(after[:, -own:] - known @ after), side)
+        first, passed = first + length, passed + gram
     inner = np.flatnonzero(seen.read)[EDGE:-EDGE]
     return int(inner[np.argmax(taken[inner])])
 
 
 def _inverse(gram: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.inv(gram + np.eye(len(gram))))  # one usual size: what is not seen is not blown up
+    return np.asarray(np.linalg.inv(gram + np.eye(gram.shape[-1])))  # one usual size: what is not seen is not blown up
