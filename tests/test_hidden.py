@@ -89,7 +89,6 @@ def test_a_curve_that_bends_further_does_not_make_a_twist_needless() -> None:
     assert {group[0] for group in found.suggested} == {"platform-twist", "frame-growth", "guide-straightness"}
 
 
-def test_knocks_that_do_not_foretell_are_not_named_beside_a_lag() -> None:
-    found = told("unknown", 950021)  # what the line of sight does jumps with slider and feed
-    assert found.verdict == "unknown"
-    assert [group[0] for group in found.suggested] == ["following-error"]
+def test_a_knock_that_does_not_foretell_is_not_named_beside_a_table_that_leans() -> None:
+    found = told("unknown", 950032)  # the machine's weight tilts the table that it stands on
+    assert (found.verdict, found.suggested) == ("unknown", ())
