@@ -29,7 +29,7 @@ def test_a_joint_that_stands_through_a_run_does_not_arrive_as_the_next_run_moves
 def test_a_turn_on_the_way_decides():
     q = np.array([[0.0], [1.0], [2.0], [2.0]])
     turning = np.array([[0.0], [1.5], [2.0], [2.0]])
-    assert arrival_direction(q, turning, run_starts(np.zeros(4))).ravel().tolist() == [-1.0, -1.0, 1.0, 1.0]
+    assert arrival_direction(q, turning, run_starts(np.zeros(4))).ravel().tolist() == [1.0, -1.0, 1.0, 1.0]
 
 
 @given(st.lists(st.integers(-2, 2), min_size=1, max_size=12), st.data())
@@ -88,3 +88,10 @@ def test_a_command_that_turns_back_by_less_than_the_gap_still_puts_the_tool_wher
     assert ((back > 1e-3) & (back < gap)).sum() >= 5
     reached = predict([(Backlash(), gap)], view).p.numpy()
     assert np.mean(np.abs(reached - poses).max(axis=1) < 1e-6) > 0.995
+
+
+def test_a_first_row_is_entered_as_the_second_sets_off_though_the_joint_turns_on_the_way() -> None:
+    q = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]])
+    turning = np.array([[0.0, 0.0], [-0.5, 1.0], [2.0, 0.0]])  # joint 1 goes down half a millimetre first
+    direction = arrival_direction(q, turning, np.array([True, False, False]))
+    np.testing.assert_array_equal(direction, [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])

@@ -34,7 +34,7 @@ class Path:
 def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, straight: bool, lead_in: float) -> Path:
     """Lay the sliders' path through the rows.
 
-    A run's first row is arrived at in the direction in which the second one moves: the machine leads in.
+    A run's first row is arrived at in the direction in which the second one sets off: the machine leads in.
 
     Args:
         drawing: the ideal machine.
@@ -55,7 +55,7 @@ def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, strai
         points = np.concatenate([way(_inner_parts(way, rows)), command[:, None]], axis=1)
     count = np.full(rows, points.shape[1] if straight else 1)
     count[first] = 2
-    points[first, -2] = command[first] - lead_in * _first_moves(command, first)
+    points[first, -2] = command[first] - lead_in * _first_moves(points if straight else command[:, None], first)
     passed = np.arange(points.shape[1]) >= points.shape[1] - count[:, None]
     return Path(points[passed], np.repeat(np.arange(rows), count), np.cumsum(count) - 1)
 
@@ -198,14 +198,13 @@ def _corners(tool: Array, time: Array, still: Array) -> tuple[Array, Array]:
     return np.pad(sharp, 1), np.pad(change | still[1:-1], 1)
 
 
-def _first_moves(command: Array, first: Array) -> Array:
-    """(r, 3) direction in which each slider first moves in each run; +1 where it never does."""
-    moves = np.ones((len(first), command.shape[1]))
-    for number, (start, stop) in enumerate(zip(first, [*first[1:], len(command)], strict=True)):
-        step = np.sign(np.diff(command[start:stop], axis=0))
-        step[np.abs(np.diff(command[start:stop], axis=0)) <= 1e-6] = 0.0
-        for leg in range(command.shape[1]):
-            found = np.flatnonzero(step[:, leg])
+def _first_moves(points: Array, first: Array) -> Array:
+    """(r, 3) direction in which each slider first sets off in each run, of points (n, p, 3); +1 where it never does."""
+    moves = np.ones((len(first), points.shape[2]))
+    for number, (start, stop) in enumerate(zip(first, [*first[1:], len(points)], strict=True)):
+        step = np.diff(np.concatenate([points[start, -1:], points[start + 1 : stop].reshape(-1, 3)]), axis=0)
+        for leg in range(points.shape[2]):
+            found = np.flatnonzero(np.abs(step[:, leg]) > 1e-6)
             if len(found):
-                moves[number, leg] = step[found[0], leg]
+                moves[number, leg] = np.sign(step[found[0], leg])
     return moves

@@ -91,13 +91,15 @@ def arrival_direction(q: np.ndarray, turning: np.ndarray, starts: np.ndarray) ->
         starts: (n,) bool, first rows of runs.
 
     Returns:
-        (n, k), +1 or -1. Standstill keeps the last direction; a run's first row arrives as the next one moves;
+        (n, k), +1 or -1. Standstill keeps the last direction; a run's first row arrives as the next one sets off;
         a joint that never moves in a run counts as +1.
     """
     turned = np.abs(q - turning) > STANDSTILL
-    step = np.where(turned, q - turning, np.diff(q, axis=0, prepend=q[:1]))
+    whole = np.diff(q, axis=0, prepend=q[:1])
+    step = np.where(turned, q - turning, whole)
     step[starts & ~turned.any(axis=1)] = 0.0
-    return hold_direction(np.where(np.abs(step) > STANDSTILL, step, 0.0), starts).astype(float)
+    begun = np.where(turned, whole - step, whole)
+    return hold_direction(np.where(np.abs(step) > STANDSTILL, step, 0.0), starts, begun).astype(float)
 
 
 def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) -> np.ndarray:

@@ -42,24 +42,26 @@ def travel_direction(q: Array, starts: ArrayLike | None = None, tolerance: float
     return hold_direction(np.where(moved, move, 0.0), starts)
 
 
-def hold_direction(move: Array, starts: ArrayLike | None = None) -> NDArray[np.int8]:
+def hold_direction(move: Array, starts: ArrayLike | None = None, begun: Array | None = None) -> NDArray[np.int8]:
     """Fill the rows at which a joint stands with the direction of its moves.
 
     Args:
         move: (n, k) last move of each joint on its way to each row, any size, 0 where it stood.
         starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
+        begun: (n, k) first move of each joint on its way to each row; None: it turns nowhere on the way.
 
     Returns:
-        (n, k) +1 or -1: that of the last move of the run, before the first one that of the first, without any +1.
+        (n, k) +1 or -1: that of the last move of the run, before the first one as that sets off, without any +1.
     """
     if not len(move):
         return np.empty(move.shape, dtype=np.int8)
     first, end = _run_bounds(len(move), starts)
     last = _last_before(move != 0.0)
     upcoming = len(move) - 1 - _last_before(move[::-1] != 0.0)[::-1]  # n where none follows
-    source = np.where(last >= first, last, np.where(upcoming <= end, upcoming, -1))
-    negative = np.take_along_axis(move < 0.0, np.maximum(source, 0), axis=0) & (source >= 0)
-    return np.where(negative, -1, 1).astype(np.int8)
+    onward = np.where(upcoming <= end, upcoming, 0)
+    arrived = np.take_along_axis(move, np.maximum(last, 0), axis=0)
+    sets_off = np.where(upcoming <= end, np.take_along_axis(move if begun is None else begun, onward, axis=0), 0.0)
+    return np.where(np.where(last >= first, arrived, sets_off) < 0.0, -1, 1).astype(np.int8)
 
 
 def reversal_compensation(
