@@ -92,3 +92,9 @@ def test_a_curve_that_bends_further_does_not_make_a_twist_needless() -> None:
 def test_a_knock_that_does_not_foretell_is_not_named_beside_a_table_that_leans() -> None:
     found = told("unknown", 950032)  # the machine's weight tilts the table that it stands on
     assert (found.verdict, found.suggested) == ("unknown", ())
+
+
+def test_repeats_that_an_explanation_outdoes_do_not_stand_for_the_noise() -> None:
+    found = told("unknown", 1150117)  # a line of sight that bends along the circle and in time: a wander takes it
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    assert "the noise by the std columns is left" in found.rest.reasons[0]

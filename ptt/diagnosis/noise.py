@@ -177,6 +177,28 @@ def outdone(given: Noise, left: Noise) -> bool:
     return bool(3.0 * f_cdf(least, left.freedom / 3.0, given.freedom) < AT_ODDS)
 
 
+def stated_noise(problem: Problem, system: System, state: State) -> Noise | None:
+    """The noise that an explanation may be held against: as it was known, but for repeats that it outdoes.
+
+    These scatter by what changed between them, and what the tracker states counts again.
+
+    Args:
+        problem: the readings.
+        system: the linearised problem.
+        state: the best set.
+
+    Returns:
+        The noise; None where nobody stated it.
+    """
+    given = problem.noise
+    if given is None or not outdone(given, noise_left(system, state)):
+        return given
+    if given.stated is None:
+        return None
+    source, total = given.stated
+    return Noise(np.eye(3) * total**2 / 3.0, source)
+
+
 def _after_a_knock(left: Noise) -> Noise:
     return replace(left, source=f"{SATURATED}; repeats scatter by more, through what changed between them")
 

@@ -13,7 +13,15 @@ from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_c
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found, stands
 from ptt.diagnosis.moves import without
-from ptt.diagnosis.noise import LEAST_FREEDOM, noise_after, noise_left, too_few, visit_left, wanders_beyond
+from ptt.diagnosis.noise import (
+    LEAST_FREEDOM,
+    noise_after,
+    noise_left,
+    stated_noise,
+    too_few,
+    visit_left,
+    wanders_beyond,
+)
 from ptt.diagnosis.opening import opening_rows, without_opening
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
@@ -137,7 +145,8 @@ def conclude(
         terms = sent = tuple(term for term in found.fitted.model.terms if term.effect.key in scorer.given)
     named = told.steps
     unproven = tuple(atoms[key].name for key in told.unproven)
-    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), problem.noise, beyond)
+    stated = stated_noise(problem, found.system, state)
+    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), stated, beyond)
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
     noise = noise_after(problem, found.system, state)
