@@ -13,6 +13,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.correct.compensate import compensate
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.verdict import diagnose
+from ptt.errors import ModelError
 from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
@@ -107,18 +108,26 @@ def speeds(meant: str, sent: np.ndarray, target: np.ndarray, feed: np.ndarray) -
     return np.linalg.solve(jacobian, tool[:, :, None])[:, :, 0]
 
 
+@pytest.mark.parametrize("moves", ["sliders", "straight"])
 @pytest.mark.parametrize("path", [helix, raster, cloud])
 @pytest.mark.parametrize("meant", ["both sides", "the move there", "the tool's way there"])
-def test_whatever_speed_a_row_means_the_lag_alone_is_told(path: Callable, meant: str) -> None:
+def test_whatever_speed_a_row_means_the_lag_alone_is_told(path: Callable, meant: str, moves: str) -> None:
+    file = replace(BENCH, machine=BENCH.machine.model_copy(update={"moves": moves}))
     random = np.random.default_rng(3)
     target = path(random)
     feed = np.repeat(random.choice([10.0, 20.0, 30.0], 20), len(target) // 20)
     sent = MECHANISM.inverse(torch.as_tensor(target)).numpy()
     late = MECHANISM.forward(torch.as_tensor(sent - LAG * speeds(meant, sent, target, feed))).numpy()
     read = late + random.normal(0.0, 0.004, target.shape)
-    found = diagnose(Model(BENCH), build_problem(BENCH, make_table(target, sent, feed_mm_s=feed, measured=read)))
+    found = diagnose(Model(file), build_problem(file, make_table(target, sent, feed_mm_s=feed, measured=read)))
     assert (found.verdict, found.suggested) == ("missing", (("following-error",),))
     np.testing.assert_allclose(lags_of(found), LAG, rtol=0.01)
+
+
+def test_a_pace_that_there_is_not_is_refused() -> None:
+    entry = '[[effect]]\nname = "following-error"\n[effect.parameters]\nlag_s = { value = 0.02 }\n'
+    with pytest.raises(ModelError, match=r"'pace' is out of its bounds.*0 to 3"):
+        read_model(parse_machine(MACHINE + entry + "pace = { value = 7 }"))
 
 
 def test_a_lag_of_an_older_file_means_the_speed_of_a_smooth_way() -> None:

@@ -13,7 +13,7 @@ from ptt.effects.memory import Passed, go_on
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
-from ptt.run.pace import SMOOTH, STRAIGHT, Pace, line_ends, pace_of
+from ptt.run.pace import SMOOTH, Pace, line_ends, pace_of, runs_straight
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
 from ptt.run.view import View
@@ -98,7 +98,8 @@ class Task:
         if self.clock is None:
             return self
         place, ends = self.stands(sent), None
-        if (self.way == STRAIGHT or self.model.file.machine.moves == "straight") and len(place) > 1:
+        straight = self.model.file.machine.moves == "straight"
+        if runs_straight(self.way, straight=straight) and len(place) > 1:
             q = self.mechanism.inverse(place, None, self.nominal)
             ends = line_ends(self.mechanism.jacobian(q), q, place)
         slowest, starts = float(self.lag.abs().max()), run_starts(self.clock.run)

@@ -113,7 +113,8 @@ class FollowingError(Effect):
         Parameter("lag", "s", 0.02, "time the axis is late by", True),
         Parameter(
             "pace", "1", 1.0, "speed that a row means: 0 of a smooth way, at corners of the move there; 1 mean of both "
-            "sides; 2 of the move to the row; 3 of that with its tool running straight", role="given",
+            "sides; 2 of the move to the row; 3 of that with its tool running straight", lower=min(PACES),
+            upper=max(PACES), role="given",
         ),
     )  # fmt: skip
     requires: ClassVar[tuple[str, ...]] = ("speed",)

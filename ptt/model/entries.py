@@ -82,6 +82,9 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
             given = None  # standard errors were of the older form
         else:
             values.append(_spread(given.value if given else 0.0, size, name))
+        low, high = parameter.lower, parameter.upper
+        if parameter.role != "linear" and not bool(((values[-1] >= low) & (values[-1] <= high)).all()):
+            raise ModelError(f"parameter '{name}' is out of its bounds", fix=f"give {low:g} to {high:g}")
         stds.append(_spread(torch.nan if given is None or given.std is None else given.std, size, name))
         measured.append(_spread(True if given is None or given.measured is None else given.measured, size, name).bool())
     fixed = frozenset(p.stem for name, p in specs.items() if name in entry.parameters and entry.parameters[name].fixed)

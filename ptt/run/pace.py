@@ -101,6 +101,16 @@ def line_ends(jacobian: Tensor, q: Tensor, p: Tensor) -> Ends:
     return begin, end
 
 
+def runs_straight(way: int, *, straight: bool) -> bool:
+    """Whether the speed that rows mean is that of a tool that runs straight.
+
+    Args:
+        way: one of `PACES`.
+        straight: the tool runs straight between rows.
+    """
+    return way == STRAIGHT or (straight and way == SMOOTH)
+
+
 def joint_speeds(
     q: Tensor, p: Tensor, jacobian: Tensor, starts: np.ndarray, table: "Table", *, straight: bool
 ) -> tuple[Tensor, Tensor | None]:
@@ -122,7 +132,7 @@ def joint_speeds(
     ends = line_ends(jacobian, q, p)
     speeds = []
     for way in PACES:
-        pace = pace_of(p.numpy(), starts, table, ends if straight or way == STRAIGHT else None, way)
+        pace = pace_of(p.numpy(), starts, table, ends if runs_straight(way, straight=straight) else None, way)
         speeds.append(torch.zeros_like(q) if pace is None else torch.as_tensor(pace.velocity(q.numpy())))
     return speeds[0], torch.stack(speeds[1:], dim=-1)
 
