@@ -27,6 +27,7 @@ class Narrowed:
         place: old index -> new index of each column that stays as it is, -1 for the others.
         stay: these columns by their old index, in their new order.
         turned: keys of the atoms whose columns are new, in the order in which their columns follow the others.
+        old: columns that these had, by key.
     """
 
     atoms: dict[str, Atom]
