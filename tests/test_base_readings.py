@@ -62,7 +62,7 @@ def test_the_scale_of_the_tracker_is_read_off_the_reflectors():
     problem = measured_run(0.0 * KNOCK, 3e-4)
     term = fit(Model(problem.file) + library()["tracker-scale"](), problem).model.terms[0]
     assert term.std is not None
-    assert abs(float(term.theta) - 3e-4) < 4.0 * float(term.std) < 1e-4
+    assert abs(float(term.theta[0]) - 3e-4) < 4.0 * float(term.std[0]) < 1e-4
 
 
 def test_visits_are_whitened_by_what_they_have_in_common():
@@ -104,7 +104,7 @@ def test_columns_at_the_reflectors_are_those_of_the_tracker_alone():
     scale, offset = linear.present["tracker-scale"], linear.present["homing-offset"]
     more[scale], more[offset] = 1.0, 1.0
     there = assemble(fitted.layout, at + more, problem, noise)
-    assert not linear.base_columns[..., offset].any() and np.abs(linear.base_columns[..., scale]).min() > 0.0
+    assert not linear.base_columns[..., offset].any() and np.abs(linear.base_columns[..., scale[0]]).min() > 0.0
     np.testing.assert_allclose(there.base_values, linear.base_values, rtol=1e-6, atol=1e-6)
     jump = linear.base_columns[..., linear.trials[0].columns]
     moved = (np.array(problem.table.role) == "base") & (np.arange(problem.table.rows) > 60)

@@ -22,6 +22,7 @@ from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.hidden import Trial
 from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.product import nats_of_product
 from ptt.diagnosis.screen import Gain
 from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, best_of, climb, improve, plainest
 from ptt.diagnosis.verdict import diagnose
@@ -199,10 +200,41 @@ def test_a_wrong_unit_of_length_in_a_trusted_frame_is_the_tracker_s():
     """It stretches about where the tracker stands and so shifts as well; towers moved for it make a tool worse."""
     trusted = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted"}))
     drawn = draw_rig("none", 42, trusted, "volume", rows=80)
-    drawn = replace(drawn, rig=replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update={"scale_ppm": -70.0})))
+    tracker = {"scale_ppm": -70.0, "translation_mm": (0.0, 0.0, 0.0), "rotation_mrad": (0.0, 0.0, 0.0)}
+    drawn = replace(drawn, rig=replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update=tracker)))
     problem = build_problem(trusted, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     found = diagnose(Model(trusted), problem)
-    assert {step[0] for step in found.suggested} == {"tracker-frame", "tracker-scale"}
+    assert found.verdict == "missing" and found.suggested == (("tracker-scale",),)
+    scale, *shift = [parameter.value for parameter in found.candidates[0].parameters]
+    station = np.array(drawn.rig.tracker.station_mm)
+    np.testing.assert_allclose(-np.array(shift) / scale, station, atol=0.25 * np.linalg.norm(station))
+
+
+def test_readings_that_are_shifted_without_a_wrong_unit_are_not_surely_one():
+    """A unit that is right has no place about which it could stretch so far that all is shifted by this much."""
+    trusted = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted"}))
+    drawn = draw_rig("none", 42, trusted, "volume", rows=80)
+    tracker = {"translation_mm": (0.08, -0.05, 0.03), "rotation_mrad": (0.0, 0.0, 0.0)}
+    drawn = replace(drawn, rig=replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update=tracker)))
+    problem = build_problem(trusted, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = diagnose(Model(trusted), problem)
+    assert found.verdict == "missing" and "tracker-frame" in found.suggested[0]
+
+
+def test_a_product_s_prior_is_that_of_its_place():
+    """Against sums over many draws of the first value; where readings say nothing of the others it is nothing."""
+    random, read, error, width = np.random.default_rng(0), np.array([1.0, 2.0, -0.5, 0.3]), 0.1, 2.0
+    first = random.normal(0.0, np.sqrt(width), 400_000)
+    given, linear = np.square(first)[:, None] + error**2, width + error**2
+    own = -0.5 * np.square(read[0] - first) / 0.09
+    logs = own - 0.5 * (np.square(read[1:]) / given + np.log(given)).sum(axis=1)
+    plain = own - 0.5 * (np.square(read[1:]) / linear + np.log(linear)).sum()
+    information = np.diag([1.0 / 0.09, *[error**-2] * 3])
+    covariance = np.linalg.inv(information + np.eye(4) / width)
+    expected = np.log(np.exp(logs).mean()) - np.log(np.exp(plain).mean())
+    assert nats_of_product(covariance @ information @ read, covariance, width) == pytest.approx(expected, abs=0.05)
+    unseen = np.diag([0.01, width, width, width])
+    assert nats_of_product(np.array([1.0, 0.0, 0.0, 0.0]), unseen, width) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_against_a_frame_that_the_file_trusts_stands_all_that_looks_like_it_in_the_machine():

@@ -342,7 +342,9 @@ def test_column_bends_with_payload_and_height(bench):
 
 def test_metrology_by_hand(bench):
     view = build_view(bench, make_table(POSES, time_s=[0.0, 100.0, 200.0, 400.0]))
-    assert_close(shift_of("tracker-scale", [1e-5], view), tensor(1e-5 * POSES), atol=1e-12, rtol=0.0)
+    station = np.array([-2000.0, 1500.0, 400.0])
+    about = shift_of("tracker-scale", [1e-5, *(-1e-5 * station)], view)
+    assert_close(about, tensor(1e-5 * (POSES - station)), atol=1e-12, rtol=0.0)
     turn = np.array([1e-4, -2e-4, 3e-4])
     rigid = np.array([0.1, 0.2, 0.3]) + np.cross(turn, POSES)
     assert_close(shift_of("tracker-frame", [0.1, 0.2, 0.3, *turn], view), tensor(rigid), atol=1e-12, rtol=0.0)

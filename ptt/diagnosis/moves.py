@@ -54,8 +54,9 @@ def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     for gain in lead:
         moves.append(added(scorer, state, gain, _least(state, moves)))
     # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
-    most = max((other.total for other in moves), default=-np.inf) - state.total - FREED
-    may_go = [key for key in loose(scorer, state) if scorer.system.atoms[key].odds > most]
+    # From a set that cannot be, and stays so whatever comes, any may go.
+    most = max((other.total for other in moves), default=-np.inf)
+    may_go = [key for key in loose(scorer, state) if state.total + FREED + scorer.system.atoms[key].odds >= most]
     weak = [key for key in may_go if state.worth(key) < SAFE]
     for key in weak:
         moves.append(scorer.score(without(state, key), state.memory, state.scales, _least(state, moves)))

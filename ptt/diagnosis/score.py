@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memories import best_memory, prior_of
 from ptt.diagnosis.memory import Hidden, Memory, Sums
+from ptt.diagnosis.product import nats_of_product
 from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
@@ -22,9 +24,6 @@ if TYPE_CHECKING:
     from ptt.diagnosis.hidden import Trial
 
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
-# A wrong unit of length stretches about where the tracker stands; in a trusted frame the readings shift with it. The
-# unit is what it costs: that the frame is not what the file says it is needs no reason of its own then.
-ONE_CAUSE = ("tracker-scale", "tracker-frame")
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
@@ -113,7 +112,7 @@ class Scorer:
         begin = np.concatenate([np.zeros(0), *(start.get(a.key, np.ones(a.groups)) for a in atoms)])
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         sums = system.sums_of(columns, memory)
-        odds = _odds_against([atom for atom in atoms if atom.key not in self.given])
+        odds = sum(atom.odds for atom in atoms if atom.key not in self.given)
         beside = prior_of(memory) - odds - sums.log_noise
         posterior = self._learned(atoms, sums, system.spare, begin, least - beside)
         gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner)
@@ -123,11 +122,8 @@ class Scorer:
         total = posterior.total + gained + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
-        return (
-            State(keys, memory, -np.inf, posterior, columns, owner.astype(int), scales)
-            if self._absurd(state)
-            else state
-        )
+        beside = -np.inf if self._absurd(state) else sum(_nats_of_product(state, atom) for atom in atoms)
+        return replace(state, total=total + beside) if beside else state
 
     def _at_few_joints(
         self, atoms: Sequence[Atom], posterior: Posterior, strength: np.ndarray, owner: np.ndarray
@@ -231,10 +227,13 @@ class Scorer:
         return self.suiting[where]
 
 
-def _odds_against(atoms: Sequence[Atom]) -> float:
-    """Nats of prior odds against some atoms together."""
-    pair = [atom.odds for atom in atoms if atom.name in ONE_CAUSE]
-    return sum(atom.odds for atom in atoms) - (max(pair) if len(pair) == len(ONE_CAUSE) else 0.0)
+def _nats_of_product(state: State, atom: Atom) -> float:
+    """What is still to be added for an effect whose further values are products of its first one."""
+    if atom.effect is None or not atom.effect.product or atom.key not in state.scales or len(atom.columns) < 2:
+        return 0.0
+    own, posterior = state.of(atom.key), state.posterior
+    width = posterior.phi * float(state.scales[atom.key][0])
+    return nats_of_product(posterior.values[own], state.covariance[np.ix_(own, own)], width)
 
 
 def _excluded(atom: Atom, effects: Sequence[str]) -> bool:

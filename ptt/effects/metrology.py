@@ -15,6 +15,8 @@ from ptt.effects.sudden import AFTER, Sudden
 from ptt.run.view import View
 
 RIGID = "small rigid motion, Rodrigues' formula to first order"
+USUAL_SCALE = 2e-5
+AWAY = 3e3  # mm along an axis, how far off a tracker usually stands
 SETTLING = (1e3, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between
 
 
@@ -35,8 +37,7 @@ class TrackerFrame(MetrologyEffect):
         Parameter("shift", "mm", 0.5, "translation of the readings, x, y, z", count=3),
         Parameter("turn", "rad", 5e-4, "rotation of the readings about x, y, z", count=3),
     )
-    # Asked for only where the file trusts the frame: against it stand zeros, towers and leans, which look like it.
-    stands_for: ClassVar[int] = 3
+    stands_for: ClassVar[int] = 3  # zeros, towers and leans; asked for only where the file trusts the frame
     called: ClassVar[str] = "tracker frame"
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase("shift", "are shifted {what} toward +{axis}", "are shifted {what} toward -{axis}", "the readings"),
@@ -71,18 +72,28 @@ class TrackerFrame(MetrologyEffect):
 
 @dataclass(frozen=True)
 class TrackerScale(MetrologyEffect):
-    """The tracker's length unit is off: s p, about the base origin."""
+    """The tracker's length unit is off: s (p - c), about the place c where it stands.
+
+    -s c are values of their own, so that the law is linear. A frame that is fitted or measured takes them, and the
+    readings say nothing of them then.
+    """
 
     name: ClassVar[str] = "tracker-scale"
     of_run: ClassVar[bool] = False  # the instrument's, in every run
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("scale", "1", 2e-5, "share by which readings are long"),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("scale", "1", USUAL_SCALE, "share by which readings are long"),
+        Parameter("shift", "mm", USUAL_SCALE * AWAY, "what that moves in a trusted frame: -s c, x, y, z", count=3),
+    )
+    stands_for_trusted: ClassVar[int] = 3  # its shift then looks like zeros and towers, the rest of it like links
+    product: ClassVar[bool] = True
     called: ClassVar[str] = "tracker scale"
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase("scale", "reads lengths {what} too long", "reads lengths {what} too short", "the tracker"),
+        Phrase("shift", "reads {what} too far toward +{axis}", "reads {what} too far toward -{axis}", "the tracker"),
     )
     card: ClassVar[Card] = Card(
         cause="The tracker's unit of length is off: wrong air temperature, pressure or humidity.",
-        equation="dp = s p, about the base origin",
+        equation="dp = s (p - c), c where the tracker stands: s p + u, of which a fitted frame takes u = -s c",
         source="refractive index of air: Edlen, Metrologia 2, 1966 (about 1 ppm/K and 0.27 ppm/hPa)",
         size="1 um/m for each K of the air; 1 to 20 um/m",
         fingerprint="All distances long by the same share: error radial, growing with distance.",
@@ -96,8 +107,9 @@ class TrackerScale(MetrologyEffect):
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """The position itself."""
-        return view.p[..., None]
+        """The position itself, and what is the same everywhere."""
+        eye = torch.eye(3, dtype=view.p.dtype).expand(len(view.p), 3, 3)
+        return torch.cat([view.p[..., None], eye], dim=-1)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,31 @@
+"""Values that are an effect's first value times an unknown place: what that prior says beside the linear one."""
+
+import numpy as np
+
+GRID, SPREAD = 161, 8.0  # values of the first one that are summed over, and standard errors to either side
+
+
+def nats_of_product(values: np.ndarray, covariance: np.ndarray, width: float) -> float:
+    """Log evidence with the further values first x N(0, 1) each, less that with N(0, width) each, both as columns.
+
+    Args:
+        values: of an effect in usual sizes, the first one and those that it makes, (m,).
+        covariance: of their posterior, (m, m).
+        width: variance of the prior that the posterior was found with.
+
+    Returns:
+        Nats; zero where the readings say nothing of the further values.
+    """
+    first, spread = values[0], np.sqrt(covariance[0, 0])
+    slope = covariance[1:, 0] / covariance[0, 0]
+    given = covariance[1:, 1:] - np.outer(slope, covariance[0, 1:])  # shape: (m - 1, m - 1)
+    variance, ways = np.linalg.eigh(given)
+    precision = 1.0 / np.clip(variance, 1e-300, width)  # a posterior is no wider than its prior
+    step = np.linspace(-SPREAD, SPREAD, GRID)
+    mean = (values[1:] + np.outer(spread * step, slope)) @ ways  # shape: (grid, m - 1)
+    wide = np.square(first + spread * step)[:, None] + 1e-12
+    after = precision - 1.0 / width + 1.0 / wide
+    logs = 0.5 * (np.log(width / wide) + np.log(precision / after) - mean**2 * precision * (1.0 - precision / after))
+    whole = logs.sum(axis=1) - 0.5 * step**2
+    top = whole.max()
+    return float(top + np.log(np.exp(whole - top).sum() * (step[1] - step[0]) / np.sqrt(2.0 * np.pi)))
