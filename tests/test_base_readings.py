@@ -1,6 +1,8 @@
 """Base reflectors are seen by the same tracker: what acts on it acts on them, and holds no frame that it moved."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -13,16 +15,20 @@ from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model
+from ptt.run.base_visits import sound_visits
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 
 PLACES = np.array([[400.0, 0.0, -200.0], [-300.0, 300.0, -200.0], [-300.0, -300.0, 250.0], [0.0, 300.0, 300.0]])
 SIGMA = 0.004
+NONE: Mapping[int, float] = MappingProxyType({})
 KNOCK = np.array([0.05, -0.03, 0.04, 2e-4, -3e-4, 4e-4])  # mm, rad
 
 
-def measured_run(knock: np.ndarray, scale: float = 0.0, rounds: int = 2, rows: int = 120) -> Problem:
-    """A sound machine, its tracker knocked halfway or reading too long, base reflectors read in rounds."""
+def measured_run(
+    knock: np.ndarray, scale: float = 0.0, rounds: int = 2, rows: int = 120, gross: Mapping[int, float] = NONE
+) -> Problem:
+    """A sound machine, its tracker knocked halfway or reading too long, base reflectors read in rounds, some wrongly."""
     random = np.random.default_rng(7)
     points = tuple(
         BasePoint(name=f"base {i}", xyz_mm=tuple(map(float, place)), sigma_mm=0.001) for i, place in enumerate(PLACES)
@@ -39,6 +45,8 @@ def measured_run(knock: np.ndarray, scale: float = 0.0, rounds: int = 2, rows: i
     base = np.array(role) == "base"
     after = np.arange(len(place)) > len(place) * 0.45
     moved = place * (1.0 + scale) + after[:, None] * (knock[:3] + np.cross(knock[3:], place))
+    for visit, size in gross.items():
+        moved[np.flatnonzero(base)[visit]] += size * np.array([0.6, -0.6, 0.52])
     table = make_table(np.where(base[:, None], np.nan, place), role=np.array(role), name=np.array(name))
     return build_problem(file, replace(table, measured=moved + random.normal(0.0, SIGMA, place.shape)))
 
@@ -109,3 +117,36 @@ def test_columns_at_the_reflectors_are_those_of_the_tracker_alone():
     jump = linear.base_columns[..., linear.trials[0].columns]
     moved = (np.array(problem.table.role) == "base") & (np.arange(problem.table.rows) > 60)
     assert np.linalg.matrix_rank(jump.reshape(-1, 6)) == 6 and moved.sum() == len(PLACES)
+
+
+@pytest.mark.parametrize("gross", [{2: 0.5}, {2: 0.5, 5: -0.4}, {2: 0.45, 6: 0.7}, {2: 0.45, 5: 0.4, 6: 0.7}])
+def test_reflectors_that_were_misread_hold_no_frame(gross):
+    """Also at every visit: a place that is off by a hundred times what the file says it is known to is no evidence."""
+    problem = measured_run(0.0 * KNOCK, gross=gross)
+    base = problem.base
+    assert base is not None
+    assert np.abs(base.reading - base.place).max() < 8.0 * SIGMA
+    assert len(base.point) == 2 * len(PLACES) - len(gross)
+    assert diagnose(Model(problem.file), problem).verdict == "nothing-missing"
+
+
+@pytest.mark.parametrize(("off", "kept"), [(0.0, 4), (0.5, 3), (-0.5, 3)])
+@pytest.mark.parametrize("bent", [0.0, 100.0])
+def test_a_reflector_that_is_not_where_it_is_drawn_is_left_out_where_the_others_hold_the_frame(off, kept, bent):
+    """From one line of reflectors no frame is told: there it stays, whatever it says."""
+    spots = np.array([[0.0, 0.0, 0.0], [300.0, bent, 0.0], [700.0, 0.0, 0.0], [200.0, 400.0, 0.0]])
+    place = {str(number): spot for number, spot in enumerate(spots)}
+    visits = {name: np.tile(spot, (2, 1)) for name, spot in place.items()}
+    visits["3"] = visits["3"] + off
+    rows = {name: np.array([number, 50 + number]) for number, name in enumerate(place)}
+    found = sound_visits(visits, rows, place, 0.01)
+    assert sum(own.any() for own in found.values()) == (kept if bent else 4)
+
+
+def test_a_unit_of_length_that_is_wrong_leaves_no_reflector_out():
+    """The one far off is off by most, and has most to say of it."""
+    spots = np.array([[0.0, 0.0, 0.0], [300.0, 0.0, 0.0], [0.0, 300.0, 0.0], [4000.0, 200.0, 0.0]])
+    place = {str(number): spot for number, spot in enumerate(spots)}
+    visits = {name: np.tile(spot * (1.0 + 4e-5), (2, 1)) for name, spot in place.items()}
+    rows = {name: np.array([number, 50 + number]) for number, name in enumerate(place)}
+    assert all(own.all() for own in sound_visits(visits, rows, place, 0.01).values())

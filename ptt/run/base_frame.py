@@ -146,9 +146,10 @@ def from_base(
         fitting = sound_visits(visits, when, spots, max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in seen)))
         for name in seen:
             sound[when[name]] = fitting[name]
-        read = [visits[name][fitting[name]] for name in seen]
+        fit = [name for name in seen if fitting[name].any()]
+        read = [visits[name][fitting[name]] for name in fit]
         rotations[index], shifts[index] = align(
-            np.array([spots[name] for name in seen]), np.array([np.median(own, axis=0) for own in read])
+            np.array([spots[name] for name in fit]), np.array([np.median(own, axis=0) for own in read])
         )
         apart[frame == index] = visits_apart(read)
     return rotations, shifts, sound, apart

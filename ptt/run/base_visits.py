@@ -5,7 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 FAR = 8.0  # standard deviations of one coordinate by which a visit's distances may be off
-WORSE = 5.0  # and times the misfit of the best visit: a wrong drawing puts all visits off alike
+WORSE = 5.0  # and times the misfit of the worst of the best three: a wrong drawing puts all visits off alike
+ENOUGH = 3  # reflectors that hold a frame
+LONG = 5e-5  # share by which a tracker may read all lengths too long or too short: fifty degrees of air
+AS_LINE = 0.02  # share of their length by which reflectors that hold one lie off a line at the least
 
 
 def sound_visits(
@@ -14,7 +17,8 @@ def sound_visits(
     """Leave out the visits to base reflectors that do not fit where the others were read beside them.
 
     Distances between reflectors know nothing of where the tracker stands, so a knock between two rounds of visits is
-    none of it.
+    none of it. A reflector of which no visit fits was misread each time, or is not where it is drawn: the others hold
+    the frame, where they can.
 
     Args:
         visits: name -> (v, 3) mm as read.
@@ -23,18 +27,42 @@ def sound_visits(
         sigma: of one coordinate of a visit, mm.
 
     Returns:
-        name -> (v,) bool, at least one visit of each.
+        name -> (v,) bool; of three reflectors at the least some visit.
     """
-    kept = {}
-    for name, read in visits.items():
-        off = np.empty((len(visits) - 1, len(read)))
-        for index, other in enumerate(other for other in visits if other != name):
-            near = np.abs(rows[name][:, None] - rows[other]).argmin(axis=1)
-            drawn = np.linalg.norm(place[name] - place[other])
-            off[index] = np.abs(np.linalg.norm(read - visits[other][near], axis=1) - drawn)
-        misfit = np.sort(off, axis=0)[(len(off) - 1) // 2]  # of two, where one may be the other's fault, the lesser
-        kept[name] = misfit <= max(FAR * sigma, WORSE * float(misfit.min()))
+    kept = {name: np.ones(len(read), dtype=bool) for name, read in visits.items()}
+    for _ in range(2):  # a visit between gross ones is judged by those that are not
+        beside = {name: own for name, own in kept.items() if own.any()}
+        misfit = {name: _misfit(name, visits, rows, place, beside) for name in visits}
+        best = sorted(float(off.min()) for off in misfit.values())[ENOUGH - 1]
+        kept = {name: off <= max(FAR * sigma, WORSE * best) for name, off in misfit.items()}
+        if not _hold(np.array([place[name] for name, own in kept.items() if own.any()])):
+            kept = {name: off <= max(FAR * sigma, WORSE * float(off.min())) for name, off in misfit.items()}
     return kept
+
+
+def _misfit(
+    name: str,
+    visits: Mapping[str, np.ndarray],
+    rows: Mapping[str, np.ndarray],
+    place: Mapping[str, np.ndarray],
+    beside: Mapping[str, np.ndarray],
+) -> np.ndarray:
+    """How far distances of each visit to one reflector are off, (v,) mm, from those drawn to the others beside it."""
+    others = [other for other in beside if other != name]
+    off = np.empty((len(others), len(visits[name])))
+    for index, other in enumerate(others):
+        own = beside[other]
+        near = np.abs(rows[name][:, None] - rows[other][own]).argmin(axis=1)
+        drawn = np.linalg.norm(place[name] - place[other])
+        off[index] = np.abs(np.linalg.norm(visits[name] - visits[other][own][near], axis=1) - drawn) - LONG * drawn
+    of_most = (len(off) - 1) // 2  # of two, where one may be the other's fault, the lesser
+    return np.asarray(np.sort(off, axis=0)[of_most])
+
+
+def _hold(place: np.ndarray) -> bool:
+    """Whether reflectors at some places, (r, 3) mm, tell how a frame is turned: not from one line of them."""
+    spread = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
+    return len(place) >= ENOUGH and bool(spread[1] > AS_LINE * spread[0])
 
 
 def visits_apart(visits: Sequence[np.ndarray]) -> float:
