@@ -28,7 +28,7 @@ KNOCK = np.array([0.05, -0.03, 0.04, 2e-4, -3e-4, 4e-4])  # mm, rad
 def measured_run(
     knock: np.ndarray, scale: float = 0.0, rounds: int = 2, rows: int = 120, gross: Mapping[int, float] = NONE
 ) -> Problem:
-    """A sound machine, its tracker knocked halfway or reading too long, base reflectors read in rounds, some wrongly."""
+    """A sound machine, its tracker knocked or reading too long, base reflectors read in rounds, some wrongly."""
     random = np.random.default_rng(7)
     points = tuple(
         BasePoint(name=f"base {i}", xyz_mm=tuple(map(float, place)), sigma_mm=0.001) for i, place in enumerate(PLACES)
