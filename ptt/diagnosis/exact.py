@@ -72,7 +72,11 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     kept = [key for key in state.keys if atoms[key].effect is not None]
     alone = scorer.score(kept, WHITE)
     more = improve(scorer, alone, is_effect, swaps=False)
-    ways = [alone] if any(bends(atoms[key].effect) for key in kept) else []
+    bent = [key for key in kept if bends(atoms[key].effect)]
+    stood_in = [key for key in kept if key not in bent and _reverses(atoms[key].effect)]
+    ways = [alone] if bent else []
+    # What reverses gradually may be no more than what a tangent leaves of play, as a block may.
+    ways += [scorer.score([key for key in kept if key not in stood_in], WHITE)] if bent and stood_in else []
     ways += [more] if any(key not in kept and bends(atoms[key].effect) for key in more.keys) else []
     there = [_at_names(found, named, model, problem, known, freedom, steps) for named in ways]
     best = max((one for one in there if one is not None), key=lambda one: one.state.total, default=found)
@@ -115,3 +119,7 @@ def _straightened(current: Model, found: Found, named: State) -> Model:
 def bends(effect: Effect | None) -> bool:
     """Whether an effect has a law that no tangent shows."""
     return effect is not None and type(effect).shift is not Effect.shift
+
+
+def _reverses(effect: Effect | None) -> bool:
+    return effect is not None and effect.reverses
