@@ -307,10 +307,10 @@ def test_exact_ambiguities_are_fair_names() -> None:
 
 
 def test_a_fault_outside_the_library_makes_helping_effects_partial() -> None:
-    truth = find_truth(drawn_with("roller-period", seed=3), KNOWN)
+    truth = find_truth(drawn_with("hose", seed=3), KNOWN)
     assert not truth.faults[0].known
     judgement = judge(("screw-error-map",), truth)
-    assert judgement.faults == {"roller-period": "missed"}
+    assert judgement.faults == {"hose": "missed"}
     assert judgement.named["screw-error-map"] in ("partial", "wrong") and not judgement.right
 
 

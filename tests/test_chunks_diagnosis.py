@@ -84,6 +84,7 @@ def _both(problem: Problem, size: int, memory: Memory) -> tuple[RowSystem, Summe
     periods = ((0, 7.0),)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ptt.diagnosis.narrow.WIDE", np.inf)  # sums keep every column as it is
+        patch.setattr("ptt.diagnosis.narrow.MAP", np.inf)
         whole = build_system(fitted, problem, candidates, noise, 0.0, problem.used, periods, shapes)
     blocks = [atom for atom in whole.atoms.values() if atom.name in BLOCKS]
     levers = {atom.block.place.residual: atom.block.place.lever for atom in blocks if atom.block is not None}

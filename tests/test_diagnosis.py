@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from scipy.ndimage import gaussian_filter1d
 from typer.testing import CliRunner
 
 from ptt.challenge.cases import draw, plan
@@ -79,6 +80,25 @@ def test_one_hidden_effect_is_named_first(tmp_path, fault, seed):
     assert found.suggested[0][0] == fault
     assert len(found.suggested[0]) <= 4
     assert found.rms_um["after"]["total"] < 1.25 * found.noise.total * 1e3
+
+
+def rough_screw(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Heights, and what a screw is off by there: it drifts over 10 mm and waves over 8 to 34 mm, as they are sold."""
+    random, height = np.random.default_rng(seed), np.arange(180.0, 380.0, 0.25)
+    drift = gaussian_filter1d(random.normal(size=len(height)).cumsum(), 40)
+    drift -= np.polyval(np.polyfit(height, drift, 1), height)
+    waves = [np.sin(2.0 * np.pi * (height / length + random.random())) for length in (8.0, 13.0, 21.0, 34.0)]
+    return height, 0.01 * drift / drift.std() + 0.0025 * (random.normal(size=4) @ waves)
+
+
+def test_a_rough_screw_is_a_screw_and_nothing_else():
+    random, mechanism = np.random.default_rng(4), build_mechanism(MACHINE.machine)
+    targets = random.uniform(-60.0, 60.0, (240, 3))
+    command = mechanism.inverse(torch.as_tensor(targets)).numpy()
+    off = np.stack([np.interp(command[:, i], *rough_screw(i)) for i in range(3)], axis=1)
+    measured = mechanism.forward(torch.as_tensor(command + off)).numpy() + random.normal(0.0, 0.003, (240, 3))
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, make_table(targets, command, measured=measured)))
+    assert found.verdict == "missing" and found.suggested == (("screw-error-map",),)
 
 
 def test_silent_where_nothing_is_hidden(tmp_path):

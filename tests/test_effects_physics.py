@@ -15,7 +15,17 @@ from ptt.effects.bench import sample_view, take
 from ptt.effects.case import make_case, usual_theta
 from ptt.effects.geometry import pull
 from ptt.effects.memory import gradual_reversal, play
-from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.effects.shapes import (
+    FINE,
+    KNOTS,
+    SHAPES,
+    WAVES,
+    curve_pieces,
+    smooth_shapes,
+    straight_shapes,
+    wave_shapes,
+    wavy_pieces,
+)
 from ptt.errors import ModelError
 from ptt.machine import parse_machine
 from ptt.mechanisms.statics import GRAVITY
@@ -400,6 +410,20 @@ def test_a_usual_curve_costs_its_bending_energy(bench):
     assert_close(
         tensor(shapes @ values), tensor(make_smoothing_spline(knots, wanted, lam=toll)(knots)), atol=1e-4, rtol=0.0
     )
+
+
+def test_waves_are_all_that_a_spline_on_dense_knots_can_do_beside_the_curve(bench):
+    knots = tensor(np.linspace(0.0, 1.0, KNOTS))
+    assert_close(wave_shapes(knots), torch.zeros(KNOTS, WAVES, dtype=torch.float64), atol=1e-12, rtol=0.0)
+    dense = np.linspace(0.0, 1.0, FINE * (KNOTS - 1) + 1)
+    shapes = torch.cat([smooth_shapes(tensor(dense)), straight_shapes(tensor(dense)), wave_shapes(tensor(dense))], 1)
+    rough = np.random.default_rng(3).normal(size=len(dense)).cumsum()
+    values = np.linalg.solve(shapes.numpy(), rough)
+    cut = values[:SHAPES], values[SHAPES : SHAPES + 2], values[SHAPES + 2 :]
+    spline = CubicSpline(dense, rough, bc_type="natural")
+    np.testing.assert_allclose(wavy_pieces(*cut), spline.c.T, rtol=0.0, atol=1e-6 * np.abs(spline.c).max())
+    plain = curve_pieces(*cut[:2])[:, 3]  # where a piece begins
+    np.testing.assert_allclose(wavy_pieces(*cut[:2], np.zeros(WAVES))[::FINE, 3], plain, rtol=0.0, atol=1e-12)
 
 
 OLD_HEIGHTS = (0.31, 0.05, -0.12, 0.02, 0.01, -0.03)

@@ -135,7 +135,7 @@ def check(compensator: Compensator, targets: np.ndarray, folder: Path, payload: 
     return built, found, code
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2, 4])
 def test_all_effects_on_drawn_machines(seed: int, tmp_path: Path) -> None:
     file = draw_machine_file(seed).file
     # A joint that turns within a straight move and then moves by less than its play cannot be put right at all.

@@ -216,14 +216,15 @@ def _kinds_of_values(
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
-    and so does their straight part. What is kept near zero has one a joint altogether: where zero lies divides cosines
+    and so does their straight part; fine detail has its own, which is how rough the joint is. What is kept near zero
+    has one a joint altogether: where zero lies divides cosines
     from sines, which nature does not.
     """
     joints, group, bounded, held, joint, first, curves = problem.view.joints, [], [], [], [], 1, 0
     for parameter in effect.parameters:
         size = parameter.size(joints)
         if parameter.role == "linear" and parameter.per_joint and parameter.count > 1:
-            curves = curves or first
+            curves = first if parameter.fine else curves or first
             group.append(curves + np.repeat(np.arange(joints), parameter.count))
             first += joints
         else:

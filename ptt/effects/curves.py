@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect
 from ptt.effects.phrases import Phrase, Said, said
-from ptt.effects.shapes import COARSE_SHAPES, from_coarse, smooth_shapes, straight_shapes
+from ptt.effects.shapes import COARSE_SHAPES, from_coarse, smooth_shapes, straight_shapes, wave_shapes
 from ptt.run.view import View
 
 PLACES = 201  # at which a curve is looked at for its highest
@@ -52,7 +52,7 @@ def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int
 
 
 def curve_extremes(
-    effect: Effect, theta: Tensor, std: Tensor, curves: Sequence[tuple[Phrase, str, slice]]
+    effect: Effect, theta: Tensor, std: Tensor, curves: Sequence[tuple[Phrase, tuple[str, ...], slice]]
 ) -> tuple[Said, ...]:
     """The highest and the lowest place of curves, in words.
 
@@ -60,7 +60,8 @@ def curve_extremes(
         effect: has 'straight', 'from' and 'to'.
         theta: all its parameters, flat.
         std: their standard errors, NaN where none is known.
-        curves: words, parameter, and which of a joint's values of 'straight' are its slope and level.
+        curves: words, the parameters of its smooth shapes and, where it has any, of its waves, and which of a joint's
+            values of 'straight' are its slope and level.
 
     Returns:
         Highest and lowest place of each curve, where they are on either side of zero.
@@ -70,13 +71,15 @@ def curve_extremes(
     counts = [parameter.count * joints for parameter in effect.parameters]
     values, errors = (dict(zip(names, part.split(counts), strict=True)) for part in (theta, std.nan_to_num()))
     place = torch.linspace(0.0, 1.0, PLACES, dtype=torch.float64)
-    shapes = torch.cat([smooth_shapes(place), straight_shapes(place)], dim=1)
     parts = []
-    for phrase, stem, line in curves:
-        own = next(parameter for parameter in effect.parameters if parameter.stem == stem)
+    for phrase, stems, line in curves:
+        own = next(parameter for parameter in effect.parameters if parameter.stem == stems[0])
+        kinds = (smooth_shapes, wave_shapes)[: len(stems)]
+        every = [(stem, slice(None)) for stem in stems]
+        shapes = torch.cat([*(kind(place) for kind in kinds), straight_shapes(place)], dim=1)
         for joint in range(joints):
             size, error = (
-                torch.cat([part[stem].reshape(joints, -1)[joint], part["straight"].reshape(joints, -1)[joint, line]])
+                torch.cat([part[stem].reshape(joints, -1)[joint, some] for stem, some in (*every, ("straight", line))])
                 for part in (values, errors)
             )
             curve, spread = shapes @ size, (shapes.square() @ error.square()).sqrt()

@@ -26,6 +26,7 @@ class Parameter:
             finite length leave of it is small.
         lent: effects whose own cause each of the `count` held values is. Where such an effect is not in the model, the
             fit frees the value: else the rest of the effect would have to imitate it.
+        fine: detail of the parameter before it, mostly far under the noise: how large it is is learned by itself.
     """
 
     stem: str
@@ -42,6 +43,7 @@ class Parameter:
     held: bool = False
     lent: tuple[str, ...] = ()
     onward: bool = False
+    fine: bool = False
 
     def size(self, joints: int) -> int:
         """Number of values on a mechanism with k joints."""

@@ -12,7 +12,7 @@ from ptt.effects.base import Effect, Parameter, Stage, family, per_joint
 from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.phrases import Phrase, Said, figure, said
-from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
+from ptt.effects.shapes import SHAPES, WAVES, smooth_shapes, straight_shapes, wave_shapes
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
@@ -65,7 +65,7 @@ class LeadScale(Effect):
 
 @dataclass(frozen=True)
 class ScrewErrorMap(Effect):
-    """Smooth error of the screw along its length, without the parts that homing and lead are.
+    """Error of the screw along its length, smooth or rough, without the parts that homing and lead are.
 
     A curve that has no level and no slope over its whole range has a little of both over the heights that were
     visited; that little is held near zero beside homing and lead, so that these stay their own causes. Without them it
@@ -98,6 +98,17 @@ class ScrewErrorMap(Effect):
             held=True,
             lent=("lead-scale", "homing-offset"),
         ),
+        Parameter(
+            "waves",
+            "mm",
+            5e-4,
+            "heights of one, two, three half waves between two knots, in their usual shares, upward",
+            True,
+            WAVES,
+            axis=True,
+            usual_rad=5e-6,
+            fine=True,
+        ),
         Parameter("from", "mm", 1.0, "lower end of the range", True, role="given", axis=True),
         Parameter("to", "mm", 1.0, "upper end of the range", True, role="given", axis=True),
     )
@@ -105,10 +116,12 @@ class ScrewErrorMap(Effect):
     card: ClassVar[Card] = Card(
         cause="The lead varies along the screw: rolled or worn thread, bent shaft, end bearings out of line.",
         equation=(
-            "dq_i = sum_j a_ij N_j(x) + b_i (2 x - 1) + c_i, x = (q_i - from_i)/(to_i - from_i) held to 0..1; N_j the "
-            "15 bending modes of a natural cubic spline on 17 knots, the first one high, the j-th about 1/j^2 (the "
-            "prior of a smoothing spline); b and c, what a curve leaves of slope and level over the visited heights, "
-            "are held near zero where lead-scale and homing-offset are in the model"
+            "dq_i = sum_j a_ij N_j(x) + sum_m w_im W_m(x) + b_i (2 x - 1) + c_i, x = (q_i - from_i)/(to_i - from_i) "
+            "held to 0..1; N_j the 15 bending modes of a natural cubic spline on 17 knots, the first one high, the "
+            "j-th about 1/j^2 (the prior of a smoothing spline); W_m what a rough screw does between these knots: "
+            "one, two and three half waves each, as a wander at random has them, of a size that is learned by "
+            "itself; b and c, what a curve leaves of slope and level over the visited heights, are held near zero "
+            "where lead-scale and homing-offset are in the model"
         ),
         source=(
             f"{SCREW_STANDARD}: travel variation; the form of a controller's leadscrew compensation table; shapes: "
@@ -126,7 +139,7 @@ class ScrewErrorMap(Effect):
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
         """How high and how low each axis runs at the most, and where."""
         phrase = Phrase("curve", "run{s} up to {what} high", "run{s} up to {what} low")
-        return curve_extremes(self, theta, std, ((phrase, "curve", slice(0, 2)),))
+        return curve_extremes(self, theta, std, ((phrase, ("curve", "waves"), slice(0, 2)),))
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The range that the data cover."""
@@ -139,7 +152,7 @@ class ScrewErrorMap(Effect):
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Spline shapes of each axis."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
-        return per_joint(smooth_shapes(place), straight_shapes(place))
+        return per_joint(smooth_shapes(place), straight_shapes(place), wave_shapes(place))
 
 
 @dataclass(frozen=True)

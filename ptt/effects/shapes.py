@@ -8,18 +8,21 @@ from torch import Tensor
 
 KNOTS = 17  # sixteen pieces: what bends within a twentieth of the range is damage of a spot, not a screw or a rail
 SHAPES = KNOTS - 2
+FINE = 4  # pieces of one between two knots, at which a rough curve is as free as a law of one variable is
+WAVES = (KNOTS - 1) * (FINE - 1)
 COARSE = 9  # knots of older machine files, every second one of these, so that their curves are curves of these
 COARSE_SHAPES = 6
 
 
 def _bends(values: np.ndarray) -> np.ndarray:
-    """Second derivatives of natural cubic splines at their knots, which run evenly from 0 to 1, (KNOTS, m) both.
+    """Second derivatives of natural cubic splines at their knots, which run evenly from 0 to 1, (k, m) both.
 
     Written out here because scipy's splines bring its optimisers along, which take longer to load than all else.
     """
-    inner = 4.0 * np.eye(SHAPES) + np.eye(SHAPES, k=1) + np.eye(SHAPES, k=-1)
+    size = len(values) - 2
+    inner = 4.0 * np.eye(size) + np.eye(size, k=1) + np.eye(size, k=-1)
     bends = np.zeros_like(values)
-    bends[1:-1] = np.linalg.solve(inner, 6.0 * (KNOTS - 1) ** 2 * np.diff(values, 2, axis=0))
+    bends[1:-1] = np.linalg.solve(inner, 6.0 * (size + 1) ** 2 * np.diff(values, 2, axis=0))
     return bends
 
 
@@ -27,12 +30,12 @@ def natural_pieces(values: np.ndarray) -> np.ndarray:
     """Natural cubic splines through values at even knots from 0 to 1, as one cubic a piece.
 
     Args:
-        values: (KNOTS, m).
+        values: (k, m).
 
     Returns:
-        (4, KNOTS - 1, m): coefficients of the cube, the square, the offset from the piece's lower end, and one.
+        (4, k - 1, m): coefficients of the cube, the square, the offset from the piece's lower end, and one.
     """
-    bends, width = _bends(values), 1.0 / (KNOTS - 1)
+    bends, width = _bends(values), 1.0 / (len(values) - 1)
     slope = np.diff(values, axis=0) / width - width * (2.0 * bends[:-1] + bends[1:]) / 6.0
     return np.stack([np.diff(bends, axis=0) / (6.0 * width), 0.5 * bends[:-1], slope, values[:-1]])
 
@@ -75,12 +78,61 @@ def smooth_shapes(position: Tensor) -> Tensor:
         (..., SHAPES), the first of height one and the others ever smaller, orthogonal at the knots to each other, to a
         constant and to a line.
     """
-    table = torch.as_tensor(_modes()[1], dtype=position.dtype)  # shape: (4, pieces, shapes)
+    return _evaluated(_modes()[1], position)
+
+
+@lru_cache(maxsize=1)
+def _waves() -> np.ndarray:
+    """Natural splines on knots FINE times as dense that are zero at all the others, as pieces.
+
+    Between two knots they run through one, two, three half waves of sine, the m-th 1/m high: what a wander at random
+    does between two places that hold it (Loeve's expansion of the Brownian bridge). With the smooth shapes they are
+    all splines on the dense knots, and none of them bends where a smooth shape does: each takes its own energy.
+    """
+    values = np.zeros(((KNOTS - 1) * FINE + 1, KNOTS - 1, FINE - 1))
+    order, inner = np.arange(1, FINE), np.arange(1, FINE)
+    heights = np.sin(np.pi * np.outer(inner, order) / FINE) / order
+    for piece in range(KNOTS - 1):
+        values[piece * FINE + inner, piece] = heights
+    return natural_pieces(values.reshape(len(values), WAVES))
+
+
+def wave_shapes(position: Tensor) -> Tensor:
+    """Evaluate what a curve does between the knots of the smooth shapes.
+
+    Args:
+        position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...); held beyond it.
+
+    Returns:
+        (..., WAVES), zero at the knots.
+    """
+    return _evaluated(_waves(), position)
+
+
+def _evaluated(pieces: np.ndarray, position: Tensor) -> Tensor:
+    """Piecewise cubics (4, pieces, m) at places (...), (..., m)."""
+    table, count = torch.as_tensor(pieces, dtype=position.dtype), pieces.shape[1]
     inside = position.clamp(0.0, 1.0)
-    piece = (inside.detach() * (KNOTS - 1)).floor().long().clamp(0, KNOTS - 2)
-    offset = (inside - piece / (KNOTS - 1)).unsqueeze(-1)
+    piece = (inside.detach() * count).floor().long().clamp(0, count - 1)
+    offset = (inside - piece / count).unsqueeze(-1)
     cubic, square, linear, constant = (row[piece] for row in table)
     return ((cubic * offset + square) * offset + linear) * offset + constant
+
+
+def wavy_pieces(smooth: np.ndarray, straight: np.ndarray, waves: np.ndarray) -> np.ndarray:
+    """A curve of all shapes as one cubic a piece of the dense knots.
+
+    Args:
+        smooth: (SHAPES,) coefficients.
+        straight: (2,) slope and level.
+        waves: (WAVES,) coefficients.
+
+    Returns:
+        (FINE * (KNOTS - 1), 4): coefficients as of `curve_pieces`.
+    """
+    knots = torch.linspace(0.0, 1.0, (KNOTS - 1) * FINE + 1, dtype=torch.float64)
+    values = smooth_shapes(knots).numpy() @ smooth + straight_shapes(knots).numpy() @ straight
+    return np.asarray(natural_pieces(values[:, None])[..., 0] + _waves() @ waves).T
 
 
 def curve_pieces(smooth: np.ndarray, straight: np.ndarray) -> np.ndarray:

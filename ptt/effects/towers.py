@@ -178,7 +178,9 @@ class GuideStraightness(ThreePttEffect):
             "wander{s} up to {what} counter-clockwise (seen from above)",
             "wander{s} up to {what} clockwise (seen from above)",
         )
-        return curve_extremes(self, theta, std, ((out, "radial", slice(0, 2)), (along, "tangential", slice(2, 4))))
+        return curve_extremes(
+            self, theta, std, ((out, ("radial",), slice(0, 2)), (along, ("tangential",), slice(2, 4)))
+        )
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The range that the data cover."""

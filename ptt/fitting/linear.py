@@ -262,13 +262,22 @@ def held_values(effect: Effect, problem: Problem) -> np.ndarray:
     return np.concatenate([np.zeros(0), *(np.full(item.size(problem.view.joints), item.held) for item in parameters)])
 
 
+def _fine_values(effect: Effect, values: int) -> np.ndarray:
+    """Which linear values are detail far under the noise, (values,) bool."""
+    parameters = [parameter for parameter in effect.parameters if parameter.role == "linear"]
+    if not any(parameter.fine for parameter in parameters):
+        return np.zeros(values, dtype=bool)
+    joints = values // sum(parameter.count for parameter in parameters)
+    return np.repeat([item.fine for item in parameters], [item.count * joints for item in parameters])
+
+
 def few_shapes(trials: Sequence[Trial], simple: np.ndarray) -> np.ndarray:
-    """The present model's columns and every candidate's, of long searches only every sixth shape."""
+    """The present model's columns and every candidate's, of long searches only every sixth shape, no fine detail."""
     seen: dict[str, int] = {}
     chosen = [simple]
     for trial in trials:
         number = seen.get(trial.effect.key, 0)
         seen[trial.effect.key] = number + 1
         if trial.trials < 12 or number % 6 == 3:
-            chosen.append(trial.columns)
+            chosen.append(trial.columns[~_fine_values(trial.effect, len(trial.columns))])
     return np.concatenate(chosen).astype(int)

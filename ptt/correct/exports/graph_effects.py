@@ -10,9 +10,7 @@ from ptt.correct.exports.graph import Node
 from ptt.correct.exports.graph_legs import Place, Vector, cross, dot, meet
 from ptt.effects import Effect
 from ptt.effects.base import sizes
-from ptt.effects.shapes import KNOTS, SHAPES, curve_pieces
-
-PIECES = KNOTS - 1
+from ptt.effects.shapes import SHAPES, WAVES, curve_pieces, wavy_pieces
 
 
 def _minors(link: Vector) -> tuple[Vector, Any]:
@@ -33,13 +31,13 @@ def _pull(s: Place) -> Any:
 
 
 def _curve(s: Place, pieces: np.ndarray, ends: np.ndarray, q: Node) -> Node:
-    """A piecewise cubic of each leg, pieces (3, 16, 4), held beyond its range (3, 2)."""
-    graph = s.graph
+    """A piecewise cubic of each leg, pieces (3, c, 4), held beyond its range (3, 2)."""
+    graph, count = s.graph, pieces.shape[1]
     place = (q - ends[None, :, 0]) / (ends[:, 1] - ends[:, 0])[None]
     place = graph.node("Min", graph.node("Max", place, [[0.0]]), [[1.0]])
-    piece = graph.node("Min", graph.node("Floor", place * np.array([[float(PIECES)]])), [[PIECES - 1.0]])
-    offset = place - piece / np.array([[float(PIECES)]])
-    row = graph.node("Cast", piece + (PIECES * np.arange(3.0))[None], to=7)  # int64
+    piece = graph.node("Min", graph.node("Floor", place * np.array([[float(count)]])), [[count - 1.0]])
+    offset = place - piece / np.array([[float(count)]])
+    row = graph.node("Cast", piece + (count * np.arange(3.0))[None], to=7)  # int64
     parts = [graph.node("Gather", graph.constant(pieces[:, :, power].ravel()), row, axis=0) for power in range(4)]
     return ((parts[0] * offset + parts[1]) * offset + parts[2]) * offset + parts[3]
 
@@ -72,8 +70,10 @@ def _screw_growth(s: Place, t: np.ndarray, effect: Effect) -> None:
 
 
 def _screw_map(s: Place, t: np.ndarray, effect: Effect) -> None:
-    curve, straight, low, high = _cut(effect, t)
-    s.move_drive(_curve(s, _pieces(curve, straight.reshape(3, 2)), np.stack([low, high], axis=1), s.q))
+    curve, straight, waves, low, high = _cut(effect, t)
+    legs = zip(curve.reshape(3, SHAPES), straight.reshape(3, 2), waves.reshape(3, WAVES), strict=True)
+    pieces = np.stack([wavy_pieces(*leg) for leg in legs])
+    s.move_drive(_curve(s, pieces, np.stack([low, high], axis=1), s.q))
 
 
 def _axis(s: Place, t: np.ndarray, effect: Effect) -> None:

@@ -13,11 +13,11 @@ from ptt.correct.terms import split_terms
 from ptt.effects import Effect
 from ptt.effects.base import sizes
 from ptt.effects.joint_error_map import FAST, SLOW
-from ptt.effects.shapes import KNOTS, SHAPES, curve_pieces
+from ptt.effects.shapes import FINE, KNOTS, SHAPES, curve_pieces, wavy_pieces
 from ptt.machine import MachineFile
 from ptt.model.model import Model
 
-PIECES = KNOTS - 1
+PIECES, FINE_PIECES = KNOTS - 1, FINE * (KNOTS - 1)
 AHEAD = (
     "its shift follows the velocity, and `ptt predict` takes that from the rows on both sides; commands made one by "
     "one do not know the rows ahead: give the lags to the controller's velocity feed-forward"
@@ -97,7 +97,7 @@ def fragments(kind: str) -> dict[str, Fragment]:
             said = dict(word.split("=") for word in words[1:])
             needs = frozenset(said["needs"].split(",")) if "needs" in said else frozenset[str]()
             found[words[0]] = Fragment(body, needs, tuple(said.get("uses", "").split(",")) if "uses" in said else ())
-    found["spline"] = Fragment(kernel("spline.c.in").replace("@PIECES@", str(PIECES)), frozenset(), ())
+    found["spline"] = Fragment(kernel("spline.c.in"), frozenset(), ())
     return found
 
 
@@ -143,7 +143,12 @@ def _arguments(effect: Effect, theta: np.ndarray, joints: int, name: str) -> tup
     """What a function is called with, and the tables of it."""
     note = _plain(effect.key)
     cut = np.split(theta, np.cumsum(sizes(effect, joints))[:-1])
-    if effect.name in ("screw-error-map", "guide-straightness"):
+    if effect.name == "screw-error-map":
+        curve, straight, fine, low, high = (part.reshape(joints, -1) for part in cut)
+        pieces = [wavy_pieces(*leg) for leg in zip(curve, straight, fine, strict=True)]
+        ends = np.concatenate([low, high], axis=1)
+        return f"{name}, {name}_range", table(name, pieces, note=note) + table(f"{name}_range", ends)
+    if effect.name == "guide-straightness":
         curves, (straight, low, high) = cut[:-3], cut[-3:]
         lines = straight.reshape(joints, len(curves), 2)
         pieces = [
@@ -203,7 +208,11 @@ def _functions(parts: Parts, kind: str) -> str:
         if need.startswith("use "):
             take(need.removeprefix("use "))
     text = "".join(known[name].text for name in wanted)
-    return text.replace("@PIECES@", str(PIECES)).replace("@HARMONICS@", str(SLOW + FAST))
+    return (
+        text.replace("@PIECES@", str(PIECES))
+        .replace("@FINE_PIECES@", str(FINE_PIECES))
+        .replace("@HARMONICS@", str(SLOW + FAST))
+    )
 
 
 def _plain(text: str) -> str:
