@@ -101,6 +101,22 @@ def test_commands_between_the_heights_of_a_raster_are_uncertain(tmp_path):
     assert between.sent.all() and np.isfinite(between.q).all()  # sent, and said
 
 
+def test_commands_beyond_the_heights_of_a_run_are_as_uncertain_as_they_are_wrong(tmp_path):
+    """A curve is held beyond its end, and the screw is not."""
+    height = np.arange(150.0, 421.0, 15.0)
+    random, pulls = np.random.default_rng(6), []
+    for seed in range(3):
+        drive = {"map_height_mm": height.tolist(), "map_um": bent(height, seed).tolist()}
+        inside, beyond = (random.uniform(-1.0, 1.0, (80, 3)) * [15.0, 15.0, half] for half in (30.0, 60.0))
+        beyond = beyond[np.abs(beyond[:, 2]) > 45.0].round(4)
+        rig, problem, ladder, model = learn(tmp_path, inside.round(4), drive, ("screw-error-map",))
+        commands = compensate(model, make_table(beyond))
+        assert commands.counts["uncertain"] == len(beyond)
+        error = went(rig, beyond, commands.q) - shown(problem, ladder, beyond)
+        pulls.append(np.square(error).sum(axis=1) / commands.sigma**2)
+    assert 0.1 < np.concatenate(pulls).mean() < 2.0
+
+
 def bent(height: np.ndarray, seed: int) -> np.ndarray:
     """Screws with a level, a slope and a bow of their own, in um: what a usual curve looks like on a short travel."""
     place = (height - height.mean()) / np.ptp(height)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ptt.effects.base import Effect
+from ptt.effects.base import Effect, Parameter, sizes
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.result import FitResult
@@ -19,6 +19,8 @@ from ptt.model.entries import write_model
 from ptt.model.model import Model, parameter_names
 from ptt.run.problem import apply_frames
 from ptt.run.view import View
+
+STEEP = 5.0  # slope of a bow at its end, in heights of the bow a length of the curve
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,8 @@ def kept_covariance(model: Model) -> Kept | None:
 def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
     """What the parameters leave uncertain of where the tool is, as the tracker's frame would show it.
 
-    Parameters and frame together: what is common to all readings moves with the frame, and no command mends it.
+    Parameters and frame together: what is common to all readings moves with the frame, and no command mends it. Beyond
+    the heights that told a curve it is held, and how it goes on there is uncertain as well.
 
     Args:
         kept: the covariance.
@@ -127,7 +130,53 @@ def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
         by_frame = apply_frames(at.prediction.reading, np.zeros(view.rows, dtype=int), still)[1]
         parts.append(by_frame @ torch.as_tensor(kept.rows(FRAME_NAMES)))
     total = sum(parts, torch.zeros(view.rows, 3, kept.root.shape[1], dtype=torch.float64))
-    return np.asarray(total.square().sum(dim=(1, 2)).sqrt().numpy())
+    square = total.square().sum(dim=(1, 2))
+    if terms:
+        square = square + unvisited(terms, view, at.jacobian).square().sum(dim=(1, 2))
+    return np.asarray(square.sqrt().numpy())
+
+
+def unvisited(terms: Shifts, view: View, jacobian: torch.Tensor) -> torch.Tensor:
+    """How far the tool may be off because joints are beyond the heights that told their curves, standard deviations.
+
+    A curve has a slope that wanders at random along the axis (as in `screw-error-map`). Beyond its end it is held,
+    while the screw goes on with the slope of that end, and bends with the power 3/2 of the length.
+
+    Args:
+        terms: effects of the machine with their parameters.
+        view: n rows.
+        jacobian: of the reading by all parameters of the terms, (n, 3, p).
+
+    Returns:
+        (n, 3, c) mm, one column a joint's curve.
+    """
+    columns, first = [jacobian[:, :, :0]], 0
+    for effect, theta in terms:
+        counts = sizes(effect, view.joints)
+        values = {p.stem: part for p, part in zip(effect.parameters, theta.split(counts), strict=True)}
+        if {"from", "to", "straight"} <= values.keys():
+            low, high = values["from"], values["to"]
+            share = (torch.maximum(view.q - high, low - view.q) / (high - low)).clamp(min=0.0)  # shape: (n, k)
+            far = (STEEP**2 * share**2 + share**3).sqrt()
+            levels = first + _levels(effect, view.joints)  # shape: (k, curves)
+            for number, curve in enumerate(_bent(effect)):
+                height = values[curve.stem].reshape(view.joints, -1).abs().amax(dim=1).clamp(min=curve.usual)
+                columns.append(jacobian[:, :, levels[:, number]] * (far * height)[:, None])
+        first += sum(counts)
+    return torch.cat(columns, dim=2)
+
+
+def _bent(effect: Effect) -> list[Parameter]:
+    """The parameters that are a curve's bends."""
+    return [p for p in effect.parameters if p.role == "linear" and not p.held and not p.fine]
+
+
+def _levels(effect: Effect, joints: int) -> np.ndarray:
+    """Places, among an effect's parameters, of the level of each joint's curves, (k, curves)."""
+    stems = [p.stem for p in effect.parameters]
+    at = stems.index("straight")
+    start, count = sum(sizes(effect, joints)[:at]), effect.parameters[at].count
+    return start + np.arange(joints * count).reshape(joints, count)[:, 1::2]
 
 
 def _names(terms: Shifts, joints: int, kind: str) -> list[str]:
