@@ -10,11 +10,12 @@ from ptt.challenge.cases import Case, draw, plan
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.absent import absent_effects
+from ptt.diagnosis.exchange import exchanged_errors, exchanges
 from ptt.diagnosis.find import find
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.probability import TEMPER
 from ptt.diagnosis.screen import Gain
-from ptt.diagnosis.spread import exchanged_errors, spread_of, square_errors, values_of
+from ptt.diagnosis.spread import spread_of, square_errors, values_of
 from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig import simulate
@@ -57,7 +58,7 @@ def test_a_slip_and_a_knock_that_may_have_changed_places_say_so():
     found, problem, true = found_of("multi", 1010055)  # at each other's moments they leave 1.4 less of 215
     state, scale, key = found.state, found.system.scale, "homing-slip"
     pull = values_of(state, found.system.atoms[key], scale) - np.array(true[key]["slip_mm"])
-    alone, both = spread_of(found.scorer, state, key) ** 2, exchanged_errors(found, problem)[key][:3]
+    alone, both = spread_of(found.scorer, state, key) ** 2, exchanged_errors(found, exchanges(found, problem))[key][:3]
     assert np.abs(pull / np.sqrt(alone)).max() > 5.0
     assert np.abs(pull / np.sqrt(alone + both)).max() < 2.0
 

@@ -3,7 +3,6 @@
 import numpy as np
 
 from ptt.diagnosis.atoms import Atom, is_metrology
-from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import near_sets
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
@@ -15,8 +14,9 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
     """Root mean square by which the machine may move the tool otherwise than a set of atoms says, mm.
 
     Hidden rows only show what readings show. Whether the machine or the tracker is off they leave open where sets that
-    do as well, or values of one set that fit as well, share it out otherwise; commands are right for one of them. What
-    a rigid motion takes does not count, and neither does what readings of the hidden rows would show.
+    do as well, or values of one set that fit as well, share it out otherwise; commands are right for one of them. They
+    are of the machine as the run has left it: what slipped late, and few rows saw, is all along from then on. What a
+    rigid motion takes does not count, and neither does what readings of the hidden rows would show.
 
     Args:
         scorer: that has scored the sets.
@@ -26,7 +26,7 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
     sets = [(1.0, state), *near_sets(scorer, state)]
     columns = np.unique(np.concatenate([one.columns[_machine(scorer, one)] for _, one in sets])).astype(int)
     frame = system.frame
-    gram = system.sums_of(np.concatenate([frame, columns]).astype(int), WHITE).gram
+    gram = system.gram_after(np.concatenate([frame, columns]).astype(int))
     beside = gram[len(frame) :, : len(frame)]
     spread = np.linalg.pinv(gram[: len(frame), : len(frame)], rcond=UNSEEN, hermitian=True)
     seen = gram[len(frame) :, len(frame) :] - beside @ spread @ beside.T  # of the tool, frames taken off

@@ -9,11 +9,12 @@ import torch
 from ptt.diagnosis.absent import absent_effects
 from ptt.diagnosis.atoms import Atom, is_effect
 from ptt.diagnosis.coincidence import coincidences
+from ptt.diagnosis.exchange import Exchange, exchanged_doubt, exchanged_errors
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.hidden import held_out
 from ptt.diagnosis.mimic import find_sum
 from ptt.diagnosis.probability import Probability
-from ptt.diagnosis.spread import exchanged_errors, spread_of, values_of
+from ptt.diagnosis.spread import spread_of, values_of
 from ptt.diagnosis.state import State
 from ptt.diagnosis.steps import Named, Step, share_of
 from ptt.diagnosis.witness import own_drift, unwitnessed
@@ -77,19 +78,19 @@ class Candidate(Record):
     tool_doubt: float | None = None
 
 
-def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], problem: Problem) -> tuple[Term, ...]:
+def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tuple[Exchange, ...]) -> tuple[Term, ...]:
     """The given effects and the steps at the posterior's values.
 
     Args:
         found: the best explanation.
         model: as given.
         keys: of the steps' atoms.
-        problem: the rows that it was found on.
+        others: it with moments of a slip and a knock exchanged.
 
     Returns:
         The terms, in the order of a model.
     """
-    exchanged, absent = exchanged_errors(found, problem), absent_effects(found.scorer, found.state)
+    exchanged, absent = exchanged_errors(found, others), absent_effects(found.scorer, found.state)
     system, state, current = found.system, found.state, replace(model, terms=())
     for key in (*found.scorer.given, *keys):
         atom, own = system.atoms[key], state.of(key)
@@ -156,14 +157,16 @@ def _free(found: Found, atom: Atom) -> torch.Tensor:
 
 
 def candidates_of_steps(
-    found: Found, told: Named, terms: tuple[Term, ...], chances: Probability, noise: Noise, problem: Problem
-) -> list[Candidate]:
+    found: Found, told: Named, terms: tuple[Term, ...], others: tuple[Exchange, ...], chances: Probability,
+    noise: Noise, problem: Problem,
+) -> list[Candidate]:  # fmt: skip
     """The steps.
 
     Args:
         found: the best explanation.
         told: what it names.
         terms: its steps at their values.
+        others: it with moments of a slip and a knock exchanged.
         chances: what the explored sets say of them.
         noise: the noise floor.
         problem: the readings.
@@ -173,13 +176,15 @@ def candidates_of_steps(
     """
     result: list[Candidate] = []
     named = told.steps
+    parts = told.doubt, own_drift(terms, problem), exchanged_doubt(found, others, problem)
+    doubt = 1e3 * float(np.linalg.norm(parts))
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
         term = next((item for item in terms if item.effect.key == name), None)
         if term is None:
             continue
         together = find_sum(found.system, found.state, step.key)
-        own = 1e3 * float(np.hypot(told.doubt, own_drift(terms, problem))) if index == len(named) - 1 else None
+        own = doubt if index == len(named) - 1 else None
         errors = step.before * 1e3, step.after * 1e3
         words = explain_step(term, step.others, together, errors, noise, problem, before, own)
         result.append(

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, odds_of_block
+from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, is_sudden, odds_of_block
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_joined, base_sums
 from ptt.diagnosis.narrow import narrow
@@ -24,6 +24,7 @@ from ptt.diagnosis.row_sums import (
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, clock_of, straightened, whitened
 from ptt.effects import Effect
+from ptt.effects.sudden import ALWAYS
 from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.run.holdout import blocks as travel_blocks
@@ -111,6 +112,17 @@ class RowSystem(System):
             return super().sums_of(chosen, memory)
         white, values, log_noise = self._white(chosen, memory)
         return Sums(white @ white.T, white @ values, float(values @ values), log_noise)
+
+    def gram_after(self, chosen: np.ndarray) -> np.ndarray:
+        """As of every system; what is sudden acts on each row."""
+        gram, place = super().gram_after(chosen), {column: number for number, column in enumerate(chosen)}
+        slips = [atom for atom in self.atoms.values() if is_sudden(atom) and set(atom.columns) <= set(place)]
+        during = self.columns[:, :, chosen]
+        after = during.copy()
+        for atom in slips:
+            assert atom.effect is not None
+            after[:, :, [place[column] for column in atom.columns]] = self.at.columns(atom.effect, ALWAYS)[self.rows]
+        return gram + (_gram(after) - _gram(during) if slips else 0.0)
 
     def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
         """Normal sums of combinations of chosen columns, under any memory; what is there already is used."""
@@ -265,3 +277,8 @@ def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndar
     assert linear.at is not None
     by_joint = linear.at.chain.by_joint.numpy()[rows] * SIZE
     return {j: by_joint[:, :, j] @ noise.whitener.T for j in range(by_joint.shape[2])}
+
+
+def _gram(columns: np.ndarray) -> np.ndarray:
+    """Products of columns (m, 3, p) with each other, (p, p)."""
+    return np.asarray(np.tensordot(columns, columns, axes=((0, 1), (0, 1))))

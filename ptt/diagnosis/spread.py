@@ -6,11 +6,9 @@ import numpy as np
 
 from ptt.diagnosis.absent import Absent
 from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.found import Found, fits_exchanged
-from ptt.diagnosis.probability import TEMPER, near_sets
+from ptt.diagnosis.probability import near_sets
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
-from ptt.run.problem import Problem
 from ptt.run.tails import t_ppf
 
 TWO_SIDED = 0.975  # within two standard deviations: 95 %
@@ -39,25 +37,6 @@ def spread_of(scorer: Scorer, state: State, key: str, absent: Sequence[Absent] =
         weights.append(odds)
         squares.append(square_errors(scorer, rival, atoms[there]) + (values_of(rival, atoms[there], scale) - told) ** 2)
     return np.asarray(np.sqrt(np.average(squares, axis=0, weights=weights)))
-
-
-def exchanged_errors(found: Found, problem: Problem) -> dict[str, np.ndarray]:
-    """Mean squares that exchanged moments of a slip and a knock, which do nearly as well, add to what is stated.
-
-    Args:
-        found: the best explanation.
-        problem: the rows that it was found on.
-
-    Returns:
-        Effect of the model -> of its parameters, in their units squared, (p,).
-    """
-    told = found.fitted
-    added = {term.effect.key: np.zeros(len(term.theta)) for term in told.model.terms}
-    for other in fits_exchanged(found, problem):
-        odds = float(np.exp(-max(other.chi2 - told.chi2, 0.0) / (2.0 * TEMPER)))
-        for one, two in zip(told.model.terms, other.model.terms, strict=True):
-            added[one.effect.key] += odds / (1.0 + odds) * np.square((two.theta - one.theta).numpy())
-    return added
 
 
 def values_of(state: State, atom: Atom, scale: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import Atom, straight_sizes
 from ptt.diagnosis.blocks import SIZE, Block
-from ptt.diagnosis.memory import Hidden, Memory, Sums
+from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
@@ -102,6 +102,17 @@ class System(ABC):
             return Sums(ways.T @ own.gram @ ways, ways.T @ own.side, own.square, own.log_noise)
 
         return sums
+
+    def gram_after(self, chosen: np.ndarray) -> np.ndarray:
+        """Products of chosen columns as they would be once the run is over: what slipped on the way stays so.
+
+        Args:
+            chosen: (p,) indices.
+
+        Returns:
+            (p, p); of a long run whose rows are gone those of the run itself.
+        """
+        return self.sums_of(chosen, WHITE).gram
 
     def forget(self) -> None:
         """Let go of what can be worked out again: the next system takes as much memory as this one."""

@@ -9,6 +9,7 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.diagnosis import Diagnosis, Verdict
+from ptt.diagnosis.exchange import Exchange, exchanges
 from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found, stands
@@ -138,7 +139,8 @@ def conclude(
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
     told = name_steps(scorer, state)
-    terms, sent = _at_values(found, told, model, problem)
+    others = exchanges(found, problem)
+    terms, sent = _at_values(found, told, model, others)
     beyond = () if stands(terms, shown) and stands(sent, shown) else tuple(atoms[step.key].name for step in told.steps)
     if beyond:
         told = replace(told, steps=())
@@ -165,7 +167,7 @@ def conclude(
         verdict_probability=_verdict_probability(chances, verdict),
         suggested=suggested,
         candidates=(
-            *candidates_of_steps(found, told, terms, chances, noise, problem),
+            *candidates_of_steps(found, told, terms, others, chances, noise, problem),
             *other_candidates(found, named, chances, problem),
         ),
         not_testable=found.untestable,
@@ -201,10 +203,12 @@ def _depends_on(
     return dependences(unknowns_of(scorer, suspect, left), left, shown)
 
 
-def _at_values(found: Found, told: Named, model: Model, problem: Problem) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
+def _at_values(
+    found: Found, told: Named, model: Model, others: tuple[Exchange, ...]
+) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
     """Effects of the model as given and those that are named: at their values, and at those that are sent."""
     keys = tuple(step.key for step in told.steps)
-    terms = fitted_terms(found, model, keys, problem)
+    terms = fitted_terms(found, model, keys, others)
     return terms, sent_terms(found, terms, keys)
 
 

@@ -1,0 +1,101 @@
+"""A slip and a knock that may have changed places: what that makes of stated values, and of the machine afterwards."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from ptt.diagnosis.found import Found, fits_exchanged
+from ptt.diagnosis.probability import TEMPER
+from ptt.effects.metrology import rigid_basis
+from ptt.effects.sudden import ALWAYS, Sudden
+from ptt.model.chain import predict
+from ptt.model.model import Term
+from ptt.run.problem import Problem
+
+
+class Exchange(NamedTuple):
+    """The model with the moments of a slip and a knock exchanged: its odds beside the one told, at most one."""
+
+    odds: float
+    terms: tuple[Term, ...]
+
+
+def exchanges(found: Found, problem: Problem) -> tuple[Exchange, ...]:
+    """What exchanged moments make of a model.
+
+    Args:
+        found: the best explanation.
+        problem: the rows that it was found on.
+
+    Returns:
+        One for each pair of a slip and a knock.
+    """
+    fits = fits_exchanged(found, problem)
+    odds = [float(np.exp(-max(other.chi2 - found.fitted.chi2, 0.0) / (2.0 * TEMPER))) for other in fits]
+    return tuple(Exchange(own, other.model.terms) for own, other in zip(odds, fits, strict=True))
+
+
+def exchanged_errors(found: Found, others: Sequence[Exchange]) -> dict[str, np.ndarray]:
+    """Mean squares that they add to what is stated.
+
+    Args:
+        found: the best explanation.
+        others: it with moments exchanged.
+
+    Returns:
+        Effect of the model -> of its parameters, in their units squared, (p,).
+    """
+    told = found.fitted.model.terms
+    added = {term.effect.key: np.zeros(len(term.theta)) for term in told}
+    for odds, terms in others:
+        for one, two in zip(told, terms, strict=True):
+            added[one.effect.key] += odds / (1.0 + odds) * np.square((two.theta - one.theta).numpy())
+    return added
+
+
+def exchanged_doubt(found: Found, others: Sequence[Exchange], problem: Problem) -> float:
+    """How far the tool may be from where the model has it, had they changed places, root mean square in mm.
+
+    Args:
+        found: the best explanation.
+        others: it with moments exchanged.
+        problem: the rows; where the machine stands on these once the run is over.
+    """
+    if not others:
+        return 0.0
+    told, square = _tool_after(found.fitted.model.terms, problem), 0.0
+    for odds, terms in others:
+        apart = _off_set_up(_tool_after(terms, problem) - told, problem)
+        square += odds / (1.0 + odds) * float(np.square(apart).sum(axis=1).mean())
+    return float(np.sqrt(square))
+
+
+def _tool_after(terms: Sequence[Term], problem: Problem) -> np.ndarray:
+    """Where the tool goes, (n, 3) mm, once all has slipped that slips."""
+    lasting = [_lasting(term) for term in terms if term.effect.stage != "metrology"]
+    return predict([(term.effect, term.theta) for term in lasting], problem.view).p.numpy()
+
+
+def _lasting(term: Term) -> Term:
+    if not isinstance(term.effect, Sudden):
+        return term
+    return replace(term, theta=torch.cat([term.theta[:-1], ALWAYS["after"]]))
+
+
+def _off_set_up(apart: np.ndarray, problem: Problem) -> np.ndarray:
+    """The same on the rows that count, what a rigid motion of each set-up takes taken off; in a trusted frame whole."""
+    apart, place, frame = (
+        apart[problem.used],
+        rigid_basis(problem.view.p).numpy()[problem.used],
+        problem.frame[problem.used],
+    )
+    if problem.file.tracker.frame == "trusted":
+        return apart
+    left = apart.copy()
+    for own in (frame == index for index in np.unique(frame)):
+        columns = place[own].reshape(-1, 6)
+        left[own] -= (columns @ np.linalg.lstsq(columns, apart[own].ravel(), rcond=None)[0]).reshape(-1, 3)
+    return left
