@@ -134,8 +134,8 @@ def test_no_step_is_taken_from_a_wander_that_lies_far_behind_errors_of_poses(mon
     random, pose = np.random.default_rng(9), np.arange(300) % POSES
     slow = 0.3 * np.cumsum(random.normal(size=(300, 3)), axis=0)
     scorer = Scorer(system_of(random.normal(size=(300, 3)) + slow + 30.0 * random.normal(size=(POSES, 3))[pose]))
+    monkeypatch.setattr(memories, "_uphill", None)
     found, _ = scorer.best_memory(scorer.score((), WHITE))
     assert found.pose  # beside which a wander is told, but explains next to nothing of the poses
-    monkeypatch.setattr(memories, "_uphill", None)
     memory, _ = scorer.best_memory(scorer.score((), found))
     assert memory == found

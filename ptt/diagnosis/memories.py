@@ -92,21 +92,21 @@ def _evidence(sums: Sums, system: System) -> float:
 
 
 def _neighbours(system: System, state: State, value: Value) -> list[Memory]:
-    """The best wander of each kind, and all errors of poses without one."""
-    found = list[Memory]()
+    """All errors of poses without a wander, and the best wander of each kind that is not far behind what there is."""
+    found = [state.memory]
+    if system.repeats >= REPEATED:  # first: they cost little, and may leave nothing to a wander
+        found += [Memory(None, float(size)) for size in POSES]
     if len(system.clock.constants):
         left = system.left(state.columns, state.posterior.values)
-        found = [_wander_of(system, state.memory, left, axes, value) for axes in kinds_of_wander(system.noise)]
-    if system.repeats >= REPEATED:
-        found += [Memory(None, float(size)) for size in POSES]
+        spots = [_rough_spot(system, left, axes) for axes in kinds_of_wander(system.noise)]
+        for spot, _ in sorted(spots, key=lambda item: -item[1]):
+            if value(spot.memory) >= max(map(value, found)) - FAR_BEHIND:
+                found.append(_best_beside(spot, value))
     return found
 
 
-def _wander_of(system: System, at: Memory, left: np.ndarray, axes: Axes, value: Value) -> Memory:
-    """The best wander of a kind by coordinate steps over the grid; what there is already, if that is far better."""
-    spot = _rough_spot(system, left, axes)
-    if value(spot.memory) < value(at) - FAR_BEHIND:
-        return at
+def _best_beside(spot: Spot, value: Value) -> Memory:
+    """The best wander of a kind by coordinate steps over the grid."""
     for _ in range(3):
         before, spot = spot, _uphill(_uphill(spot, 1, 0, value), 0, 1, value)
         if spot is before:
@@ -114,12 +114,14 @@ def _wander_of(system: System, at: Memory, left: np.ndarray, axes: Axes, value: 
     return spot.memory
 
 
-def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> Spot:
-    """Where on the grid the wander of a state's residual lies, its atoms held."""
+def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> tuple[Spot, float]:
+    """Where on the grid the wander of a state's residual lies, its atoms held, and how likely it makes the residual."""
     constants = system.clock.constants
     spots = [Spot(i, j, axes, constants) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
     wanders = [spot.memory.wander for spot in spots]
-    return spots[int(np.argmax(likelihoods(left, [one for one in wanders if one is not None], system.clock)))]
+    likely = likelihoods(left, [one for one in wanders if one is not None], system.clock)
+    best = int(np.argmax(likely))
+    return spots[best], float(likely[best])
 
 
 def _uphill(spot: Spot, share: int, slow: int, value: Value) -> Spot:
