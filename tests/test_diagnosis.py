@@ -83,22 +83,33 @@ def test_one_hidden_effect_is_named_first(tmp_path, fault, seed):
 
 
 def rough_screw(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Heights, and what a screw is off by there: it drifts over 10 mm and waves over 8 to 34 mm, as they are sold."""
+    """Heights, and what a screw is off by there, mm: it drifts along its length and is wavy over a few millimetres."""
     random, height = np.random.default_rng(seed), np.arange(180.0, 380.0, 0.25)
     drift = gaussian_filter1d(random.normal(size=len(height)).cumsum(), 40)
     drift -= np.polyval(np.polyfit(height, drift, 1), height)
-    waves = [np.sin(2.0 * np.pi * (height / length + random.random())) for length in (8.0, 13.0, 21.0, 34.0)]
-    return height, 0.01 * drift / drift.std() + 0.0025 * (random.normal(size=4) @ waves)
+    waves = gaussian_filter1d(random.normal(size=len(height)), 10)
+    return height, 0.01 * drift / drift.std() + 0.004 * waves / waves.std()
 
 
-def test_a_rough_screw_is_a_screw_and_nothing_else():
+def told_of_screws(off) -> Diagnosis:
+    """What is said of 240 poses of a machine whose screws are off by a function of their heights (n, 3), mm."""
     random, mechanism = np.random.default_rng(4), build_mechanism(MACHINE.machine)
     targets = random.uniform(-60.0, 60.0, (240, 3))
     command = mechanism.inverse(torch.as_tensor(targets)).numpy()
-    off = np.stack([np.interp(command[:, i], *rough_screw(i)) for i in range(3)], axis=1)
-    measured = mechanism.forward(torch.as_tensor(command + off)).numpy() + random.normal(0.0, 0.003, (240, 3))
-    found = diagnose(Model(MACHINE), build_problem(MACHINE, make_table(targets, command, measured=measured)))
+    reached = mechanism.forward(torch.as_tensor(command + off(command))).numpy()
+    measured = reached + random.normal(0.0, 0.003, (240, 3))
+    return diagnose(Model(MACHINE), build_problem(MACHINE, make_table(targets, command, measured=measured)))
+
+
+def test_a_rough_screw_is_a_screw_and_nothing_else():
+    found = told_of_screws(lambda q: np.stack([np.interp(q[:, i], *rough_screw(i)) for i in range(3)], axis=1))
     assert found.verdict == "missing" and found.suggested == (("screw-error-map",),)
+
+
+def test_a_period_that_is_no_turn_of_the_screw_is_no_rough_screw():
+    found = told_of_screws(lambda q: 0.012 * np.sin(2.0 * np.pi * q / 7.0) * [1.0, 0.0, 0.0])
+    assert found.verdict == "unknown" and found.suggested == ()
+    assert found.depends_on[0].residual == "slider 1" and found.depends_on[0].period_mm == pytest.approx(7.0, abs=0.1)
 
 
 def test_silent_where_nothing_is_hidden(tmp_path):

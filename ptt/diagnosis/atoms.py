@@ -53,6 +53,7 @@ class Atom:
         turn: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.
+        fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
         tested: whether the readings hold what tells it from an offset: play that no reversal shows is never plainest.
     """
 
@@ -68,6 +69,7 @@ class Atom:
     block: Block | None = None
     turn: Turn | None = None
     joint: np.ndarray | None = None
+    fine: np.ndarray | None = None
     tested: bool = True
 
     @property
@@ -196,23 +198,25 @@ def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[st
 def _effect_atom(
     key: str,
     columns: np.ndarray,
-    kinds: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    kinds: tuple[np.ndarray, ...],
     odds: float,
     effect: Effect,
     shape: Mapping[str, Tensor] | None,
 ) -> Atom:
-    group, bounded, held, joint = kinds
+    group, bounded, held, joint, detail = kinds
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
     most[group[held]] = 1.0
     alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
-    return Atom(key, effect.key, columns, group, most, odds, bounded, effect, shape, joint=joint if alike else None)
+    fine = np.isin(np.arange(len(most)), group[detail])
+    return Atom(
+        key, effect.key, columns, group, most, odds, bounded, effect, shape,
+        joint=joint if alike else None, fine=fine if fine.any() else None,
+    )  # fmt: skip
 
 
-def _kinds_of_values(
-    effect: Effect, problem: Problem, chosen: np.ndarray | slice
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of each value: its variance, whether it cannot be negative, whether it is near zero by definition, whose it is.
+def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slice) -> tuple[np.ndarray, ...]:
+    """Of each value: its variance, whether it cannot be negative, is near zero by definition, whose it is, if detail.
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
@@ -220,7 +224,8 @@ def _kinds_of_values(
     has one a joint altogether: where zero lies divides cosines
     from sines, which nature does not.
     """
-    joints, group, bounded, held, joint, first, curves = problem.view.joints, [], [], [], [], 1, 0
+    joints, first, curves = problem.view.joints, 1, 0
+    group, bounded, held, joint, detail = list[np.ndarray](), [], [], [], []
     for parameter in effect.parameters:
         size = parameter.size(joints)
         if parameter.role == "linear" and parameter.per_joint and parameter.count > 1:
@@ -233,8 +238,8 @@ def _kinds_of_values(
         bounded.append(np.full(size, parameter.lower >= 0.0))
         held.append(np.full(size, parameter.held and not parameter.lent))
         joint.append(np.arange(joints) if parameter.per_joint and size == joints else np.full(size, -1))
-    kinds = [np.concatenate(each)[chosen] for each in (group, bounded, held, joint)]
-    return kinds[0], kinds[1], kinds[2], kinds[3]
+        detail.append(np.full(size, parameter.fine))
+    return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail))
 
 
 def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:

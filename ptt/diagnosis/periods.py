@@ -36,6 +36,9 @@ def find_period(
 ) -> Period | None:
     """The strongest line that is worth its price and has not been offered to a search yet.
 
+    The fine detail of a curve can do a wave's work, so where names alone would be said it is first looked for with that
+    put back.
+
     Args:
         scorer: of the system.
         state: the best set so far.
@@ -49,7 +52,9 @@ def find_period(
     assert isinstance(system, RowSystem)
     if len(system.rows) < FEWEST:
         return None
-    white = system.innovation(state.columns, state.posterior.values, state.memory)
+    hides = not offered and all(system.atoms[key].block is None for key in state.keys)
+    shown = np.where(hides & _detail(scorer, state), 0.0, state.posterior.values)
+    white = system.innovation(state.columns, shown, state.memory)
     telling = _telling(system, state.memory.pose)
     best, found = 0.0, None
     for joint, column in system.levers.items():
@@ -64,6 +69,16 @@ def find_period(
         if nats.max() > best:
             best, found = float(nats.max()), Period(joint, float(1.0 / frequency[int(np.argmax(nats))]))
     return found
+
+
+def _detail(scorer: Scorer, state: State) -> np.ndarray:
+    """Which columns of a set are fine detail of a curve, (c,) bool."""
+    detail = np.zeros(len(state.columns), dtype=bool)
+    for key in state.keys:
+        atom = scorer.system.atoms[key]
+        if atom.fine is not None:
+            detail[state.of(key)] = atom.fine[atom.group]
+    return detail
 
 
 def _telling(system: RowSystem, pose: float) -> np.ndarray:
