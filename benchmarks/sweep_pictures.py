@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binomtest
 
 from ptt.effects import library
 
@@ -26,10 +27,7 @@ def draw_reliability(said: list[tuple[float, bool]], place: Path) -> None:
         here = (chance >= low) & (chance < high) if high < 1.0 else chance >= low
         if here.any():
             right, count = hit[here].mean(), int(here.sum())
-            # Half-width of a proportion's 95 % interval, with two successes and two failures added (Agresti-Coull).
-            agreed = (hit[here].sum() + 2.0) / (count + 4.0)
-            half = 1.96 * np.sqrt(agreed * (1.0 - agreed) / (count + 4.0))
-            bars = [[max(right - max(agreed - half, 0.0), 0.0)], [max(min(agreed + half, 1.0) - right, 0.0)]]
+            bars = _bars(hit[here])
             axes.errorbar(chance[here].mean(), right, yerr=bars, fmt="o", color="#1f5a96", capsize=3)
             last = high == 1.0  # stands close to the others: its number is above it
             end = (chance[here].mean(), right + bars[1][0] if last else right - bars[0][0])
@@ -54,10 +52,8 @@ def draw_detection(rows: Rows, path: Path) -> None:
         here = (size >= low) & (size < high)
         if here.any():
             share, count = hit[here].mean(), int(here.sum())
-            half = 1.96 * np.sqrt(max(share * (1 - share), 0.25 / count) / count)
             middle = np.exp(np.log(size[here]).mean())
-            bars = [[share - max(share - half, 0.0)], [min(share + half, 1.0) - share]]
-            axes.errorbar(middle, share, yerr=bars, fmt="o", color="#1f5a96", capsize=3)
+            axes.errorbar(middle, share, yerr=_bars(hit[here]), fmt="o", color="#1f5a96", capsize=3)
             axes.annotate(str(count), (middle, share), textcoords="offset points", xytext=(6, -12), fontsize=8)
     axes.axvline(2.0, color="0.6", linestyle="--", linewidth=1)
     axes.annotate("counts from here on", (2.0, 0.05), textcoords="offset points", xytext=(4, 0), fontsize=8)
@@ -94,6 +90,13 @@ def draw_confusion(rows: Rows, path: Path) -> None:
     axes.set(xlabel="named first", ylabel="hidden", title=_title(rows))
     figure.savefig(path, dpi=150)
     plt.close(figure)
+
+
+def _bars(hit: np.ndarray) -> list[list[float]]:
+    """Lengths below and above the share of hits, (2, 1): the 95 % interval of a proportion (Wilson), within 0 and 1."""
+    share = float(hit.mean())
+    ends = binomtest(int(hit.sum()), len(hit)).proportion_ci(method="wilson")
+    return [[max(share - ends.low, 0.0)], [max(ends.high - share, 0.0)]]
 
 
 def _title(rows: Rows) -> str:
