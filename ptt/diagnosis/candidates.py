@@ -8,7 +8,9 @@ from ptt.fitting.result import FitResult
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 
-SECOND = {"once-per-rev": "harmonic 2", "setup-jump": "second"}  # effects of which a machine may well have two
+ONCE_MORE = ("second", "third")  # what happens at once happens to each of three sliders, or whenever somebody passes by
+# Labels of the further ones of an effect, of which a machine may well have several.
+AGAIN = {"once-per-rev": ("harmonic 2",), "homing-slip": ONCE_MORE, "setup-jump": ONCE_MORE}
 
 
 def present_candidates(fitted: FitResult, problem: Problem, known: Library) -> tuple[list[Effect], dict[str, str]]:
@@ -52,12 +54,18 @@ def first_of(name: str, names: Collection[str]) -> str:
         The key.
     """
     base = name.partition("[")[0]
-    return base if base == "setup-jump" and base not in names and name == f"{base}[{SECOND[base]}]" else name
+    if AGAIN.get(base) != ONCE_MORE:
+        return name
+    keys = _keys(base)
+    return keys[sum(key in names for key in keys[: keys.index(name)])]
 
 
 def _next_label(cls: type[Effect], keys: Sequence[str]) -> Effect | None:
-    """The effect itself, or, where it is in the model, a second of its kind if it can have one."""
-    if cls.name not in keys:
-        return cls()
-    label = SECOND.get(cls.name)
-    return cls(label) if label and f"{cls.name}[{label}]" not in keys else None
+    """The effect itself, or, where it is in the model, the next of its kind if it can have one."""
+    labels = ("", *AGAIN.get(cls.name, ()))
+    return next((cls(label) for label, key in zip(labels, _keys(cls.name), strict=True) if key not in keys), None)
+
+
+def _keys(name: str) -> list[str]:
+    """Keys of an effect and of the further ones of its kind."""
+    return [name, *(f"{name}[{label}]" for label in AGAIN.get(name, ()))]

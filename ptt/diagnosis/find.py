@@ -21,7 +21,16 @@ from ptt.diagnosis.search import best_of, ends_of, improve, is_told, plainest, r
 from ptt.diagnosis.shapes import with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
-from ptt.diagnosis.turn import Turn, best_moments, first_turn, gross_beside, still_missed
+from ptt.diagnosis.turn import (
+    Turn,
+    best_moments,
+    first_turn,
+    further,
+    gross_beside,
+    moments_of,
+    still_missed,
+    unlike,
+)
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Linear, few_shapes, linear_columns
 from ptt.model.model import Model
@@ -100,7 +109,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         linear = linear_columns(fitted, problem, candidates, noise)
         gross = _sift(linear, problem)
     rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
-    shapes = {effect.key: [*effect.search(problem.view), *turn.moments.get(effect.key, ())] for effect in candidates}
+    shapes = {effect.key: [*effect.search(problem.view), *further(effect, turn.moments)] for effect in candidates}
     system = build_system(
         fitted, problem, candidates, noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear
     )
@@ -146,13 +155,14 @@ def _turned(
             return found, replace(following, model=current, kept=kept, barred=barred, before=found)
     if steady:
         return found, None
-    moments = best_moments(scorer, state, loose(scorer, state), candidates)
+    moments, periods = best_moments(scorer, state, loose(scorer, state), candidates), turn.periods
     carried, noise = carried_by(state, system, problem), noise_again(problem, system, state)
     current = moved(found, asked.model, problem)
     system.forget()
     return found, replace(
         following, model=current, noise=noise, carried=carried, kept=(*current.keys, *blocks), held=blocks,
-        moments=moments, periods=turn.periods if seen is None else (*turn.periods, (seen.joint, seen.length)),
+        moments=unlike([*moments, *moments_of(current)]),
+        periods=periods if seen is None else (*periods, (seen.joint, seen.length)),
         opening=turn.opening if turn.opening.any() else remembering_rows(current.terms, problem, noise),
     )  # fmt: skip
 
@@ -190,7 +200,7 @@ def _told(found: Found, model: Model, problem: Problem, known: Library, freedom:
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
     """The same, searched on with moments to the row."""
     moments = best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
-    scorer, system = with_shapes(found.scorer, moments)
+    scorer, system = with_shapes(found.scorer, {effect.key: further(effect, moments) for effect in candidates})
     state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
     return replace(found, system=system, scorer=scorer, state=state)
 
@@ -210,9 +220,9 @@ def _search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect
     """
     ends = ends_of(scorer)
     first = max(ends, key=lambda end: (_searches_moments(system, end), end.total))
-    dated = best_moments(scorer, first, loose(scorer, first), candidates) if _searches_moments(system, first) else {}
+    dated = best_moments(scorer, first, loose(scorer, first), candidates) if _searches_moments(system, first) else ()
     if dated:
-        scorer, system = with_shapes(scorer, dated)
+        scorer, system = with_shapes(scorer, {effect.key: further(effect, dated) for effect in candidates})
         lasting = [key for key in first.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
         ends += ends_of(scorer, lasting)
     return scorer, system, best_of(scorer, ends)

@@ -240,7 +240,7 @@ def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) 
             shape = _finest(found, atom, problem) if refine else atom.shape
             term = Term(atom.effect, _opened(found, atom, shape, problem))
         if base != atom.name:
-            term = replace(term, effect=replace(term.effect, label=""))
+            term = replace(term, effect=replace(term.effect, label=base.partition("[")[2].removesuffix("]")))
         current = current + term
     return current
 

@@ -26,7 +26,6 @@ STATED = 100.0  # degrees of freedom of a figure that somebody states
 LEAST_FREEDOM = 12.0
 AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
 ONE_AXIS = 1e-3  # chance at which the axes of a wander are not alike: of a thousand sound wanders one is called a fault
-TINY = 1e-6  # of the scatter: what an axis that does not wander is taken to wander by
 FINEST = 1e-3  # variance along one axis over that along another: a beam's length is read ten times as well, not thirty
 ROUNDS = 3
 ONE_FIGURE = "machine file"  # source of a noise that is stated for all axes alike
@@ -92,7 +91,8 @@ def wanders_beyond(system: System, state: State) -> bool:
     mean of all axes, so an axis is asked for itself: what was foretold, against the scatter of all axes together, for
     along its beam a tracker scatters by a tenth of what it does across, and its stand moves it no less. What forgets
     within a few rows is no stand that leans to one side as it warms: there axes are asked whether they are alike, by
-    Fisher's test with as many degrees of freedom as the run has times in which the wander forgets.
+    Fisher's test with as many degrees of freedom as the run has times in which the wander forgets. That an axis does
+    not wander, its own scatter hides below the standard error of its variance: a beam is straighter than that.
 
     Args:
         system: the linearised problem.
@@ -109,7 +109,8 @@ def wanders_beyond(system: System, state: State) -> bool:
     taken = np.maximum(whole - white, 0.0)
     if system.clock.is_slow(wander):
         return bool((taken > FAULT * white.mean()).any())
-    others = np.maximum((taken.sum() - taken) / 2.0, TINY * white.mean())
+    seen = np.maximum(taken, white * np.sqrt(2.0 / len(left)))
+    others = (seen.sum() - seen) / 2.0
     free = max(system.clock.span / (2.0 * wander.constant), 1.0)
     return bool((3.0 * f_sf(taken / others, free, 2.0 * free) < ONE_AXIS).any())
 

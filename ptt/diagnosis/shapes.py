@@ -24,7 +24,7 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[
     system, atoms = scorer.system, dict[str, Atom]()
     columns, base = list[np.ndarray](), list[np.ndarray]()
     assert isinstance(system, RowSystem)
-    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
+    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and shapes.get(atom.name)}
     first = system.columns.shape[2]
     for name, atom in like.items():
         assert atom.effect is not None

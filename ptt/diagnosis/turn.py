@@ -1,7 +1,7 @@
 """What one turn of linearising and searching tells the next: rows that are gross errors, rows at which jumps may be."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Turn:
         held: blocks that were carried along.
         periods: joint and length of those that were seen.
         barred: effects that an exact fit does without.
-        moments: effect -> further moments of it.
+        moments: at which something may have happened, whatever it was.
         before: what was found with effects that seemed needless; None where none went.
     """
 
@@ -56,7 +56,7 @@ class Turn:
     held: tuple[str, ...] = ()
     periods: tuple[tuple[int, float], ...] = ()
     barred: frozenset[str] = frozenset()
-    moments: Mapping[str, Sequence[Shape]] = field(default_factory=dict)
+    moments: tuple[Shape, ...] = ()
     before: Found | None = None
 
 
@@ -117,11 +117,12 @@ def still_missed(fitted: FitResult, problem: Problem, noise: Noise, gross: np.nd
 
 def best_moments(
     scorer: Scorer, state: State, may_go: Sequence[str], candidates: Sequence[Effect]
-) -> dict[str, list[Shape]]:
-    """The rows at which each sudden effect would do best in place of what changes in time, and of everything unknown.
+) -> tuple[Shape, ...]:
+    """The rows at which something sudden would do best in place of what changes in time, and of everything unknown.
 
     Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one; and a
     block that took a jump's place along the travel, or with the warmth that came along, leaves nothing of it to date.
+    Of several things that happened each is dated beside the others too: with all taken out the largest dates them all.
 
     Args:
         scorer: of a linearised problem.
@@ -130,17 +131,34 @@ def best_moments(
         candidates: effects that may be missing.
 
     Returns:
-        Sudden effect -> its moments.
+        The moments, each for every sudden effect: that it happened is sooner told than what it was.
     """
     atoms = scorer.system.atoms
     timely = [key for key in may_go if _is_timely(atoms[key])]
-    unknown = [key for key in may_go if atoms[key].block is not None or key in timely]
+    happened = [key for key in timely if is_sudden(atoms[key])]
+    unknown = [key for key in may_go if atoms[key].block is not None]
+    changed = [key for key in timely if key not in happened]
+    gone = {
+        frozenset(keys) for keys in ([], timely, unknown, changed, [*unknown, *timely], *([key] for key in happened))
+    }
     sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
-    found: dict[str, list[Shape]] = {}
-    for gone in [timely] if set(unknown) == set(timely) else [timely, unknown]:
-        for effect in sudden:
-            found.setdefault(effect.key, []).append(_moment_beside(scorer, state, gone, effect))
-    return found
+    found = [_moment_beside(scorer, state, sorted(keys), effect) for keys in gone for effect in sudden]
+    return unlike([*found, *(shape for key in happened if (shape := atoms[key].shape) is not None)])
+
+
+def further(effect: Effect, moments: Sequence[Shape]) -> Sequence[Shape]:
+    """Moments for an effect: none for one that is not sudden."""
+    return moments if isinstance(effect, Sudden) else ()
+
+
+def moments_of(model: Model) -> list[Shape]:
+    """The moments of a model's own sudden effects."""
+    return [{"after": term.theta[-1:]} for term in model.terms if isinstance(term.effect, Sudden) and len(term.theta)]
+
+
+def unlike(moments: Sequence[Shape]) -> tuple[Shape, ...]:
+    """Each moment once, in order."""
+    return tuple(dict(sorted((float(shape["after"]), shape) for shape in moments)).values())
 
 
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:

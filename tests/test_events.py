@@ -1,0 +1,71 @@
+"""Several things that happened at once in one run, each at its own moment: sliders that slip, a tracker knocked."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench
+from ptt.diagnosis.candidates import first_of
+from ptt.diagnosis.turn import further, moments_of, unlike
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model, Term
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
+
+ROWS = 300
+KNOCK, OTHER = (0.03, -0.06, -0.1), (-0.05, 0.02, 0.04)
+
+NEXT = ("", "[second]", "[third]")
+
+Events = Mapping[int, tuple[int, float] | Sequence[float]]
+
+
+@pytest.mark.parametrize(
+    ("events", "turning", "named"),
+    [
+        ({93: (2, 0.033), 182: KNOCK}, 0.004, ("homing-slip", "setup-jump", "once-per-rev")),
+        ({90: (0, 0.03), 186: (2, 0.05)}, 0.0, ("homing-slip", "homing-slip[second]")),
+        ({90: (0, 0.05), 186: (0, -0.05)}, 0.0, ("homing-slip", "homing-slip[second]")),
+        ({60: (1, 0.05), 150: (0, 0.03), 210: (2, -0.03)}, 0.0, tuple(f"homing-slip{n}" for n in NEXT)),
+        ({60: KNOCK, 150: (0, 0.04), 210: OTHER}, 0.0, ("setup-jump", "homing-slip", "setup-jump[second]")),
+    ],
+)
+def test_of_several_events_each_is_named_at_its_own_row(events: Events, turning: float, named: tuple[str, ...]) -> None:
+    """A helix, moved by plain formulas. An event dated by a larger one passes for unknown physics."""
+    file, random, way = bench(), np.random.default_rng(1), np.linspace(0.0, 1.0, ROWS)
+    robot = build_mechanism(file.machine)
+    target = np.stack([60.0 * np.cos(8.0 * np.pi * way), 60.0 * np.sin(8.0 * np.pi * way), 80.0 * way - 40.0], axis=1)
+    joints = robot.inverse(torch.as_tensor(target)).numpy()
+    error = turning * np.cos(2.0 * np.pi * joints / 5.0 + np.arange(3.0))
+    knocked = random.normal(0.0, 0.003, (ROWS, 3))
+    for row, event in events.items():
+        if len(event) == 2:
+            error[row:, event[0]] += event[1]
+        else:
+            knocked[row:] += event
+    measured = robot.forward(torch.as_tensor(joints + error)).numpy() + knocked
+    table = make_table(target, joints, measured=measured, time_s=10.0 * np.arange(ROWS))
+    found = diagnose(Model(file), build_problem(file, table))
+    assert found.verdict == "missing" and {names[0] for names in found.suggested} == set(named)
+    told = sorted(float(moment["after"]) / 10.0 + 1.0 for moment in moments_of(found.model))
+    np.testing.assert_allclose(told, sorted(events), atol=1.0)
+
+
+def test_what_goes_the_further_ones_move_up():
+    there = {"homing-slip", "homing-slip[third]", "setup-jump[third]"}
+    assert first_of("homing-slip[third]", there) == "homing-slip[second]"
+    assert first_of("setup-jump[third]", there) == "setup-jump"
+    assert first_of("homing-slip", there) == "homing-slip"
+
+
+def test_every_moment_is_there_once_for_all_that_is_sudden():
+    slip, knock = library()["homing-slip"](), library()["setup-jump"]()
+    model = Model(bench()) + Term(slip, torch.tensor([0.1, 0.0, 0.0, 50.0], dtype=torch.float64))
+    shapes = [{"after": torch.tensor([moment])} for moment in (70.0, 50.0, 20.0, 70.0)]
+    moments = unlike([*shapes, *moments_of(model)])
+    assert [float(moment["after"]) for moment in moments] == [20.0, 50.0, 70.0]
+    assert further(knock, moments) is moments and not further(library()["backlash"](), moments)
