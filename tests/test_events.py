@@ -8,11 +8,16 @@ import torch
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.candidates import first_of
-from ptt.diagnosis.turn import further, moments_of, unlike
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.row_system import build_system
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.turn import moments_of, unlike
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.fitting.solve import fit
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
@@ -63,9 +68,32 @@ def test_what_goes_the_further_ones_move_up():
 
 
 def test_every_moment_is_there_once_for_all_that_is_sudden():
-    slip, knock = library()["homing-slip"](), library()["setup-jump"]()
+    slip = library()["homing-slip"]()
     model = Model(bench()) + Term(slip, torch.tensor([0.1, 0.0, 0.0, 50.0], dtype=torch.float64))
     shapes = [{"after": torch.tensor([moment])} for moment in (70.0, 50.0, 20.0, 70.0)]
     moments = unlike([*shapes, *moments_of(model)])
     assert [float(moment["after"]) for moment in moments] == [20.0, 50.0, 70.0]
-    assert further(knock, moments) is moments and not further(library()["backlash"](), moments)
+
+
+def test_what_comes_and_goes_within_five_readings_is_no_two_events():
+    """Gross readings are a knock there and a slip back: it is as far apart as from the ends of a run, or at once."""
+    file, random = bench(), np.random.default_rng(2)
+    robot = build_mechanism(file.machine)
+    target = random.uniform(-60.0, 60.0, (120, 3))
+    joints = robot.inverse(torch.as_tensor(target)).numpy()
+    measured = target + random.normal(0.0, 0.003, (120, 3))
+    measured[60:63] += (0.2, -0.3, 0.25)
+    table = make_table(target, joints, measured=measured, time_s=np.arange(120.0))
+    model = Model(file) + Term(
+        library()["setup-jump"](), torch.tensor([0.2, -0.3, 0.25, 0.0, 0.0, 0.0, 59.0], dtype=torch.float64)
+    )
+    problem = build_problem(file, table)
+    fitted = fit(model, problem, robust=False)
+    slip = library()["homing-slip"]()
+    shapes = {slip.key: [{"after": torch.tensor([moment], dtype=torch.float64)} for moment in (55.0, 59.0, 62.0, 64.0)]}
+    noise = Noise(np.eye(3) * 9e-6, "machine file")
+    system = build_system(fitted, problem, [slip], noise, 1000.0, problem.used, shapes=shapes)
+    scorer = Scorer(system)
+    state = scorer.score(["setup-jump"], WHITE)
+    open_ = {system.atoms[gain.key].moment for gain in scorer.all_gains(state, lambda atom: atom.name == slip.name)}
+    assert open_ == {59.0, 64.0}

@@ -20,7 +20,7 @@ from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import PLAIN, improve, search
 from ptt.diagnosis.state import State
 from ptt.diagnosis.steps import BESIDE
-from ptt.diagnosis.turn import best_moments, further, gross_beside
+from ptt.diagnosis.turn import best_moments, gross_beside, shapes_of
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Shape, few_shapes, linear_columns
 from ptt.progress import Tell
@@ -133,7 +133,7 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell, beside: 
         if turn == 0:
             gross = _sift(at, problem, candidates, noise) if beside is None else beside.gross
         rows = problem.used & ~gross & np.isfinite(at.fitted.residual).all(axis=1)
-        shapes = {effect.key: [*effect.search(problem.view), *further(effect, moments)] for effect in candidates}
+        shapes = {effect.key: shapes_of(effect, problem.view, moments) for effect in candidates}
         system, own, beyond = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
         system.atoms = _priced(system, before)
         scorer = Scorer(system, (), STEPS, {change.key for change in changes if change.effect.key in before.cured})

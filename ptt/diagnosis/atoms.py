@@ -55,6 +55,7 @@ class Atom:
             and where joints are few.
         fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
         tested: whether the readings hold what tells it from an offset: play that no reversal shows is never plainest.
+        since: by the clock, from when on a sudden effect of the model is there; None of all others.
     """
 
     key: str
@@ -71,6 +72,12 @@ class Atom:
     joint: np.ndarray | None = None
     fine: np.ndarray | None = None
     tested: bool = True
+    since: float | None = None
+
+    @property
+    def moment(self) -> float | None:
+        """By the clock, from when on something sudden is there; None of what is not."""
+        return self.since if self.shape is None or not is_sudden(self) else float(self.shape["after"])
 
     @property
     def groups(self) -> int:
@@ -151,7 +158,8 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         kinds = _kinds_of_values(term.effect, problem, free)
         odds = odds_of_effect(term.effect, len(names), shapes, trusted=trusted)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
-        atoms[key] = _effect_atom(key, columns, kinds, odds, own.effect, None)
+        atom = _effect_atom(key, columns, kinds, odds, own.effect, None)
+        atoms[key] = replace(atom, since=float(own.theta[-1]) if is_sudden(atom) else None)
     like: dict[str, Atom] = {}  # of each effect its first shape
     for number, trial in enumerate(linear.trials):
         key, name = f"{trial.effect.key}#{number}", trial.effect.key

@@ -18,16 +18,16 @@ from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import best_of, ends_of, improve, is_told, plainest, refilled
-from ptt.diagnosis.shapes import with_shapes
+from ptt.diagnosis.shapes import with_moments
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import (
     Turn,
     best_moments,
     first_turn,
-    further,
     gross_beside,
     moments_of,
+    shapes_of,
     still_missed,
     unlike,
 )
@@ -109,7 +109,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         linear = linear_columns(fitted, problem, candidates, noise)
         gross = _sift(linear, problem)
     rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
-    shapes = {effect.key: [*effect.search(problem.view), *further(effect, turn.moments)] for effect in candidates}
+    shapes = {effect.key: shapes_of(effect, problem.view, turn.moments) for effect in candidates}
     system = build_system(
         fitted, problem, candidates, noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear
     )
@@ -200,7 +200,7 @@ def _told(found: Found, model: Model, problem: Problem, known: Library, freedom:
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
     """The same, searched on with moments to the row."""
     moments = best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
-    scorer, system = with_shapes(found.scorer, {effect.key: further(effect, moments) for effect in candidates})
+    scorer, system = with_moments(found.scorer, moments)
     state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
     return replace(found, system=system, scorer=scorer, state=state)
 
@@ -222,7 +222,7 @@ def _search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect
     first = max(ends, key=lambda end: (_searches_moments(system, end), end.total))
     dated = best_moments(scorer, first, loose(scorer, first), candidates) if _searches_moments(system, first) else ()
     if dated:
-        scorer, system = with_shapes(scorer, {effect.key: further(effect, dated) for effect in candidates})
+        scorer, system = with_moments(scorer, dated)
         lasting = [key for key in first.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
         ends += ends_of(scorer, lasting)
     return scorer, system, best_of(scorer, ends)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_any
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memories import best_memory, prior_of
 from ptt.diagnosis.memory import Hidden, Memory, Sums
@@ -16,6 +16,7 @@ from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
+from ptt.effects.sudden import EDGE
 from ptt.fitting.evidence import WIDTH, learn
 from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
@@ -192,11 +193,13 @@ class Scorer:
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
         """What every atom would add to a state, the best shape of each name; best first."""
-        return self._screen(state).best(allowed)
+        apart = self._is_apart(state)
+        return self._screen(state).best(lambda atom: allowed(atom) and apart(atom))
 
     def all_gains(self, state: State, allowed: Callable[[Atom], bool]) -> list[Gain]:
         """The same of every shape, in no order."""
-        return [gain for _, gain in self._screen(state).each(allowed)]
+        apart = self._is_apart(state)
+        return [gain for _, gain in self._screen(state).each(lambda atom: allowed(atom) and apart(atom))]
 
     def replacements(
         self, state: State, keys: Sequence[str], allowed: Callable[[Atom], bool], near: float
@@ -218,6 +221,23 @@ class Scorer:
         names, effects = {atom.name for atom in atoms} | self.barred, [atom.name for atom in atoms if atom.effect]
         full = len(effects) - len(self.given) >= self.steps
         return lambda atom: atom.name not in names and not (atom.effect and full) and not _excluded(atom, effects)
+
+    def _is_apart(self, state: State) -> Callable[[Atom], bool]:
+        """Whether an atom happens as far from all that happened in a set as from the ends of a run, or just then.
+
+        What came and went within a few readings is a gross error of theirs.
+        """
+        time = np.sort(self.system.clock.time)
+        moments = [self.system.atoms[key].moment for key in state.keys]
+        there = np.searchsorted(time, [moment for moment in moments if moment is not None], side="right")
+
+        def is_apart(atom: Atom) -> bool:
+            if atom.moment is None:
+                return True
+            between = np.abs(there - np.searchsorted(time, atom.moment, side="right"))
+            return not ((between > 0) & (between < EDGE)).any()
+
+        return is_apart if len(there) else is_any
 
     def best_memory(self, state: State) -> tuple[Memory, float]:
         """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""

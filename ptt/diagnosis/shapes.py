@@ -5,10 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import Atom, is_sudden
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.fitting.linear import Shape
+
+
+def with_moments(scorer: Scorer, moments: Sequence[Shape]) -> tuple[Scorer, RowSystem]:
+    """The same problem with further moments for all that is sudden; returns as `with_shapes`."""
+    sudden = {atom.name for atom in scorer.system.atoms.values() if is_sudden(atom)}
+    return with_shapes(scorer, dict.fromkeys(sudden, moments) if moments else {})
 
 
 def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
@@ -24,7 +30,7 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[
     system, atoms = scorer.system, dict[str, Atom]()
     columns, base = list[np.ndarray](), list[np.ndarray]()
     assert isinstance(system, RowSystem)
-    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and shapes.get(atom.name)}
+    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
     first = system.columns.shape[2]
     for name, atom in like.items():
         assert atom.effect is not None

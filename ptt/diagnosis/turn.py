@@ -23,6 +23,7 @@ from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_isf
+from ptt.run.view import View
 
 
 @dataclass(frozen=True)
@@ -146,9 +147,9 @@ def best_moments(
     return unlike([*found, *(shape for key in happened if (shape := atoms[key].shape) is not None)])
 
 
-def further(effect: Effect, moments: Sequence[Shape]) -> Sequence[Shape]:
-    """Moments for an effect: none for one that is not sudden."""
-    return moments if isinstance(effect, Sudden) else ()
+def shapes_of(effect: Effect, view: View, moments: Sequence[Shape]) -> Sequence[Shape]:
+    """The shapes that an effect searches, and of a sudden one each moment at which something may have happened."""
+    return unlike([*effect.search(view), *moments]) if isinstance(effect, Sudden) else effect.search(view)
 
 
 def moments_of(model: Model) -> list[Shape]:
