@@ -17,7 +17,7 @@ from ptt.diagnosis.depends import _followed
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.verdict import diagnose
-from ptt.diagnosis.wander import Clock, Wander, innovations, kinds_of_wander
+from ptt.diagnosis.wander import Clock, Wander, kinds_of_wander
 from ptt.effects import library
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model, Term
@@ -196,26 +196,35 @@ def test_one_figure_for_all_axes_says_how_wide_and_the_rows_say_along_which(monk
     assert stated.total < again.total < rows.total and again.source == "machine file"
 
 
-@pytest.mark.parametrize("size", [1.0, 6.0])
+def wandering(random: np.random.Generator, rows: int, constant: float) -> np.ndarray:
+    """What forgets within some rows, on three axes, (rows, 3) of variance one."""
+    kept = np.exp(-1.0 / constant)
+    found = random.normal(size=(rows, 3))
+    for row in range(1, rows):
+        found[row] = kept * found[row - 1] + np.sqrt(1.0 - kept**2) * found[row]
+    return found
+
+
+@pytest.mark.parametrize("size", [2.0, 12.0])
 def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
     """Along its beam a tracker scatters by a tenth of what it does across, and the air moves it no less."""
-    random, rows = np.random.default_rng(9), 400
-    steps, kept = random.normal(size=rows), np.exp(-1.0 / 40.0)
-    slow = np.array([sum(steps[i - k] * kept**k for k in range(min(i + 1, 200))) for i in range(rows)]) / np.sqrt(20.0)
-    white = random.normal(size=(rows, 3)) * [0.2, 2.0, 2.0]
+    random, rows, scatter = np.random.default_rng(9), 400, np.array([0.2, 2.0, 2.0])
+    white, one = random.normal(size=(rows, 3)) * scatter, np.array([1.0, 0.0, 0.0])
     clock = Clock(np.arange(rows, dtype=float), np.arange(rows) == 0)
-    wander = Wander(0.5 * size**2, 40.0)
-    left = white + size * 2.0 * slow[:, None] * [1.0, 0.0, 0.0]
-    state = SimpleNamespace(memory=Memory(wander), columns=None, posterior=SimpleNamespace(values=None))
-    system = SimpleNamespace(
-        clock=clock, left=lambda columns, values: left, in_mm=lambda values: values,
-        innovation=lambda columns, values, memory: innovations(left, memory.wander, clock)[0],
-    )  # fmt: skip
-    assert noises.wanders_beyond(system, state) == (size > 5.0)
-    state.memory = Memory(Wander(0.5 * size**2, 4.0))  # four rows long: no stand leans so fast to one side alone
-    assert noises.wanders_beyond(system, state) == (size > 5.0)
-    left = white + size * 2.0 * np.array([random.permutation(slow) for _ in range(3)]).T  # but air moves all of them
-    assert not noises.wanders_beyond(system, state)
+
+    def beyond(moved, constant):
+        state = SimpleNamespace(
+            memory=Memory(Wander(0.5, constant)), columns=None, posterior=SimpleNamespace(values=None)
+        )
+        system = SimpleNamespace(clock=clock, left=lambda columns, values: white + moved, in_mm=lambda values: values)
+        return noises.wanders_beyond(system, state)
+
+    assert beyond(size * wandering(random, rows, 40.0) * one, 40.0) == (size > 10.0)
+    slow, fast = wandering(random, rows, 40.0), wandering(random, rows, 1.5)
+    assert not beyond(2.0 * slow, 40.0)
+    assert beyond(size * fast * one, 1.5)  # within two rows no stand leans to one side alone
+    assert not beyond(size * fast, 1.5)  # but air moves all of them
+    assert not beyond(size * fast * scatter, 1.5)  # or each as it scatters
 
 
 def test_an_unknown_of_a_joint_is_told_over_its_own_travel_where_that_says_as_much():

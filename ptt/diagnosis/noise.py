@@ -88,31 +88,36 @@ def wanders_beyond(system: System, state: State) -> bool:
     """Whether the memory of the noise has taken what no tracker does by itself, on all axes together or on one.
 
     Air and stand move a reading along every axis alike; what bends or warms moves one. The memory has one share, the
-    mean of all axes, so an axis is asked for itself: what was foretold, against the scatter of all axes together, for
-    along its beam a tracker scatters by a tenth of what it does across, and its stand moves it no less. What forgets
-    within a few rows is no stand that leans to one side as it warms: there axes are asked whether they are alike, by
-    Fisher's test with as many degrees of freedom as the run has times in which the wander forgets. That an axis does
-    not wander, its own scatter hides below the standard error of its variance: a beam is straighter than that.
+    mean of all axes, so an axis is asked for itself: what its rows share with those before them. Of what lasts it is
+    held against the scatter of all axes together, for along its beam a tracker scatters by a tenth of what it does
+    across, and its stand moves it no less. What forgets within a few rows is no stand that leans to one side as it
+    warms: there axes are asked whether they are alike, in mm as air moves them or as each scatters, by Fisher's test
+    with as many degrees of freedom as the run has times in which the wander forgets. What an axis shares is known no
+    better than to its scatter over the root of the rows.
 
     Args:
         system: the linearised problem.
         state: the set.
     """
-    wander = state.memory.wander
+    wander, clock = state.memory.wander, system.clock
     if wander is None:
         return False
-    if system.clock.is_fault(wander):
+    if clock.is_fault(wander):
         return True
-    left = system.left(state.columns, state.posterior.values)
-    whole = np.var(system.in_mm(left), axis=0)
-    white = np.var(system.in_mm(system.innovation(state.columns, state.posterior.values, state.memory)), axis=0)
-    taken = np.maximum(whole - white, 0.0)
-    if system.clock.is_slow(wander):
-        return bool((taken > FAULT * white.mean()).any())
-    seen = np.maximum(taken, white * np.sqrt(2.0 / len(left)))
-    others = (seen.sum() - seen) / 2.0
-    free = max(system.clock.span / (2.0 * wander.constant), 1.0)
-    return bool((3.0 * f_sf(taken / others, free, 2.0 * free) < ONE_AXIS).any())
+    left = system.in_mm(system.left(state.columns, state.posterior.values))
+    left = left - left.mean(axis=0)
+    whole, follows = np.square(left).mean(axis=0), ~clock.starts[1:]
+    shared = np.maximum((left[1:] * left[:-1])[follows].mean(axis=0), 0.0)
+    white = whole - shared
+    if clock.is_slow(wander):
+        return bool((shared > FAULT * white.mean()).any())
+    seen = np.maximum(shared, whole / np.sqrt(len(left)))
+    free = max(clock.span / (2.0 * wander.constant), 1.0)
+    unlike = [
+        3.0 * f_sf(own / ((each.sum() - each) / 2.0), free, 2.0 * free) < ONE_AXIS
+        for own, each in ((shared, seen), (shared / white, seen / white))
+    ]
+    return bool(np.logical_and(*unlike).any())
 
 
 def noise_again(problem: Problem, system: System, state: State) -> Noise:
