@@ -432,4 +432,4 @@ def test_every_reading_is_accounted_for(tmp_path):
     found = diagnose(Model(MACHINE), problem)
     assert found.opening == 1
     assert found.rows + found.outliers.sum() + found.opening == problem.used.sum()
-    assert "the row that opens the run left aside" in format_diagnosis(found)
+    assert "one row left aside" in format_diagnosis(found)

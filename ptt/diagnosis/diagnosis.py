@@ -35,7 +35,7 @@ class Diagnosis:
         rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
-        opening: how many rows were not looked at because a run opens with them.
+        opening: how many rows were not looked at because a run opens with them, or a gap is not waited for there.
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.

@@ -13,7 +13,7 @@ from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
-from ptt.diagnosis.opening import remembering_rows, without_opening
+from ptt.diagnosis.opening import without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
@@ -29,6 +29,7 @@ from ptt.diagnosis.turn import (
     moments_of,
     shapes_of,
     still_missed,
+    unclear_rows,
     unlike,
 )
 from ptt.effects import Effect, Library
@@ -158,12 +159,13 @@ def _turned(
     moments, periods = best_moments(scorer, state, loose(scorer, state), candidates), turn.periods
     carried, noise = carried_by(state, system, problem), noise_again(problem, system, state)
     current = moved(found, asked.model, problem)
+    opening = turn.opening | unclear_rows(turn, found, current, problem, noise)
     system.forget()
     return found, replace(
         following, model=current, noise=noise, carried=carried, kept=(*current.keys, *blocks), held=blocks,
         moments=unlike([*moments, *moments_of(current)]),
         periods=periods if seen is None else (*periods, (seen.joint, seen.length)),
-        opening=turn.opening if turn.opening.any() else remembering_rows(current.terms, problem, noise),
+        opening=opening,
     )  # fmt: skip
 
 

@@ -195,11 +195,11 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
 
 
 def _opening(rows: int) -> str:
-    """Why there are fewer readings than in the run."""
+    """Why there are fewer readings than in the run: it opens with them, or a gap is not waited for there."""
     if not rows:
         return ""
-    which = "the row that opens the run" if rows == 1 else f"{rows} rows that open runs"
-    return f"; {which} left aside, nobody knows from where the machine came"
+    which = "one row" if rows == 1 else f"{rows} rows"
+    return f"; {which} left aside, at which nobody knows from which side the machine came"
 
 
 def _candidates(result: "Diagnosis") -> list[str]:
