@@ -18,7 +18,7 @@ from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.model.model import Model
-from ptt.run.pace import SMOOTH
+from ptt.run.pace import SMOOTH, pace_of
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
@@ -122,6 +122,67 @@ def test_whatever_speed_a_row_means_the_lag_alone_is_told(path: Callable, meant:
     found = diagnose(Model(file), build_problem(file, make_table(target, sent, feed_mm_s=feed, measured=read)))
     assert (found.verdict, found.suggested) == ("missing", (("following-error",),))
     np.testing.assert_allclose(lags_of(found), LAG, rtol=0.01)
+
+
+def circles(random: np.random.Generator, waits: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Six circles, every other one the other way round, each entered by a run-up that is not in the table.
+
+    Args:
+        random: of the readings' scatter.
+        waits: between circles, s.
+
+    Returns:
+        Targets (240, 3) mm, feeds (240,) mm/s, times (240,) s and readings of loops that lag.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    target, speed, lasts, feeds = [], [], [], []
+    for number, (radius, feed) in enumerate(
+        zip((40.0, 40.0, 25.0, 25.0, 60.0, 60.0), (30, 30, 10, 10, 20, 20), strict=True)
+    ):
+        way = 1.0 if number % 2 else -1.0
+        turn = np.column_stack([np.cos(way * angle), np.sin(way * angle), np.zeros(40)])
+        along = way * feed * np.column_stack([-turn[:, 1], turn[:, 0], np.zeros(40)])
+        target.append(radius * turn)
+        speed.append(along)
+        feeds.append(np.full(40, float(feed)))
+        lasts.append(np.append(waits, np.full(39, 2.0 * radius * np.sin(np.pi / 40.0) / feed)))
+    p = torch.as_tensor(np.concatenate(target))
+    sent = MECHANISM.inverse(p)
+    joints = np.linalg.solve(MECHANISM.jacobian(sent).numpy(), np.concatenate(speed)[:, :, None])[:, :, 0]
+    late = MECHANISM.forward(sent - torch.as_tensor(LAG * joints)).numpy()
+    return (
+        p.numpy(),
+        np.concatenate(feeds),
+        np.cumsum(np.concatenate(lasts)),
+        late + random.normal(0.0, 0.004, late.shape),
+    )
+
+
+def test_a_circle_that_is_entered_anew_after_a_pause_is_passed_as_it_goes_on() -> None:
+    target, feed, time, read = circles(np.random.default_rng(5), 25.0)
+    table = make_table(target, feed_mm_s=feed, time_s=time, measured=read)
+    found = diagnose(Model(BENCH), build_problem(BENCH, table))
+    assert (found.verdict, found.suggested) == ("missing", (("following-error",),))
+    np.testing.assert_allclose(lags_of(found), LAG, rtol=0.02)
+    # Where the clock leaves no time for a run-up, the row is passed as it is reached.
+    at_once = replace(table, time_s=circles(np.random.default_rng(5), 2.0)[2])
+    starts = np.arange(len(target)) == 0
+    paused, hurried = (pace_of(target, starts, each) for each in (table, at_once))
+    assert paused is not None and hurried is not None
+    along, arriving = paused.velocity(target)[40], hurried.velocity(target)[40]
+    np.testing.assert_allclose(along / np.linalg.norm(along), [0.0, 1.0, 0.0], atol=0.01)
+    np.testing.assert_allclose(arriving / np.linalg.norm(arriving), [0.0, -1.0, 0.0], atol=0.1)
+
+
+def test_a_pause_among_corners_leaves_every_row_passed_as_it_is_reached() -> None:
+    target, feed = cloud(np.random.default_rng(6)), 20.0
+    lasts = np.linalg.norm(np.diff(target, axis=0, prepend=target[:1]), axis=1) / feed
+    starts, feeds = np.arange(len(target)) == 0, np.full(len(target), feed)
+    waited = np.where(np.arange(len(target)) == 50, 1800.0, lasts)
+    tables = [make_table(target, feed_mm_s=feeds, time_s=np.cumsum(each)) for each in (lasts, waited)]
+    even, broken = (pace_of(target, starts, each) for each in tables)
+    assert even is not None and broken is not None
+    np.testing.assert_array_equal(even.velocity(target), broken.velocity(target))
 
 
 def test_a_pace_that_there_is_not_is_refused() -> None:

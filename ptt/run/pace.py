@@ -1,8 +1,9 @@
 """How fast the joints are at each row of a travel: linear in their values, once it is known where the motion is smooth.
 
 Along smooth stretches the velocity is that of a cubic spline over time. At a corner an axis that lags still has that
-of its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached. On a move
-of two rows joints run evenly, or bend so that the tool runs straight.
+of its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached, and so is
+that of a sweep which is entered anew after a pause. On a move of two rows joints run evenly, or bend so that the tool
+runs straight.
 """
 
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ SMOOTH, MEAN, EVEN, STRAIGHT = PACES = (0, 1, 2, 3)  # what rows mean by the spe
 SLOW = 4.0  # lags: a row later an axis is 98 % of the way to its speed
 TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
+PAUSE = 10.0  # times the usual move, and what most moves take beyond their feed: nobody waits that long on the way
 ROUNDED = 0.2  # s: what follows a move this short is rounded off, the mean of both sides; ten lags of a usual drive
 INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
 
@@ -169,6 +171,9 @@ def pace_of(
     lasts = np.where(sound, lasts, np.inf)
     before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
     bends, changes = _corners(moved, length, lasts, sound)
+    entered = _entered(lasts, bends, table) if way in (SMOOTH, MEAN) else np.zeros_like(starts)
+    if entered.any():
+        return pace_of(p, starts | entered, table, ends, way, lag)
     changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
     both = np.where(bends, before < ROUNDED, changing) & np.isfinite(after)
     leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
@@ -181,6 +186,28 @@ def pace_of(
     splines = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
     bend = None if ends is None else _bend(lasts, sound, corners, leaving, ends)
     return Pace(lasts, _straight(lasts, sound, corners, leaving), *_splines(lasts, splines, leaving), bend)
+
+
+def _entered(lasts: np.ndarray, bends: np.ndarray, table: "Table") -> np.ndarray:
+    """Rows at which a sweep begins anew though the table names no run, (n,).
+
+    By the clock there was time for more than the move to such a row, and the way would turn sharply there only to run
+    smoothly on: the tool came by a run-up that is not in the table, as a circle is entered when it is read on the move.
+
+    Args:
+        lasts: from row to row by the feed, (n - 1,) s; infinite where nothing tells.
+        bends: (n,) whether the tool turns sharply at a row.
+        table: the rows.
+    """
+    none = np.zeros_like(bends)
+    known = np.isfinite(lasts)
+    if table.time_s is None or not shows_feed(table) or not known.any():
+        return none
+    waited = np.diff(np.asarray(table.time_s, dtype=float)) - lasts
+    usual = max(float(np.median(lasts[known])), float(np.quantile(np.abs(waited[known]), 0.9)))
+    paused = known & (np.nan_to_num(waited, nan=0.0, neginf=0.0) > PAUSE * usual)
+    none[1:-1] = paused[:-1] & bends[1:-1] & ~bends[2:]
+    return none
 
 
 def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
