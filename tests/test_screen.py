@@ -99,21 +99,26 @@ def test_an_effect_of_one_joint_of_seven_adds_no_less_than_that_joint_alone(busy
         assert nats["joints"] == pytest.approx(nats["few"] - np.log(comb(7, busy) * 7)) and nats["joints"] > nats["all"]
 
 
+@pytest.mark.parametrize("registered", [False, True])
 @pytest.mark.parametrize("width", [1, MANY])
 @pytest.mark.parametrize(
     "memory", [WHITE, Memory(None, 3.0), Memory(Wander(2.0, 6.0)), Memory(Wander(2.0, 6.0, (9.0, 0.4, 1.0)))]
 )
-def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, width: int) -> None:
+def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, width: int, registered: bool) -> None:
     random = np.random.default_rng(6)
     pose, time = np.array([0, 0, 1, 2, 2, 2, 3, 0]), np.array([0.0, 1.0, 3.0, 4.0, 9.0, 10.0, 0.0, 2.0])
     starts = np.isin(np.arange(8), [0, 6])
     values = random.normal(size=(8, 3, width))
-    white, log_noise = white_rows(values.T, memory, Clock(time, starts), poses_of(pose))
+    white, log_noise = white_rows(values.T, memory, Clock(time, starts, registered), poses_of(pose))
+    lasted = np.repeat([10.0, 2.0], [6, 2])  # s, each run, both from zero on
     run, density = np.cumsum(starts), 0.0
     for axis, column in enumerate(values[:, :, -1].T):
         covariance = np.eye(8) + memory.pose * (pose[:, None] == pose)
         if memory.wander is not None:
             apart = np.exp(-np.abs(time[:, None] - time) / memory.wander.constant)
+            if registered:  # it begins with the variance that it gains from nothing until the run's end
+                kept = np.exp(-(time[:, None] + time) / memory.wander.constant)
+                apart -= np.exp(-2.0 * lasted / memory.wander.constant) * kept
             covariance += memory.wander.share * memory.wander.axes[axis] * apart * (run[:, None] == run)
         density += multivariate_normal(cov=covariance).logpdf(column)
     mine = -0.5 * np.square(white[-1]).sum() - log_noise - 12.0 * np.log(2.0 * np.pi)

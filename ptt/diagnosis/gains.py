@@ -39,15 +39,20 @@ class Gains:
         return _triangles(*(part.reshape(-1, STRETCH) for part in (keep, take, root)))
 
 
-def gains_of(share: float, decay: np.ndarray) -> Gains:
+def gains_of(share: float, decay: np.ndarray, begun: np.ndarray) -> Gains:
     """Gains and variances of the innovations, which depend on when rows were read alone.
+
+    Args:
+        share: variance of the wander over that of the white noise.
+        decay: what each row keeps of the state before it, (n,).
+        begun: what each row that keeps nothing has of that variance, (n,); one at the others.
 
     Where each row keeps k of the state before it, row less k times the row before it has variance 1 + q + k^2, q what
     the wander gains on the way, and covariance -k with its neighbours: the innovations' variances are the pivots of
     that tridiagonal matrix.
     """
     squares = np.square(decay)
-    widths = 1.0 + squares + (1.0 - squares) * share
+    widths = 1.0 + squares + (1.0 - squares) * share * begun
     if len(widths) > 1:  # LAPACK's pivots; none is below one
         widths = lapack.dpttrf(widths, decay[1:])[0]
     keeps = decay[1:] / widths[:-1]

@@ -119,7 +119,7 @@ def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.nda
         gross.append(far)
     other, counted = None, np.concatenate(rows)
     if at.memory != WHITE:
-        clock = clock_of(chunk, counted)
+        clock = replace(clock_of(chunk, counted), registered=False)  # within a run a wander may be anywhere
         other = sum_rows(np.concatenate(joined), at.memory, clock, run.pose[numbers(chunk)[counted]])
     return Contribution(hidden, share, other, counted, np.concatenate(gross), linear.without_rows())
 

@@ -73,10 +73,12 @@ class Clock:
     Attributes:
         time: (n,) s, or the row's number.
         starts: first row of each run, (n,) bool.
+        registered: the frame was registered as each run began, and is trusted.
     """
 
     time: np.ndarray
     starts: np.ndarray
+    registered: bool = False
     _gains: dict[tuple[float, float], Gains] = field(default_factory=dict, compare=False, repr=False)
     _decays: dict[float, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
 
@@ -102,8 +104,23 @@ class Clock:
     def gains(self, share: float, constant: float) -> Gains:
         """How a filter of a wander along one axis weighs the rows; what was worked out once is kept."""
         if (share, constant) not in self._gains:
-            self._gains[share, constant] = gains_of(share, self.decays(constant))
+            self._gains[share, constant] = gains_of(share, self.decays(constant), self.begun(constant))
         return self._gains[share, constant]
+
+    def begun(self, constant: float) -> np.ndarray:
+        """Share of its variance that a wander has at the first row of each run, (n,); one at the others.
+
+        Where a frame was registered as the run began, the stand has until then come no further than it does from the
+        first row to the last: a wander that outlasts the run would else shift a trusted frame for nothing, which is
+        what zeros and towers do. A frame that is fitted takes that level itself.
+        """
+        whole = np.ones(len(self.time))
+        if not self.registered:
+            return whole
+        run = np.cumsum(self.starts) - 1
+        lasts = np.zeros(run[-1] + 1)
+        np.add.at(lasts, run[1:], np.where(self.starts[1:], 0.0, np.maximum(np.diff(self.time), 0.0)))
+        return np.where(self.starts, -np.expm1(-2.0 * lasts / constant)[run], whole)
 
     def decays(self, constant: float) -> np.ndarray:
         """Share of a wander that each row keeps of the row before it, (n,); none where a run starts."""
