@@ -106,8 +106,7 @@ class SumsOfPoses(LazySums):
 
     def products(self, some: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
         """Entries of the gram, (s, o)."""
-        index = np.arange(len(self.there))[others]
-        return self.plain.across(some, index) - (self.means[some] * self.share) @ self.means[others].T
+        return self.plain.across(some, others) - (self.means[some] * self.share) @ self.means[others].T
 
     def widened(self, plain: Sums, means: np.ndarray, values: np.ndarray) -> "SumsOfPoses":
         """The same with columns behind those that are there.
