@@ -145,6 +145,12 @@ def _drift(hidden: Draw, problem: Problem, fitted: FitResult) -> np.ndarray:
     return 1e-3 * np.asarray(hidden.truth["drift_um_per_h"]) * hours
 
 
+def _stretch(hidden: Draw, problem: Problem, fitted: FitResult) -> np.ndarray:
+    """About where the tracker stands."""
+    scale = 1e-6 * float(hidden.truth["scale_ppm"])
+    return np.concatenate([[scale], -scale * np.asarray(hidden.rig.tracker.station_mm)])
+
+
 def _curve(hidden: Draw, problem: Problem, fitted: FitResult) -> np.ndarray:
     """The rig's own curve, in the shapes of the effect; its homing, lead and turns are other effects' truth."""
     from ptt.rig.drive import screw_error
@@ -206,7 +212,7 @@ TRUTH: dict[str, Truth] = {
     "platform-twist": _plain("platform_axis_radial_mrad", "platform_axis_vertical_mrad", factor=1e-3),
     "column-bend": _bend,
     "frame-growth": _plain("frame_um_per_m_k", "link_um_per_m_k", factor=1e-6),
-    "tracker-scale": _plain("scale_ppm", factor=1e-6),
+    "tracker-scale": _stretch,
     "tracker-drift": _drift,
     "setup-jump": lambda hidden, problem, fitted: np.concatenate(
         [_values(hidden.truth, "knock_um", factor=1e-3), _values(hidden.truth, "knock_mrad", factor=1e-3)]
