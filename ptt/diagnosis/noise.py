@@ -25,6 +25,7 @@ MOST_REPEATS = 300.0  # degrees of freedom that repeats may claim: they see less
 STATED = 100.0  # degrees of freedom of a figure that somebody states
 LEAST_FREEDOM = 12.0
 AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
+SURE = 3.0  # standard errors by which an axis may share less with the row before than it seems to
 ONE_AXIS = 1e-3  # chance at which the axes of a wander are not alike: of a thousand sound wanders one is called a fault
 FINEST = 1e-3  # variance along one axis over that along another: a beam's length is read ten times as well, not thirty
 ROUNDS = 3
@@ -93,7 +94,7 @@ def wanders_beyond(system: System, state: State) -> bool:
     across, and its stand moves it no less. What forgets within a few rows is no stand that leans to one side as it
     warms: there axes are asked whether they are alike, in mm as air moves them or as each scatters, by Fisher's test
     with as many degrees of freedom as the run has times in which the wander forgets. What an axis shares is known no
-    better than to its scatter over the root of the rows.
+    better than to its scatter over the root of the rows; of the accused one only what is sure counts.
 
     Args:
         system: the linearised problem.
@@ -111,11 +112,12 @@ def wanders_beyond(system: System, state: State) -> bool:
     white = whole - shared
     if clock.is_slow(wander):
         return bool((shared > FAULT * white.mean()).any())
-    seen = np.maximum(shared, whole / np.sqrt(len(left)))
+    error = whole / np.sqrt(len(left))
+    sure, seen = np.maximum(shared - SURE * error, 0.0), np.maximum(shared, error)
     free = max(clock.span / (2.0 * wander.constant), 1.0)
     unlike = [
         3.0 * f_sf(own / ((each.sum() - each) / 2.0), free, 2.0 * free) < ONE_AXIS
-        for own, each in ((shared, seen), (shared / white, seen / white))
+        for own, each in ((sure, seen), (sure / white, seen / white))
     ]
     return bool(np.logical_and(*unlike).any())
 
