@@ -17,7 +17,7 @@ from ptt.diagnosis.depends import _followed
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.verdict import diagnose
-from ptt.diagnosis.wander import Clock, Wander, kinds_of_wander
+from ptt.diagnosis.wander import Clock, Wander, innovations, kinds_of_wander
 from ptt.effects import library
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model, Term
@@ -214,9 +214,12 @@ def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
 
     def beyond(moved, constant):
         state = SimpleNamespace(
-            memory=Memory(Wander(0.5, constant)), columns=None, posterior=SimpleNamespace(values=None)
+            memory=Memory(Wander(0.5 * size**2, constant)), columns=None, posterior=SimpleNamespace(values=None)
         )
-        system = SimpleNamespace(clock=clock, left=lambda columns, values: white + moved, in_mm=lambda values: values)
+        system = SimpleNamespace(
+            clock=clock, left=lambda columns, values: white + moved, in_mm=lambda values: values,
+            innovation=lambda columns, values, memory: innovations(white + moved, memory.wander, clock)[0],
+        )  # fmt: skip
         return noises.wanders_beyond(system, state)
 
     assert beyond(size * wandering(random, rows, 40.0) * one, 40.0) == (size > 10.0)

@@ -89,12 +89,12 @@ def wanders_beyond(system: System, state: State) -> bool:
     """Whether the memory of the noise has taken what no tracker does by itself, on all axes together or on one.
 
     Air and stand move a reading along every axis alike; what bends or warms moves one. The memory has one share, the
-    mean of all axes, so an axis is asked for itself: what its rows share with those before them. Of what lasts it is
-    held against the scatter of all axes together, for along its beam a tracker scatters by a tenth of what it does
-    across, and its stand moves it no less. What forgets within a few rows is no stand that leans to one side as it
-    warms: there axes are asked whether they are alike, in mm as air moves them or as each scatters, by Fisher's test
-    with as many degrees of freedom as the run has times in which the wander forgets. What an axis shares is known no
-    better than to its scatter over the root of the rows; of the accused one only what is sure counts.
+    mean of all axes, so an axis is asked for itself. What was foretold of one that lasts is held against the scatter of
+    all axes together, for along its beam a tracker scatters by a tenth of what it does across, and its stand moves it
+    no less. What forgets within a few rows is no stand that leans to one side as it warms: there axes are asked whether
+    what their rows share with those before is alike, in mm as air moves them or as each scatters, by Fisher's test with
+    as many degrees of freedom as the run has times in which the wander forgets. What an axis shares is known no better
+    than to its scatter over the root of the rows; of the accused one only what is sure counts.
 
     Args:
         system: the linearised problem.
@@ -108,10 +108,11 @@ def wanders_beyond(system: System, state: State) -> bool:
     left = system.in_mm(system.left(state.columns, state.posterior.values))
     left = left - left.mean(axis=0)
     whole, follows = np.square(left).mean(axis=0), ~clock.starts[1:]
+    if clock.is_slow(wander):
+        new = system.in_mm(system.innovation(state.columns, state.posterior.values, state.memory))
+        return bool((whole - new.var(axis=0) > FAULT * new.var(axis=0).mean()).any())
     shared = np.maximum((left[1:] * left[:-1])[follows].mean(axis=0), 0.0)
     white = whole - shared
-    if clock.is_slow(wander):
-        return bool((shared > FAULT * white.mean()).any())
     error = whole / np.sqrt(len(left))
     sure, seen = np.maximum(shared - SURE * error, 0.0), np.maximum(shared, error)
     free = max(clock.span / (2.0 * wander.constant), 1.0)
