@@ -212,9 +212,9 @@ def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
     white, one = random.normal(size=(rows, 3)) * scatter, np.array([1.0, 0.0, 0.0])
     clock = Clock(np.arange(rows, dtype=float), np.arange(rows) == 0)
 
-    def beyond(moved, constant):
+    def beyond(moved, constant, share=0.5 * size**2):
         state = SimpleNamespace(
-            memory=Memory(Wander(0.5 * size**2, constant)), columns=None, posterior=SimpleNamespace(values=None)
+            memory=Memory(Wander(share, constant)), columns=None, posterior=SimpleNamespace(values=None)
         )
         system = SimpleNamespace(
             clock=clock, left=lambda columns, values: white + moved, in_mm=lambda values: values,
@@ -224,7 +224,7 @@ def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
 
     assert beyond(size * wandering(random, rows, 40.0) * one, 40.0) == (size > 10.0)
     slow, fast = wandering(random, rows, 40.0), wandering(random, rows, 1.5)
-    assert not beyond(2.0 * slow, 40.0)
+    assert not beyond(2.0 * slow, 40.0, 2.0)
     assert beyond(size * fast * one, 1.5)  # within two rows no stand leans to one side alone
     assert not beyond(size * fast, 1.5)  # but air moves all of them
     assert not beyond(size * fast * scatter, 1.5)  # or each as it scatters
