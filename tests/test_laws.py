@@ -153,9 +153,10 @@ def test_every_law_acts_one_way_at_one_place() -> None:
     assert all(law.place.slopes.shape[2] == 1 and np.isfinite(law.features).all() for law in laws)
 
 
-def test_a_scale_of_two_pieces_is_an_error_of_the_screw_and_no_slip_or_knock() -> None:
+def test_a_scale_of_two_pieces_is_not_told_as_slips_and_knocks() -> None:
     found = learned(0.55, slips=False)
-    assert (found.verdict, found.suggested) == ("missing", (("screw-error-map",),))
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    assert (found.depends_on[0].residual, found.depends_on[0].on) == ("slider 1", "b1")
 
 
 def test_a_slip_on_the_same_path_is_still_a_slip() -> None:

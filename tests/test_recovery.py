@@ -38,8 +38,9 @@ def test_truth_lies_within_three_standard_errors(scores: dict, name: str) -> Non
 
 
 def test_one_standard_error_is_neither_too_wide_nor_too_narrow(scores: dict) -> None:
-    kept = [np.abs(item.distances) for name, each in scores.items() for item in each]
-    assert 0.55 <= np.mean(np.concatenate(kept) <= 1.0) <= 0.80
+    """Each effect counts once: a map's many small values, which their prior mostly holds, would outvote all others."""
+    shares = [np.mean(np.abs(np.concatenate([item.distances for item in each])) <= 1.0) for each in scores.values()]
+    assert 0.60 <= np.mean(shares) <= 0.77
 
 
 def test_gauges_are_told_every_time(scores: dict) -> None:

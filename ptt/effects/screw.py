@@ -102,7 +102,7 @@ class ScrewErrorMap(Effect):
             "waves",
             "mm",
             5e-4,
-            "heights of one, two, three half waves between two knots, in their usual shares, upward",
+            "heights beside the curve halfway between two knots, upward",
             True,
             WAVES,
             axis=True,
@@ -119,9 +119,9 @@ class ScrewErrorMap(Effect):
             "dq_i = sum_j a_ij N_j(x) + sum_m w_im W_m(x) + b_i (2 x - 1) + c_i, x = (q_i - from_i)/(to_i - from_i) "
             "held to 0..1; N_j the 15 bending modes of a natural cubic spline on 17 knots, the first one high, the "
             "j-th about 1/j^2 (the prior of a smoothing spline); W_m what a rough screw does between these knots: "
-            "one, two and three half waves each, as a wander at random has them, of a size that is learned by "
-            "itself; b and c, what a curve leaves of slope and level over the visited heights, are held near zero "
-            "where lead-scale and homing-offset are in the model"
+            "splines that are one high halfway and zero at all others, of a size that is learned by itself; b and c, "
+            "what a curve leaves of slope and level over the visited heights, are held near zero where lead-scale and "
+            "homing-offset are in the model"
         ),
         source=(
             f"{SCREW_STANDARD}: travel variation; the form of a controller's leadscrew compensation table; shapes: "

@@ -8,7 +8,7 @@ from torch import Tensor
 
 KNOTS = 17  # sixteen pieces: what bends within a twentieth of the range is damage of a spot, not a screw or a rail
 SHAPES = KNOTS - 2
-FINE = 4  # pieces of one between two knots, at which a rough curve is as free as a law of one variable is
+FINE = 2  # pieces of one between two knots: four, as free as a law of one variable, take twice the time to diagnose
 WAVES = (KNOTS - 1) * (FINE - 1)
 COARSE = 9  # knots of older machine files, every second one of these, so that their curves are curves of these
 COARSE_SHAPES = 6
@@ -85,16 +85,13 @@ def smooth_shapes(position: Tensor) -> Tensor:
 def _waves() -> np.ndarray:
     """Natural splines on knots FINE times as dense that are zero at all the others, as pieces.
 
-    Between two knots they run through one, two, three half waves of sine, the m-th 1/m high: what a wander at random
-    does between two places that hold it (Loeve's expansion of the Brownian bridge). With the smooth shapes they are
-    all splines on the dense knots, and none of them bends where a smooth shape does: each takes its own energy.
+    Halfway between two knots one of them is one high: what a wander at random does between two places that hold it is
+    largest there (Loeve's expansion of the Brownian bridge begins with it). With the smooth shapes they are all splines
+    on the dense knots, and none of them bends where a smooth shape does: each takes its own energy.
     """
-    values = np.zeros(((KNOTS - 1) * FINE + 1, KNOTS - 1, FINE - 1))
-    order, inner = np.arange(1, FINE), np.arange(1, FINE)
-    heights = np.sin(np.pi * np.outer(inner, order) / FINE) / order
-    for piece in range(KNOTS - 1):
-        values[piece * FINE + inner, piece] = heights
-    return natural_pieces(values.reshape(len(values), WAVES))
+    values = np.zeros(((KNOTS - 1) * FINE + 1, WAVES))
+    values[np.arange(len(values)) % FINE > 0] = np.eye(WAVES)
+    return natural_pieces(values)
 
 
 def wave_shapes(position: Tensor) -> Tensor:
