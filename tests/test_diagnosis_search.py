@@ -22,7 +22,7 @@ from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.hidden import Trial
 from ptt.diagnosis.memory import WHITE, Memory
-from ptt.diagnosis.product import nats_of_product
+from ptt.diagnosis.product import nats_of_none, nats_of_product
 from ptt.diagnosis.screen import Gain
 from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, best_of, climb, improve, plainest
 from ptt.diagnosis.verdict import diagnose
@@ -36,6 +36,7 @@ from ptt.rig.draw import DrawnRig, draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
+from ptt.run.table import make_table
 
 MACHINE = bench_machine()
 
@@ -210,6 +211,18 @@ def test_a_wrong_unit_of_length_in_a_trusted_frame_is_the_tracker_s():
     np.testing.assert_allclose(-np.array(shift) / scale, station, atol=0.25 * np.linalg.norm(station))
 
 
+@pytest.mark.parametrize("scale", [5e-5, -2e-4])
+def test_a_unit_that_stretches_about_the_origin_is_the_tracker_s_too(scale):
+    """Software that scales readings in the frame of the base; a lead shared by all sliders looks much the same."""
+    trusted = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted", "base_point": ()}))
+    random = np.random.default_rng(5)
+    target = random.uniform(-60.0, 60.0, (300, 3))
+    measured = target * (1.0 + scale) + random.normal(0.0, 0.003, target.shape)
+    found = diagnose(Model(trusted), build_problem(trusted, make_table(target, measured=measured)))
+    assert found.verdict == "missing" and len(found.suggested) == 1
+    assert found.suggested[0][0] == "tracker-scale" and set(found.suggested[0][1:]) <= {"lead-scale"}
+
+
 def test_readings_that_are_shifted_without_a_wrong_unit_are_not_surely_one():
     """A unit that is right has no place about which it could stretch so far that all is shifted by this much."""
     trusted = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted"}))
@@ -235,6 +248,12 @@ def test_a_product_s_prior_is_that_of_its_place():
     assert nats_of_product(covariance @ information @ read, covariance, width) == pytest.approx(expected, abs=0.05)
     unseen = np.diag([0.01, width, width, width])
     assert nats_of_product(np.array([1.0, 0.0, 0.0, 0.0]), unseen, width) == pytest.approx(0.0, abs=1e-9)
+    none = (
+        -0.5 * (np.square(read[1:] / error) + np.log(error**2)).sum()
+        + 0.5 * (np.square(read[1:]) / linear + np.log(linear)).sum()
+    )
+    assert nats_of_none(covariance @ information @ read, covariance, width) == pytest.approx(none, abs=1e-6)
+    assert nats_of_none(np.array([1.0, 0.0, 0.0, 0.0]), unseen, width) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_against_a_frame_that_the_file_trusts_stands_all_that_looks_like_it_in_the_machine():

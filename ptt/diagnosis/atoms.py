@@ -123,11 +123,10 @@ def is_metrology(atom: Atom) -> bool:
     return atom.effect is not None and atom.effect.stage == "metrology"
 
 
-def odds_of_effect(effect: Effect, effects: int, shapes: int, *, trusted: bool = False) -> float:
-    """Nats against one effect out of those that the data can test, in one of its shapes; `trusted`: the frame is."""
+def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
+    """Nats against one effect out of those that the data can test, in one of its shapes."""
     each = EFFECT_ODDS + float(np.log(max(effects, 1)))
-    like = (trusted and effect.stands_for_trusted) or effect.stands_for
-    return like * each + SHAPE_POWER * float(np.log(max(shapes, 1)))
+    return effect.stands_for * each + SHAPE_POWER * float(np.log(max(shapes, 1)))
 
 
 def odds_of_block(blocks: int) -> float:
@@ -147,7 +146,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
     Returns:
         The atoms by key; those of candidates are numbered by shape.
     """
-    sided, trusted = bool(problem.two_sided.any()), problem.file.tracker.frame == "trusted"
+    sided = bool(problem.two_sided.any())
     names = {effect.name for effect in candidates} | {term.effect.name for term in fitted.model.terms}
     atoms: dict[str, Atom] = {}
     for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
@@ -156,7 +155,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
             continue
         shapes = len(tuple(term.effect.search(problem.view)))
         kinds = _kinds_of_values(term.effect, problem, free)
-        odds = odds_of_effect(term.effect, len(names), shapes, trusted=trusted)
+        odds = odds_of_effect(term.effect, len(names), shapes)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
         atom = _effect_atom(key, columns, kinds, odds, own.effect, None)
         atoms[key] = replace(atom, since=float(own.theta[-1]) if is_sudden(atom) else None)
@@ -165,7 +164,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         key, name = f"{trial.effect.key}#{number}", trial.effect.key
         if name not in like:
             kinds = _kinds_of_values(trial.effect, problem, slice(0, len(trial.columns)))
-            odds = odds_of_effect(trial.effect, len(names), trial.trials, trusted=trusted)
+            odds = odds_of_effect(trial.effect, len(names), trial.trials)
             like[name] = _effect_atom(key, trial.columns, kinds, odds, trial.effect, trial.shape)
         atoms[key] = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
     return {

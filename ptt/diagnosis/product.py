@@ -1,4 +1,4 @@
-"""Values that are an effect's first value times an unknown place: what that prior says beside the linear one."""
+"""Values that are none, or an effect's first value times an unknown place: what that says beside the linear prior."""
 
 import numpy as np
 
@@ -29,3 +29,13 @@ def nats_of_product(values: np.ndarray, covariance: np.ndarray, width: float) ->
     whole = logs.sum(axis=1) - 0.5 * step**2
     top = whole.max()
     return float(top + np.log(np.exp(whole - top).sum() * (step[1] - step[0]) / np.sqrt(2.0 * np.pi)))
+
+
+def nats_of_none(values: np.ndarray, covariance: np.ndarray, width: float) -> float:
+    """Log evidence with none of the further values, less that with them; arguments as in `nats_of_product`.
+
+    Source: Dickey, The Annals of Mathematical Statistics 42, 1971: the posterior's density there over the prior's.
+    """
+    variance, ways = np.linalg.eigh(covariance[1:, 1:])
+    variance = np.clip(variance, 1e-300, width)
+    return float(0.5 * (np.log(width / variance) - np.square(values[1:] @ ways) / variance).sum())

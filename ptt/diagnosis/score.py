@@ -11,7 +11,7 @@ from ptt.diagnosis.atoms import Atom, is_any
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memories import best_memory, prior_of
 from ptt.diagnosis.memory import Hidden, Memory, Sums
-from ptt.diagnosis.product import nats_of_product
+from ptt.diagnosis.product import nats_of_none, nats_of_product
 from ptt.diagnosis.screen import Basis, Gain, Screen
 from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
@@ -248,12 +248,15 @@ class Scorer:
 
 
 def _nats_of_product(state: State, atom: Atom) -> float:
-    """What is still to be added for an effect whose further values are products of its first one."""
+    """What is still to be added for an effect whose further values are none, or else products of its first one."""
     if atom.effect is None or not atom.effect.product or atom.key not in state.scales or len(atom.columns) < 2:
         return 0.0
     own, posterior = state.of(atom.key), state.posterior
     width = posterior.phi * float(state.scales[atom.key][0])
-    return nats_of_product(posterior.values[own], state.covariance[np.ix_(own, own)], width)
+    values, covariance = posterior.values[own], state.covariance[np.ix_(own, own)]
+    more = (atom.effect.stands_for_away / atom.effect.stands_for - 1.0) * atom.odds
+    away = nats_of_product(values, covariance, width) - more
+    return float(np.logaddexp(away, nats_of_none(values, covariance, width)) - np.log(2.0))
 
 
 def _excluded(atom: Atom, effects: Sequence[str]) -> bool:

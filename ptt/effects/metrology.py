@@ -72,7 +72,7 @@ class TrackerFrame(MetrologyEffect):
 
 @dataclass(frozen=True)
 class TrackerScale(MetrologyEffect):
-    """The tracker's length unit is off: s (p - c), about the place c where it stands.
+    """The tracker's length unit is off: s (p - c), about the place c where it stands, or s p, about the base origin.
 
     -s c are values of their own, so that the law is linear. A frame that is fitted or measured takes them, and the
     readings say nothing of them then.
@@ -84,7 +84,7 @@ class TrackerScale(MetrologyEffect):
         Parameter("scale", "1", USUAL_SCALE, "share by which readings are long"),
         Parameter("shift", "mm", USUAL_SCALE * AWAY, "what that moves in a trusted frame: -s c, x, y, z", count=3),
     )
-    stands_for_trusted: ClassVar[int] = 3  # its shift then looks like zeros and towers, the rest of it like links
+    stands_for_away: ClassVar[int] = 3  # its shift looks like zeros and towers, the rest of it like links
     product: ClassVar[bool] = True
     called: ClassVar[str] = "tracker scale"
     phrases: ClassVar[tuple[Phrase, ...]] = (
