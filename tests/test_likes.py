@@ -4,6 +4,7 @@ import numpy as np
 import torch
 
 from ptt.challenge.challenge import bench as bench_machine
+from ptt.diagnosis import turn as turn_of_search
 from ptt.diagnosis.verdict import diagnose
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
@@ -11,8 +12,9 @@ from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
 
-def test_a_slider_that_errs_by_its_direction_at_once_has_lost_motion_and_something_else() -> None:
-    """Play takes up its gap first, a few rows a turn: along a helix a law of the direction is asked for beside it."""
+def test_a_slider_that_errs_by_its_direction_at_once_has_lost_motion_and_something_else(monkeypatch) -> None:
+    """Play takes up its gap first, a few rows a turn: where those count, a law of the direction is asked for beside it."""
+    monkeypatch.setattr(turn_of_search, "unwaited_rows", lambda terms, problem, noise, left: np.zeros(300, dtype=bool))
     file = bench_machine()
     mechanism = build_mechanism(file.machine)
     turn = np.linspace(0.0, 8.0 * np.pi, 300)
