@@ -13,7 +13,7 @@ from ptt.run.table import make_table
 
 
 def test_a_slider_that_errs_by_its_direction_at_once_has_lost_motion_and_something_else(monkeypatch) -> None:
-    """Play takes up its gap first, a few rows a turn: where those count, a law of the direction is asked for beside it."""
+    """Play takes up its gap first, a few rows a turn: where those count, a law of the direction stands beside it."""
     monkeypatch.setattr(turn_of_search, "unwaited_rows", lambda terms, problem, noise, left: np.zeros(300, dtype=bool))
     file = bench_machine()
     mechanism = build_mechanism(file.machine)
