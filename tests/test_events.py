@@ -97,3 +97,7 @@ def test_what_comes_and_goes_within_five_readings_is_no_two_events():
     state = scorer.score(["setup-jump"], WHITE)
     open_ = {system.atoms[gain.key].moment for gain in scorer.all_gains(state, lambda atom: atom.name == slip.name)}
     assert open_ == {59.0, 64.0}
+    both = model + Term(slip, torch.tensor([0.1, 0.0, 0.0, 62.0], dtype=torch.float64))
+    told = Scorer(build_system(fit(both, problem, robust=False), problem, [], noise, 1000.0, problem.used))
+    less = told.score(["setup-jump"], WHITE)  # what the model has may be taken out and come back
+    assert [gain.key for gain in told.screen(less, lambda atom: atom.name == slip.key)] == [slip.key]

@@ -225,14 +225,14 @@ class Scorer:
     def _is_apart(self, state: State) -> Callable[[Atom], bool]:
         """Whether an atom happens as far from all that happened in a set as from the ends of a run, or just then.
 
-        What came and went within a few readings is a gross error of theirs.
+        What came and went within a few readings is a gross error of theirs. What the model has may come back to it.
         """
         time = np.sort(self.system.clock.time)
         moments = [self.system.atoms[key].moment for key in state.keys]
         there = np.searchsorted(time, [moment for moment in moments if moment is not None], side="right")
 
         def is_apart(atom: Atom) -> bool:
-            if atom.moment is None:
+            if atom.moment is None or atom.shape is None:
                 return True
             between = np.abs(there - np.searchsorted(time, atom.moment, side="right"))
             return not ((between > 0) & (between < EDGE)).any()

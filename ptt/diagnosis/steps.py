@@ -203,7 +203,8 @@ def ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
 
     # The screen holds the others' variances, so what it says of the effect itself is what to compare with. What the
     # data cannot tell apart is a tie whatever was likelier before them, so the odds are left aside.
-    usual = max(gain.nats + atoms[gain.key].odds for gain in scorer.screen(less, lambda atom: atom.name == own))
+    mine = scorer.screen(less, lambda atom: atom.name == own)
+    usual = max((gain.nats + atoms[gain.key].odds for gain in mine), default=-np.inf)
     here = state.total + atoms[key].odds
     found: dict[str, float] = {}
     for gain in sorted(scorer.screen(less, other), key=lambda gain: -gain.nats - atoms[gain.key].odds)[:MOST_LOOKED_AT]:
