@@ -40,6 +40,7 @@ from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
+NARROWER = 0.8  # of the noise that an explanation was found with: where it leaves less, it is asked for again with that
 
 
 @dataclass(frozen=True)
@@ -140,9 +141,12 @@ def _turned(
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
     same = seen is None and settled(state, system) and set(blocks) == set(turn.held)
-    steady = turn.number > 0 and same and bool((found.gross == gross).all())
+    told = noise_again(problem, system, state) if same else found.noise
+    steady = (
+        turn.number > 0 and same and bool((found.gross == gross).all()) and told.total > NARROWER * found.noise.total
+    )
     still = turn.number == 0 and same and not gross.any()
-    if still and noise_again(problem, system, state) is found.noise:  # the next would be this one, but for moments
+    if still and told is found.noise:  # the next would be this one, but for moments
         again = _with_moments(found, candidates)
         steady = again.state.keys == state.keys
         found = again if steady else found
