@@ -32,7 +32,7 @@ def draw_reliability(said: list[tuple[float, bool]], place: Path) -> None:
             last = high == 1.0  # stands close to the others: its number is above it
             end = (chance[here].mean(), right + bars[1][0] if last else right - bars[0][0])
             aside = (0, 5 if last else -12)
-            axes.annotate(str(count), end, textcoords="offset points", xytext=aside, ha="center")
+            axes.annotate(str(count), end, textcoords="offset points", xytext=aside, ha="center", fontsize=8)
     axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.07), xlabel="probability stated", ylabel="share that was so")
     axes.set_title(f"{len(said)} statements")
     axes.grid(alpha=0.3)
