@@ -54,7 +54,8 @@ def draw_detection(rows: Rows, path: Path) -> None:
             share, count = hit[here].mean(), int(here.sum())
             middle = np.exp(np.log(size[here]).mean())
             axes.errorbar(middle, share, yerr=_bars(hit[here]), fmt="o", color="#1f5a96", capsize=3)
-            axes.annotate(str(count), (middle, share), textcoords="offset points", xytext=(6, -12), fontsize=8)
+            aside = (6, -12 if share > 0.1 else 6)  # above the axis
+            axes.annotate(str(count), (middle, share), textcoords="offset points", xytext=aside, fontsize=8)
     axes.axvline(2.0, color="0.6", linestyle="--", linewidth=1)
     axes.annotate("counts from here on", (2.0, 0.05), textcoords="offset points", xytext=(4, 0), fontsize=8)
     axes.set(xscale="log", ylim=(-0.03, 1.05), xlabel="what the fault leaves, frame out / noise of one reading (rms)")

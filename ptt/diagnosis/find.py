@@ -141,12 +141,11 @@ def _turned(
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
     same = seen is None and settled(state, system) and set(blocks) == set(turn.held)
-    told = noise_again(problem, system, state) if same else found.noise
-    steady = (
-        turn.number > 0 and same and bool((found.gross == gross).all()) and told.total > NARROWER * found.noise.total
-    )
+    noise = noise_again(problem, system, state)
+    wide = noise.total > NARROWER * found.noise.total
+    steady = turn.number > 0 and same and wide and bool((found.gross == gross).all())
     still = turn.number == 0 and same and not gross.any()
-    if still and told is found.noise:  # the next would be this one, but for moments
+    if still and noise is found.noise:  # the next would be this one, but for moments
         again = _with_moments(found, candidates)
         steady = again.state.keys == state.keys
         found = again if steady else found
@@ -161,7 +160,7 @@ def _turned(
     if steady:
         return found, None
     moments, periods = best_moments(scorer, state, loose(scorer, state), candidates), turn.periods
-    carried, noise = carried_by(state, system, problem), noise_again(problem, system, state)
+    carried = carried_by(state, system, problem)
     current = moved(found, asked.model, problem)
     opening = turn.opening | unclear_rows(turn, found, current, problem, noise)
     system.forget()

@@ -12,7 +12,7 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, Turn
 
 WIDE = 50  # columns up to which an atom costs a search little
-MAP = 150  # columns from which an effect is a map of many waves, mostly the same few curves: it pays on any run
+MAP = 150  # columns from which an effect is a map of harmonics, mostly the same few curves: it pays on any run
 REPAID = 8  # coordinates for each column from which a search gains more by fewer columns than it takes to find them
 UNSEEN = 1e-9  # of the largest eigenvalue: a shape of which the rows show less than rounding
 LEAST = 1e-3  # variance over noise that a shape puts into the readings when it is as large as it may be

@@ -188,7 +188,8 @@ def moments_of(model: Model) -> list[Shape]:
 
 def unlike(moments: Sequence[Shape]) -> tuple[Shape, ...]:
     """Each moment once, in order."""
-    return tuple(dict(sorted((float(shape["after"]), shape) for shape in moments)).values())
+    found = {float(shape["after"]): shape for shape in moments}
+    return tuple(found[moment] for moment in sorted(found))
 
 
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:

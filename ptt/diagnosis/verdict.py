@@ -159,9 +159,8 @@ def conclude(
     depends = _depends_on(found, told, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
-    separation = None
-    if any(len(step) > 1 for step in suggested):
-        separation = plan_separation(found.fitted, shown, suggested, known, seed=seed)
+    tied = any(len(step) > 1 for step in suggested)
+    separation = plan_separation(found.fitted, shown, suggested, known, seed=seed) if tied else None
     result = Diagnosis(
         verdict=verdict,
         verdict_probability=_verdict_probability(chances, verdict),

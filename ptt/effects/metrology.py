@@ -93,7 +93,8 @@ class TrackerScale(MetrologyEffect):
     )
     card: ClassVar[Card] = Card(
         cause="The tracker's unit of length is off: wrong air temperature, pressure or humidity.",
-        equation="dp = s (p - c), c where the tracker stands: s p + u, of which a fitted frame takes u = -s c",
+        equation="dp = s (p - c), c where the tracker stands or the base origin: s p + u, of which a fitted frame "
+        "takes u = -s c",
         source="refractive index of air: Edlen, Metrologia 2, 1966 (about 1 ppm/K and 0.27 ppm/hPa)",
         size="1 um/m for each K of the air; 1 to 20 um/m",
         fingerprint="All distances long by the same share: error radial, growing with distance.",
