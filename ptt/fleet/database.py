@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 PATIENCE = 60.0  # s that anybody waits for the file; transactions here take a few milliseconds
 ONE_THREAD = {"threads": 1}  # what is asked here is small: starting threads takes longer than answering
 DAMAGED = re.compile("IOException|Corrupt|checksum|SerializationException|InternalException|FatalException")
+INTERRUPTED = "Query interrupted"  # what DuckDB says of a statement that Ctrl-C broke off
 PAUSE = 0.02  # s before the first further try; doubled up to half a second, so that many waiting do not crowd
 
 
@@ -51,13 +53,42 @@ def transaction(path: Path, *, read_only: bool = False, patience: float = PATIEN
     """
     connection, package = _connect(path, read_only, patience), duckdb()
     try:
-        connection.begin()
-        yield connection
-        connection.commit()
+        with _heard():
+            connection.begin()
+            yield connection
+            connection.commit()
     except package.Error as error:
         raise _failed(path, error) from error
     finally:
         connection.close()  # what was not committed is undone
+
+
+@contextmanager
+def in_memory() -> Iterator["Connection"]:
+    """A connection to a database of this process alone, which reads and writes files of readings.
+
+    Yields:
+        The connection.
+    """
+    with _heard(), _database().cursor() as connection:
+        yield connection
+
+
+@cache
+def _database() -> "Connection":
+    """The database in memory: opening one takes longer than reading a run."""
+    return duckdb().connect(config=ONE_THREAD)
+
+
+@contextmanager
+def _heard() -> Iterator[None]:
+    """Ctrl-C as everywhere else: DuckDB makes an error of its own of it, which would be told as a run's outcome."""
+    try:
+        yield
+    except RuntimeError as error:
+        if str(error) == INTERRUPTED:
+            raise KeyboardInterrupt from None
+        raise
 
 
 def _failed(path: Path, error: Exception) -> Exception:

@@ -7,6 +7,7 @@ it is handed on from the part before (`ptt.run.turns`).
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,7 +16,7 @@ from torch import Tensor
 from ptt.effects.memory import keep_direction, leave
 from ptt.errors import InputError
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches, take_entered
-from ptt.fleet.database import ONE_THREAD, duckdb
+from ptt.fleet.database import duckdb, in_memory
 from ptt.fleet.readings import columns_to_table, plain_columns
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
@@ -116,7 +117,7 @@ def to_parquet(csv: Path, out: Path) -> None:
         InputError: it cannot be read.
     """
     package = duckdb()
-    with package.connect(config=ONE_THREAD) as connection:
+    with in_memory() as connection:
         query = f"COPY (SELECT * FROM read_csv(?)) TO ? (FORMAT parquet, ROW_GROUP_SIZE {GROUP})"
         try:
             connection.execute(query, [str(csv), str(out)])
@@ -201,9 +202,10 @@ SOURCE = "read_parquet(?, file_row_number = true)"
 
 def _ask(path: Path, query: str, values: Sequence[object] = ()) -> dict[str, np.ndarray]:
     package = duckdb()
-    with package.connect(config=ONE_THREAD) as connection:
+    with in_memory() as connection:
         try:
-            return dict(connection.execute(query, [str(path), *values]).fetchnumpy())
+            columns: dict[str, Any] = connection.execute(query, [str(path), *values]).fetchnumpy()
         except package.Error as error:
             fix = "see docs/files.md; a CSV is copied to Parquet by `ptt fleet fit`"
             raise InputError(f"cannot be read: {str(error).splitlines()[0]}", where=str(path), fix=fix) from None
+    return columns

@@ -1,18 +1,14 @@
 """A run's table as columns, kept in Parquet, and back again bit for bit."""
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ptt.fleet.database import ONE_THREAD, duckdb
+from ptt.fleet.database import in_memory
 from ptt.run.table import Table, make_table, table_to_frame
 from ptt.run.written import COORDINATES, QUATERNION
-
-if TYPE_CHECKING:
-    from duckdb import DuckDBPyConnection as Connection
 
 Columns = Mapping[str, np.ndarray]
 OWN = ("machine", "run_sha256", "line")
@@ -33,7 +29,7 @@ def write_readings(table: Table, machine: str, run: str, path: Path) -> None:
     frame = frame.assign(line=table.line)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
-    with _memory() as connection:
+    with in_memory() as connection:
         connection.register("readings", frame)
         query = "COPY (SELECT ? AS machine, ? AS run_sha256, * FROM readings) TO ? (FORMAT parquet)"
         connection.execute(query, [machine, run, str(part)])
@@ -47,7 +43,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     Args:
         path: Parquet file of `write_readings`.
     """
-    with _memory() as connection:
+    with in_memory() as connection:
         columns = connection.execute("SELECT * FROM read_parquet(?)", [str(path)]).fetchnumpy()
     return {name: each for name, each in plain_columns(columns).items() if name not in ("machine", "run_sha256")}
 
@@ -94,16 +90,6 @@ def columns_to_table(columns: Columns, file: str, run: str) -> Table:
         _stack(columns, [f"{axis}_meas" for axis in COORDINATES]),
         **fields,
     )
-
-
-@cache
-def _database() -> "Connection":
-    """A database in memory: opening one takes longer than reading a run."""
-    return duckdb().connect(config=ONE_THREAD)
-
-
-def _memory() -> "Connection":
-    return _database().cursor()
 
 
 def _plain(values: Any) -> np.ndarray:
