@@ -15,12 +15,13 @@ from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.gains import MANY, STRETCH
 from ptt.diagnosis.memories import prior_of
 from ptt.diagnosis.memory import WHITE, Memory, Sums
-from ptt.diagnosis.periods import _spectrum, _telling
+from ptt.diagnosis.periods import _spectrum
 from ptt.diagnosis.poses import poses_of
 from ptt.diagnosis.row_sums import SumsOfRows, sums_of_poses, sums_of_rows, white_rows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import BROAD, Basis, Screen
+from ptt.diagnosis.spectrum import Along, _telling
 from ptt.diagnosis.wander import Clock, Wander, filtered, innovations, likelihoods
 from ptt.effects import library
 from ptt.fitting.evidence import learn
@@ -149,10 +150,12 @@ def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
     left, pose = random.normal(size=(50, 3)), np.tile(np.arange(10), 5)
     system = SimpleNamespace(rows=np.arange(50), poses=poses_of(pose))
     for size in (0.0, 2.0):
-        frequency, gain = _spectrum(slope, left, q[:, 0], _telling(system, size))
+        told = _telling(system, size)
+        along = Along(0, q[:, 0], told * (slope * left).sum(axis=1), told * np.square(slope).sum(axis=1))
+        turns, gain = _spectrum(along)
         inverse = np.linalg.inv(np.eye(50) + size * (pose[:, None] == pose))
-        for place in (0, 7, len(frequency) - 1):
-            phase = 2.0 * np.pi * frequency[place] * q
+        for place in (0, 7, len(turns) - 1):
+            phase = 2.0 * np.pi * turns[place] / along.span * q
             pair = np.stack([slope * np.cos(phase), slope * np.sin(phase)], axis=2)
             side = np.einsum("map,mn,na->p", pair, inverse, left)
             gram = np.einsum("map,mn,naq->pq", pair, inverse, pair)

@@ -14,7 +14,7 @@ from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.travel import arrival_direction
 from ptt.run.view import View
 
-ROUNDS = 12
+ROUNDS = 60  # as the C that is exported; many waves a turn leave up to half of a miss to the next round
 SETTLED = 1e-10  # mm: a tool this near its goal ends the iteration; exports agree with commands to ten times that
 NEARER = 0.9  # of what was missed before is progress; a round takes a hundredth, one of halved steps half
 MISSED = 1e-4  # mm: a tool this far from its goal after all rounds cannot get there

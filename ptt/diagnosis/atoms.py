@@ -126,7 +126,7 @@ def is_metrology(atom: Atom) -> bool:
 def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
     """Nats against one effect out of those that the data can test, in one of its shapes."""
     each = EFFECT_ODDS + float(np.log(max(effects, 1)))
-    return effect.stands_for * each + SHAPE_POWER * float(np.log(max(shapes, 1)))
+    return effect.stands_for * each + SHAPE_POWER * float(np.log(max(shapes, 1))) + effect.odds_of_kind
 
 
 def odds_of_block(blocks: int) -> float:

@@ -13,13 +13,16 @@ ONCE_MORE = ("second", "third")  # what happens at once happens to each of three
 AGAIN = {"once-per-rev": ("harmonic 2",), "homing-slip": ONCE_MORE, "setup-jump": ONCE_MORE}
 
 
-def present_candidates(fitted: FitResult, problem: Problem, known: Library) -> tuple[list[Effect], dict[str, str]]:
+def present_candidates(
+    fitted: FitResult, problem: Problem, known: Library, seen: Sequence[Effect] = ()
+) -> tuple[list[Effect], dict[str, str]]:
     """Effects that could be added, and those that the data cannot test.
 
     Args:
         fitted: the present model.
         problem: the readings.
         known: effects by name.
+        seen: further ones of an effect that what was left asks for.
 
     Returns:
         Candidates, and name -> what it needs.
@@ -40,6 +43,8 @@ def present_candidates(fitted: FitResult, problem: Problem, known: Library) -> t
                 untestable[name] = lack
         else:
             candidates.append(effect)
+    there = {*fitted.model.keys, *(effect.key for effect in candidates)}
+    candidates += [effect for effect in seen if effect.name in known and effect.key not in there]
     return candidates, untestable
 
 

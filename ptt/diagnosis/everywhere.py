@@ -18,6 +18,7 @@ from ptt.diagnosis.state import State
 from ptt.diagnosis.summed import sum_up
 from ptt.diagnosis.summed_system import SummedSystem
 from ptt.effects import Library
+from ptt.effects.screw import OncePerRev
 from ptt.fitting.chunks import numbers
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Shape
@@ -46,6 +47,7 @@ class Task:
         known: effects by name.
         steps: how many effects may be added.
         tell: told what is being done.
+        seen: harmonics of a turn that the sample asked for.
     """
 
     run: Run
@@ -54,6 +56,7 @@ class Task:
     known: Library
     steps: int
     tell: Tell
+    seen: tuple[OncePerRev, ...] = ()
 
 
 def find_everywhere(told: Found, task: Task) -> Found:
@@ -70,7 +73,7 @@ def find_everywhere(told: Found, task: Task) -> Found:
         What was found; its system keeps sums.
     """
     known_to_sample = {told.system.atoms[key].name for key in told.state.keys}
-    shapes = _best_shapes(told)
+    shapes, task = _best_shapes(told), replace(task, seen=told.seen)
     freedom = starting_noise(task.run.problem)[1]
     found, gross = told, np.zeros(task.run.problem.table.rows, dtype=bool)
     for turn in range(TURNS):
@@ -78,7 +81,7 @@ def find_everywhere(told: Found, task: Task) -> Found:
         at = place_moments(task.run, _ansatz(fitted, told, freedom), _carried(found))
         task.tell(f"fit all rows {turn + 1}")
         at, gross, carried = _settle(at, task, gross, shapes, sift=turn == 0)
-        candidates, _ = present_candidates(at.fitted, task.sample, task.known)
+        candidates, _ = present_candidates(at.fitted, task.sample, task.known, task.seen)
         trials = _trials(at.fitted, task, shapes | find_moments(task.run, at, candidates, carried))
         task.tell(f"search all rows {turn + 1}")
         system, _ = sum_up(task.run, at, trials, task.sample, task.run.problem.used & ~gross)
@@ -156,7 +159,7 @@ def _best_shapes(told: Found) -> dict[str, Shape]:
 def _trials(fitted: FitResult, task: Task, best: dict[str, Shape]) -> Trials:
     """Candidates beside a model: all shapes where they are few, else the sample's best."""
     trials = {}
-    for effect in present_candidates(fitted, task.sample, task.known)[0]:
+    for effect in present_candidates(fitted, task.sample, task.known, task.seen)[0]:
         shapes = tuple(effect.search(task.sample.view))
         if len(shapes) >= LONG_SEARCH:
             shapes = (best[effect.key],) if effect.key in best else ()

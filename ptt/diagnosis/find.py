@@ -10,6 +10,7 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.exact import by_names, find_needless
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.gross import gross_errors, places_of
+from ptt.diagnosis.harmonics import find_harmonics, plainly
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
@@ -103,7 +104,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
     asked.tell(f"linearise {turn.number + 1}")
     gross, noise = turn.gross, turn.noise
     fitted = fit_less(turn.model, problem, turn.carried, gross, noise)
-    candidates, untestable = present_candidates(fitted, problem, asked.known)
+    candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
     linear = None
     if turn.number > 0 and turn.before is None:  # else it is what other rows said that would be compared
         gross = still_missed(fitted, problem, noise, gross)
@@ -125,7 +126,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
             state = refilled(scorer, improve(scorer, state))
     return Found(
         fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
-        asked.span, opening=turn.opening,
+        asked.span, opening=turn.opening, seen=turn.seen,
     ), candidates  # fmt: skip
 
 
@@ -137,10 +138,12 @@ def _turned(
         return found, None
     scorer, system, state = found.scorer, found.system, found.state
     assert isinstance(system, RowSystem)
-    seen = find_period(scorer, state, problem, turn.periods)
+    waves = find_harmonics(scorer, state, problem, turn.seen)
+    hidden = () if waves else find_harmonics(scorer, plainly(scorer, state), problem, turn.seen)
+    line = find_period(scorer, state, problem, turn.periods, waves)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
-    same = seen is None and settled(state, system) and set(blocks) == set(turn.held)
+    same = line is None and not (waves or hidden) and settled(state, system) and set(blocks) == set(turn.held)
     noise = noise_again(problem, system, state)
     wide = noise.total > NARROWER * found.noise.total
     steady = turn.number > 0 and same and wide and bool((found.gross == gross).all())
@@ -165,10 +168,11 @@ def _turned(
     opening = turn.opening | unclear_rows(turn, found, current, problem, noise)
     system.forget()
     return found, replace(
-        following, model=current, noise=noise, carried=carried, kept=(*current.keys, *blocks), held=blocks,
+        following, model=current, noise=noise, carried=carried, held=blocks,
+        kept=None if hidden else (*current.keys, *blocks),
         moments=unlike([*moments, *moments_of(current)]),
-        periods=periods if seen is None else (*periods, (seen.joint, seen.length)),
-        opening=opening,
+        periods=periods if line is None else (*periods, (line.joint, line.length)),
+        seen=(*turn.seen, *waves, *hidden), opening=opening,
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.effects import Library
 from ptt.effects.base import flatten
+from ptt.effects.screw import OncePerRev
 from ptt.errors import PosesError
 from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
@@ -46,6 +47,7 @@ class Found:
         gross: rows left out as gross errors, (n,) bool.
         untestable: effect -> what the data lack.
         periods: joint and length of those that were seen in what was left.
+        seen: harmonics of a turn that were.
         span: of the run that the rows are a part of; None where they are all of it.
         sample: stretches of the run that stand for it where a system keeps only sums.
         opening: rows left out because they tell from where the joints came to the run, (n,) bool; None for none.
@@ -63,6 +65,7 @@ class Found:
     span: Span | None = None
     sample: Problem | None = None
     opening: np.ndarray | None = None
+    seen: tuple[OncePerRev, ...] = ()
 
 
 def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
@@ -180,7 +183,7 @@ def scorer_at(
     Returns:
         A scorer, and effect -> what the data lack for it.
     """
-    candidates, untestable = present_candidates(fitted, problem, known)
+    candidates, untestable = present_candidates(fitted, problem, known, found.seen)
     rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
     system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
     return Scorer(system, model.keys, steps, found.scorer.barred), untestable

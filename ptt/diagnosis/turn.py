@@ -17,6 +17,7 @@ from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
 from ptt.effects import Effect
 from ptt.effects.reversal import Backlash
+from ptt.effects.screw import OncePerRev
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult
@@ -44,6 +45,7 @@ class Turn:
         periods: joint and length of those that were seen.
         barred: effects that an exact fit does without.
         moments: at which something may have happened, whatever it was.
+        seen: harmonics of a turn that what was left asked for.
         before: what was found with effects that seemed needless; None where none went.
     """
 
@@ -59,6 +61,7 @@ class Turn:
     periods: tuple[tuple[int, float], ...] = ()
     barred: frozenset[str] = frozenset()
     moments: tuple[Shape, ...] = ()
+    seen: tuple[OncePerRev, ...] = ()
     before: Found | None = None
 
 

@@ -70,6 +70,11 @@ class Effect:
         """Name, with the label in brackets where there is one."""
         return f"{self.name}[{self.label}]" if self.label else self.name
 
+    @property
+    def odds_of_kind(self) -> float:
+        """Nats against this very one of all those of its kind that there may be; none where there is but one."""
+        return 0.0
+
     def needs(self, view: View) -> str | None:
         """What the data lack for this effect to be tested.
 

@@ -208,8 +208,11 @@ class OncePerRev(Effect):
         """A lead, and poses at enough phases of the turn."""
         if view.lead is None:
             return "screw_lead_mm (gear_period_rad for an arm) in the machine file"
-        phase = torch.remainder(view.q, self._period(view)) / self._period(view)
-        seen = min(len(torch.unique((column * 3.0 * PHASES).round())) for column in phase.T)
+        phase = torch.remainder(view.q, self.period(view)) / self.period(view)
+        parts = 3.0 * PHASES
+        # A whole turn is none, and phases at the edge of a part are in one for some of three ways to part a turn.
+        ways = [torch.remainder((parts * phase + way / 3.0).round(), parts) for way in range(3)]
+        seen = min(len(torch.unique(column)) for way in ways for column in way.T)
         if seen >= PHASES:
             return None
         if isinstance(view.mechanism, Serial):
@@ -217,18 +220,27 @@ class OncePerRev(Effect):
         return "poses whose heights are not commensurate with the lead"
 
     @property
+    def odds_of_kind(self) -> float:
+        """Of harmonic m by 1/(m (m - 1)), which sums to one over all there may be; a whole turn is no choice.
+
+        Source: a prior of all integers, Rissanen, Annals of Statistics 11 (1983), in its simplest form.
+        """
+        return float(np.log(max(self._harmonic * (self._harmonic - 1), 1)))
+
+    @property
     def _harmonic(self) -> int:
         """How often in a turn it repeats, by the label."""
         words = self.label.split()
         return max(int(words[1]), 1) if len(words) == 2 and words[0] == "harmonic" and words[1].isdigit() else 1
 
-    def _period(self, view: View) -> float:
+    def period(self, view: View) -> float:
+        """Length of a turn or of its part, mm or rad; the drawing has to have a lead."""
         assert view.lead is not None
         return view.lead / self._harmonic
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The drawing's lead."""
-        return ({"period": torch.tensor([self._period(view)], dtype=torch.float64)},)
+        return ({"period": torch.tensor([self.period(view)], dtype=torch.float64)},)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Cosine and sine of the phase of each axis."""

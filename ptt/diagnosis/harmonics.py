@@ -1,0 +1,84 @@
+"""Harmonics of a turn: lines at whole parts of a screw's lead, or a gear's period, in what an explanation leaves."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ptt.diagnosis.atoms import odds_of_effect
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moves import loose, without
+from ptt.diagnosis.periods import FEWEST
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.search import FEW, PLAIN
+from ptt.diagnosis.spectrum import STEP, WIDE, Along, left_along
+from ptt.diagnosis.state import State
+from ptt.effects.screw import OncePerRev
+from ptt.run.problem import Problem
+
+MOST = 50  # waves a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
+OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
+ASIDE = np.arange(-WIDE, WIDE + STEP, STEP)  # turns over the range in which its peak may lie
+
+
+def find_harmonics(
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[OncePerRev] = ()
+) -> tuple[OncePerRev, ...]:
+    """Harmonics of a turn that are worth their price in what an explanation leaves; a search is to judge them.
+
+    Args:
+        scorer: of the system.
+        state: the best set so far.
+        problem: n rows.
+        offered: those that the state could have taken.
+
+    Returns:
+        Those that it could not, the strongest first.
+    """
+    lead = problem.view.lead
+    if lead is None or len(scorer.system.rows) < FEWEST:
+        return ()
+    every = left_along(scorer, state, problem, detail=False)
+    # On a shorter travel one line covers two harmonics, and any period would be one of them.
+    joints = [each for each in every if each.span > 2.0 * WIDE * lead]
+    if not joints:
+        return ()
+    taken = [_taken(along, lead) for along in joints]
+    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST + 1)]
+    names = {atom.effect.name for atom in scorer.system.atoms.values() if atom.effect is not None}
+    odds = [odds_of_effect(effect, len(names), 1) for effect in effects]
+    nats = _nats(np.array(taken) / state.posterior.phi) - odds
+    there = {scorer.system.atoms[key].name for key in state.keys} | scorer.barred | {effect.key for effect in offered}
+    strong = [index for index in np.argsort(-nats) if nats[index] > 0.0 and effects[index].key not in there]
+    if not strong:
+        return ()
+    aside = [np.max([_taken(along, lead, off) for off in ASIDE], axis=0) for along in joints]
+    peak = np.sum(aside, axis=0)
+    placed = peak - np.sum(taken, axis=0) <= np.maximum(OFF * peak, 2.0 * PLAIN * state.posterior.phi)
+    return tuple(effects[index] for index in strong if placed[index] and effects[index].needs(problem.view) is None)
+
+
+def plainly(scorer: Scorer, state: State) -> State:
+    """An explanation without its unknowns and curves: beside a few waves these bend to all of them, and leave none.
+
+    Args:
+        scorer: of the system.
+        state: the explanation.
+
+    Returns:
+        What else it says, as itself where it has none.
+    """
+    bends = [key for key in loose(scorer, state) if len(scorer.system.atoms[key].columns) > FEW]
+    return scorer.score(without(state, *bends), WHITE, state.scales) if bends else state
+
+
+def _taken(along: Along, lead: float, off: float = 0.0) -> np.ndarray:
+    """Sums of squares that all harmonics take, or waves that are off them by so many turns over the range, (f,)."""
+    turns = along.span / lead
+    return along.over(2.0 * turns + off, turns, MOST - 1)
+
+
+def _nats(gain: np.ndarray) -> np.ndarray:
+    """Evidence of waves of one learned variance at the joints that show them, of sums of squares (joints, f); (f,)."""
+    some = np.arange(1, len(gain) + 1)[:, None]
+    mean = np.maximum(np.sort(gain, axis=0)[::-1].cumsum(axis=0) / (2.0 * some), 1.0)
+    return np.asarray((some * (mean - 1.0 - np.log(mean))).max(axis=0))
