@@ -112,7 +112,7 @@ def unknown_blocks(
 def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Recipe]:
     tool, joints = places[0], [place for place in places if place.residual != "tool"]
     serial = problem.file.machine.kind == "serial"
-    letter = _letter(problem)
+    letter = problem.file.machine.letter
     raw, q = problem.view.q.numpy(), scaled(problem.view.q.numpy(), span.q)
     p = scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, ("x", "y", "z"), partial(_field, p, _degree(problem), 1))
@@ -156,13 +156,9 @@ def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) 
     """Cosine and sine of each period along its joint."""
     for joint, length in periods:
         place = next(place for place in places if place.joint == joint)
-        on = f"{_letter(problem)}{joint + 1}"
+        on = f"{problem.file.machine.letter}{joint + 1}"
         phase = 2.0 * np.pi * problem.view.q.numpy()[:, joint] / length
         yield f"{place.residual} on {on} with period {length:.5g}", place, (on,), partial(harmonics, phase)
-
-
-def _letter(problem: Problem) -> str:
-    return problem.file.machine.letter
 
 
 def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:

@@ -116,7 +116,7 @@ def _acts_on(block: Block) -> str | None:
 def _followed(taken: dict[str, float], item: Unknown, problem: Problem) -> str:
     """The variable that takes most; a joint's own travel where that takes as much: all that a joint knows of places."""
     best, own = max(taken, key=lambda name: taken[name]), item.block.place.joint
-    mine = None if own is None else _letter(problem, own)
+    mine = None if own is None else f"{problem.file.machine.letter}{own + 1}"
     return mine if mine in taken and taken[mine] > AS_MUCH * taken[best] else best
 
 
@@ -143,13 +143,9 @@ def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
             return tuple(f"{name} {axis}" for axis in COORDINATES)
         case "x" if len(item.block.on) > 1:
             own = item.block.place.joint
-            return COORDINATES if own is None else (*COORDINATES, _letter(problem, own))
+            return COORDINATES if own is None else (*COORDINATES, f"{problem.file.machine.letter}{own + 1}")
         case name:
             return (name,)
-
-
-def _letter(problem: Problem, joint: int) -> str:
-    return f"{'q' if problem.file.machine.kind == 'serial' else 'b'}{joint + 1}"
 
 
 def _taken(values: np.ndarray, part: np.ndarray) -> float:

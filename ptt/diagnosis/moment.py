@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from ptt.effects.sudden import ALWAYS, EDGE, Sudden
 from ptt.fitting.linear import Place, Shape
@@ -46,12 +45,8 @@ def best_moment(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray
     Returns:
         Its shape.
     """
-    clock = effect.clock(at.problem.view).numpy()
-    order = np.argsort(clock, kind="stable")
-    seen = along(at, frame, left, used, effect)
-    if (np.diff(clock) < 0.0).any():
-        return {"after": torch.tensor([np.median(clock)], dtype=torch.float64)}
-    return {"after": torch.tensor([clock[order][best_row(seen)]], dtype=torch.float64)}
+    clock, row = effect.clock(at.problem.view), best_row(along(at, frame, left, used, effect))
+    return {"after": clock[row : row + 1].clone()}
 
 
 def along(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Along:

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from ptt.diagnosis.ansatz import Ansatz, Run, columns_of
 from ptt.diagnosis.blocks import unknown_blocks
@@ -49,8 +48,7 @@ def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carri
         The best shape of each by its key.
     """
     sudden = [effect for effect in effects if isinstance(effect, Sudden)]
-    clocks = [effect.clock(run.problem.view).numpy() for effect in sudden]
-    if not sudden or any((np.diff(clock) < 0.0).any() for clock in clocks):
+    if not sudden:
         return {}
 
     def work(chunk: Problem) -> list[Along]:
@@ -62,9 +60,9 @@ def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carri
 
     parts = list(zip(*map_chunks(work, run.chunks), strict=True))
     found: dict[str, Shape] = {}
-    for effect, clock, own in zip(sudden, clocks, parts, strict=True):
-        row = best_row(joined(own))
-        found[effect.key] = {"after": torch.tensor([clock[row]], dtype=torch.float64)}
+    for effect, own in zip(sudden, parts, strict=True):
+        clock, row = effect.clock(run.problem.view), best_row(joined(own))
+        found[effect.key] = {"after": clock[row : row + 1].clone()}
     return found
 
 

@@ -34,14 +34,22 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[
     first = system.columns.shape[2]
     for name, atom in like.items():
         assert atom.effect is not None
-        columns.append(system.at.columns(atom.effect, *shapes[name])[system.rows])
-        base.append(system.at.on_base(atom.effect, *shapes[name]))
-        for number, shape in enumerate(shapes[name]):
+        by_key = {_key(name, shape): shape for shape in shapes[name]}
+        new = {key: shape for key, shape in by_key.items() if key not in system.atoms}
+        if not new:
+            continue
+        columns.append(system.at.columns(atom.effect, *new.values())[system.rows])
+        base.append(system.at.on_base(atom.effect, *new.values()))
+        for key, shape in new.items():
             place = np.arange(first, first + len(atom.columns))
-            key, first = f"{name}#further {number}", first + len(place)
-            atoms[key] = replace(atom, key=key, columns=place, shape=dict(shape))
+            atoms[key], first = replace(atom, key=key, columns=place, shape=dict(shape)), first + len(place)
     size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
     if atoms:
         rows, on_base = (np.concatenate(own, axis=2) for own in (columns, base))
         system = system.widened(atoms, rows, np.concatenate(size), on_base)
     return scorer.widened(system), system
+
+
+def _key(name: str, shape: Shape) -> str:
+    """Of an effect in a shape, by its values: what was scored of one shape is never taken for what another says."""
+    return f"{name}#{', '.join(f'{stem} {value.tolist()}' for stem, value in sorted(shape.items()))}"

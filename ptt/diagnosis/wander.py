@@ -91,7 +91,7 @@ class Clock:
     @cached_property
     def span(self) -> float:
         """Time from the first row of a run to its last, of all runs together."""
-        return float(np.maximum(np.diff(self.time), 0.0)[~self.starts[1:]].sum())
+        return float(self.lasts.sum())
 
     @cached_property
     def constants(self) -> np.ndarray:
@@ -99,7 +99,14 @@ class Clock:
         if len(self.time) < LEAST_STEPS or not self.step:
             return np.zeros(0)
         shortest = SHORTEST * self.step
-        return np.geomspace(shortest, max(LONGEST * float(np.ptp(self.time)), 2.0 * shortest), CONSTANTS)
+        return np.geomspace(shortest, max(LONGEST * float(self.lasts.max()), 2.0 * shortest), CONSTANTS)
+
+    @cached_property
+    def lasts(self) -> np.ndarray:
+        """Time from the first row of each run to its last, (runs,)."""
+        run = np.cumsum(self.starts) - 1
+        step = np.where(self.starts[1:], 0.0, np.maximum(np.diff(self.time), 0.0))
+        return np.bincount(run[1:], step, minlength=int(run[-1]) + 1)
 
     def gains(self, share: float, constant: float) -> Gains:
         """How a filter of a wander along one axis weighs the rows; what was worked out once is kept."""
@@ -118,9 +125,7 @@ class Clock:
         if not self.registered:
             return whole
         run = np.cumsum(self.starts) - 1
-        lasts = np.zeros(run[-1] + 1)
-        np.add.at(lasts, run[1:], np.where(self.starts[1:], 0.0, np.maximum(np.diff(self.time), 0.0)))
-        return np.where(self.starts, -np.expm1(-2.0 * lasts / constant)[run], whole)
+        return np.where(self.starts, -np.expm1(-2.0 * self.lasts / constant)[run], whole)
 
     def decays(self, constant: float) -> np.ndarray:
         """Share of a wander that each row keeps of the row before it, (n,); none where a run starts."""

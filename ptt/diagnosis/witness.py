@@ -9,7 +9,7 @@ from ptt.model.model import Term
 from ptt.run.problem import Problem
 
 HALF = 0.5  # of a frame's time that visits to base reflectors have to span; and the odds of either, for both are usual
-ALIKE = "No base reflector was read along the run: a machine that drifts as a whole would look the same."
+ALIKE = "No base reflector was read over half of the run: a machine that drifts as a whole would look the same."
 
 
 def unwitnessed(term: Term, problem: Problem) -> list[str]:

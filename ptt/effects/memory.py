@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from ptt.effects.base import family
 from ptt.run.backlash.reversal import STANDSTILL
-from ptt.run.turns import LINEAR, REACH, REACH_RAD, Entry, remember
+from ptt.run.turns import REACH, REACH_RAD, Entry, remember
 from ptt.run.view import View
 
 FORGOTTEN = 1e-20  # share of an earlier state that no later one shows
@@ -77,7 +78,7 @@ def leave(view: View, row: int) -> Entry:
     """
     way = waypoints(view)
     start = int(torch.nonzero(way.starts)[-1])
-    reach = REACH if float(view.travel_limits.abs().max()) > LINEAR else REACH_RAD
+    reach = REACH if family(view) == "three-ptt" else REACH_RAD
     return remember(way.q[start:], way.direction[start], row, reach)
 
 

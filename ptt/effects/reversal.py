@@ -7,13 +7,12 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage, per_joint
+from ptt.effects.base import Effect, Parameter, Stage, family, per_joint
 from ptt.effects.card import Card
 from ptt.effects.constants import finer
 from ptt.effects.memory import gradual_reversal, keep_reversals, play, play_slope
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.serial import Serial
-from ptt.run.turns import LINEAR
 from ptt.run.view import View
 
 WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
@@ -88,7 +87,7 @@ class Backlash(Effect):
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The limit of a small gap, and gaps that moves as short as these take up only over several rows."""
-        scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
+        scale = 1.0 if family(view) == "three-ptt" else 0.01
         gaps = [torch.tensor([gap * scale], dtype=torch.float64) for gap in GAPS]
         late = [gap for gap in gaps if float((self._at(view, gap) + 0.5 * view.direction).abs().mean()) > LATE]
         return ({}, *({"about": gap} for gap in late))
@@ -170,7 +169,7 @@ class Windup(Effect):
     def _lengths(self, view: View) -> list[Tensor]:
         """Travel constants that the data can see, (1,) each: some readings change over, some are done."""
         if not view.kept:
-            scale = 1.0 if float(view.travel_limits.abs().max()) > LINEAR else 0.01
+            scale = 1.0 if family(view) == "three-ptt" else 0.01
             keep_reversals(view, [torch.tensor([length * scale], dtype=torch.float64) for length in WINDUP_LENGTHS])
         return [length for length, turned in view.kept.values() if float((turned - view.direction).abs().mean()) > 0.02]
 

@@ -71,7 +71,7 @@ class TowerPosition(ThreePttEffect):
 
 @dataclass(frozen=True)
 class TowerTilt(ThreePttEffect):
-    """Rail i leans, pivot at the slider height of home; beyond 2 mrad its cosine is left out (under 0.3 um)."""
+    """Rail i leans, pivot at the slider height of home; q lean^2/2 is left out (0.3 um at 2 mrad and 135 mm)."""
 
     name: ClassVar[str] = "tower-tilt"
     parameters: ClassVar[tuple[Parameter, ...]] = (

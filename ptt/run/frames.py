@@ -22,7 +22,7 @@ def align(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """
     kept = np.ones(len(place), dtype=bool)
     for _ in range(TRIMS):
-        turn, shift = _kabsch(place[kept], reading[kept])
+        turn, shift = kabsch(place[kept], reading[kept])
         distance = np.linalg.norm(reading - place @ turn.T - shift, axis=1)
         near = distance <= max(6.0 * np.median(distance), 1e-9)
         if near.sum() < 4 or (near == kept).all():
@@ -94,7 +94,18 @@ _GENERATORS = torch.tensor(
 )
 
 
-def _kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rigid motion that brings places nearest to their readings; about a line through all of them none turns.
+
+    Args:
+        place: (n, 3) mm.
+        reading: (n, 3) mm.
+
+    Returns:
+        Turn (3, 3) and shift (3,): a reading is turn @ place + shift.
+
+    Source: Kabsch, Acta Crystallographica A32 (1976) 922.
+    """
     middle, centre = place.mean(axis=0), reading.mean(axis=0)
     cross, sizes = (reading - centre).T @ (place - middle), np.linalg.svd(place - middle, compute_uv=False)
     if sizes[1] < LINE * sizes[0]:

@@ -6,8 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-REACH = 1000.0  # mm: travel after which a gradual reversal has forgotten all before it (40 of its longest constants)
-LINEAR = 10.0  # travel limits beyond this are mm, within it rad
+REACH = 1000.0  # mm: travel after which a gradual reversal has forgotten what was before (31 of its longest trials)
 REACH_RAD = 10.0
 
 

@@ -13,6 +13,7 @@ from ptt.judge.iso.pose import pose_report
 from ptt.judge.iso.pose_figures import PoseReport
 from ptt.record import Record
 from ptt.run.backlash.reversal import travel_direction
+from ptt.run.frames import kabsch
 from ptt.run.readers.plain import numbers_of, read_plain
 from ptt.run.readers.text import LONGEST
 
@@ -117,10 +118,8 @@ def align_to_targets(measured: Array, target: Array) -> Array:
         (n, 3) mm.
     """
     seen = np.isfinite(measured).all(axis=1) & np.isfinite(target).all(axis=1)
-    centre, aim = measured[seen].mean(axis=0), target[seen].mean(axis=0)
-    left, _, right = np.linalg.svd((measured[seen] - centre).T @ (target[seen] - aim))
-    handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])  # a mirrored set is no rigid motion
-    return (measured - centre) @ (left @ handed @ right) + aim
+    turn, shift = kabsch(target[seen], measured[seen])
+    return (measured - shift) @ turn
 
 
 def iso_of_poses(table: "Table", per_run: bool = False, by_direction: bool = True) -> IsoPoses:
