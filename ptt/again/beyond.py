@@ -8,7 +8,7 @@ import torch
 
 from ptt.again.before import Before
 from ptt.effects.shapes import SHAPES, smooth_shapes
-from ptt.fitting.linear import Place, usual_sizes
+from ptt.fitting.linear import Place, tried_sizes
 from ptt.model.model import Term
 from ptt.run.problem import Problem
 
@@ -93,7 +93,7 @@ def _going_on(end: End, at: Place, problem: Problem) -> np.ndarray:
     shape = {stem: value.clone() for stem, value in given_of(end.term, joints).items()}
     near, far = ("from", "to") if end.upper else ("to", "from")
     shape[near][end.joint], shape[far][end.joint] = end.at, end.furthest
-    sizes, share = usual_sizes(effect, problem), abs(end.furthest - end.at) / end.range
+    sizes, share = tried_sizes(effect, problem), abs(end.furthest - end.at) / end.range
     columns = at.columns(effect, shape) / sizes
     fixed = smooth_shapes(torch.tensor(0.0 if end.upper else 1.0)).numpy()[:BENDS]  # where they leave the end
     parts = list[np.ndarray]()

@@ -24,7 +24,7 @@ from ptt.diagnosis.steps import name_steps, ties
 from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
-from ptt.fitting.linear import usual_sizes
+from ptt.fitting.linear import tried_sizes
 from ptt.model.model import Model, Term
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -117,7 +117,7 @@ def _with_news(found: Weighed, problem: Problem, known: Library, tell: Tell, see
 
 def _term_of(room: Then, found: Weighed, problem: Problem) -> Term:
     values = found.state.posterior.values[found.state.of(room.key)]
-    return Term(room.effect, torch.as_tensor(values * usual_sizes(room.effect, problem)))
+    return Term(room.effect, torch.as_tensor(values * tried_sizes(room.effect, problem)))
 
 
 def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:

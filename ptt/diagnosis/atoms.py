@@ -154,18 +154,16 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         if not len(columns):
             continue
         shapes = len(tuple(term.effect.search(problem.view)))
-        kinds = _kinds_of_values(term.effect, problem, free)
         odds = odds_of_effect(term.effect, len(names), shapes)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
-        atom = _effect_atom(key, columns, kinds, odds, own.effect, None)
+        atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
         atoms[key] = replace(atom, since=float(own.theta[-1]) if is_sudden(atom) else None)
     like: dict[str, Atom] = {}  # of each effect its first shape
     for number, trial in enumerate(linear.trials):
         key, name = f"{trial.effect.key}#{number}", trial.effect.key
         if name not in like:
-            kinds = _kinds_of_values(trial.effect, problem, slice(0, len(trial.columns)))
             odds = odds_of_effect(trial.effect, len(names), trial.trials)
-            like[name] = _effect_atom(key, trial.columns, kinds, odds, trial.effect, trial.shape)
+            like[name] = effect_atom(key, trial.columns, trial.effect, problem, odds, trial.shape)
         atoms[key] = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
     return {
         key: replace(atom, tested=sided or atom.effect is None or "direction" not in atom.effect.requires)
@@ -202,15 +200,28 @@ def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[st
     return atoms
 
 
-def _effect_atom(
+def effect_atom(
     key: str,
     columns: np.ndarray,
-    kinds: tuple[np.ndarray, ...],
-    odds: float,
     effect: Effect,
+    problem: Problem,
+    odds: float,
     shape: Mapping[str, Tensor] | None,
+    free: np.ndarray | None = None,
 ) -> Atom:
-    group, bounded, held, joint, detail = kinds
+    """An effect as an atom.
+
+    Args:
+        key: its own among all atoms.
+        columns: indices of its columns, one for each linear value, or for each that is free.
+        effect: the effect.
+        problem: n rows.
+        odds: nats of prior odds against it.
+        shape: its searched and given parameters; None where it is in the model.
+        free: of all its values those that have a column, bool; None for as many of the first as there are columns.
+    """
+    chosen = slice(0, len(columns)) if free is None else free
+    group, bounded, held, joint, detail = _kinds_of_values(effect, problem, chosen)
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
     most[group[held]] = 1.0
@@ -227,19 +238,21 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
-    and so does their straight part; fine detail has its own, which is how rough the joint is. What is kept near zero
-    has one a joint altogether: where zero lies divides cosines from sines, which nature does not.
+    and so does their straight part. Fine detail has one for all joints, which are of one make and as rough as each other:
+    a spot or a step of one of them is none. What is kept near zero has one a joint altogether: where zero lies divides
+    cosines from sines, which nature does not.
     """
     joints, first, curves = problem.view.joints, 1, 0
     group, bounded, held, joint, detail = list[np.ndarray](), [], [], [], []
     for parameter in effect.parameters:
         size = parameter.size(joints)
-        if parameter.role == "linear" and parameter.per_joint and parameter.count > 1:
-            curves = first if parameter.fine else curves or first
+        if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 and not parameter.fine:
+            curves = curves or first
             group.append(curves + np.repeat(np.arange(joints), parameter.count))
             first += joints
         else:
-            group.append(np.full(size, 0 if parameter.role == "linear" and not parameter.held else first))
+            own = parameter.held or parameter.fine or parameter.role != "linear"
+            group.append(np.full(size, first if own else 0))
             first += 1
         bounded.append(np.full(size, parameter.lower >= 0.0))
         held.append(np.full(size, parameter.held and not parameter.lent))

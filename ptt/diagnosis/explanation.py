@@ -20,7 +20,7 @@ from ptt.diagnosis.steps import Named, Step, share_of
 from ptt.diagnosis.witness import own_drift, unwitnessed
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
-from ptt.fitting.linear import usual_sizes
+from ptt.fitting.linear import tried_sizes
 from ptt.model.model import Model, Term, parameter_names
 from ptt.record import Record
 from ptt.run.noise import Noise
@@ -244,7 +244,7 @@ def _told(state: State, atom: Atom, scale: np.ndarray, problem: Problem) -> tupl
     assert atom.effect is not None
     values = atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
     std, prior = state.errors(atom, scale)
-    usual = usual_sizes(atom.effect, problem)
+    usual = tried_sizes(atom.effect, problem)
     told = std[: len(usual)] ** 2 < MEASURED * np.minimum(prior[: len(usual)], usual) ** 2
     rows = zip(_names(atom.effect, problem), values, std, told, strict=False)  # what is linear comes first
     return tuple(Estimate(*name, float(value), float(error)) for name, value, error, seen in rows if seen)

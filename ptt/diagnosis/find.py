@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import is_block, is_effect, is_sudden
 from ptt.diagnosis.candidates import present_candidates
+from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, find_needless
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.gross import gross_errors, places_of
@@ -122,6 +123,8 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         scorer, system, state = _search_first(scorer, system, candidates)
     else:
         state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
+        if follows_travel(state, system, problem):
+            scorer, system = with_detail(scorer, problem)
         if turn.number < TURNS - 1:  # what is said is what it is linearised at
             state = refilled(scorer, improve(scorer, state))
     return Found(

@@ -12,7 +12,7 @@ from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memories import best_memory, prior_of
 from ptt.diagnosis.memory import Hidden, Memory, Sums
 from ptt.diagnosis.product import nats_of_none, nats_of_product
-from ptt.diagnosis.screen import Basis, Gain, Screen
+from ptt.diagnosis.screen import Basis, Begun, Gain, Screen
 from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
 from ptt.diagnosis.system import System
@@ -48,7 +48,7 @@ class Scorer:
         self.screened: dict[tuple[tuple[str, ...], Memory], Screen] = {}
         self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
         self.whole: deque[State] = deque()
-        self.begun: dict[str, np.ndarray] = {}
+        self.begun: Begun = {}
         self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
         self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
         # What hidden rows say of sets under white noise.

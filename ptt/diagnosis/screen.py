@@ -28,6 +28,7 @@ ROUGH = 0.3  # nats at which learning several variances of one atom may end
 BROAD = 12  # columns of an atom from which its eigenvectors take longer than a tridiagonal form
 
 Allowed = Callable[[Atom], bool]
+Begun = dict[tuple[str, int], np.ndarray]
 Looked = tuple[list[Atom], np.ndarray, np.ndarray]  # atoms of one width w, what a set leaves of them (a, w, w), (a, w)
 
 
@@ -64,14 +65,14 @@ class Basis:
 class Screen:
     """All atoms that are open to one set; each is looked at once, and only if somebody asks for it."""
 
-    def __init__(self, system: System, basis: Basis, is_open: Allowed, begun: dict[str, np.ndarray]) -> None:
+    def __init__(self, system: System, basis: Basis, is_open: Allowed, begun: Begun) -> None:
         """Look at nothing yet.
 
         Args:
             system: the linearised problem.
             basis: the set.
             is_open: whether an atom may be added to it.
-            begun: variances that were last learned for atoms of several, by their name; kept up to date.
+            begun: variances that were last learned for atoms of several, by their name and number; kept up to date.
         """
         self.system, self.basis, self.begun = system, basis, begun
         self.gains: dict[str, Gain] = {}
@@ -182,7 +183,7 @@ class Screen:
         left, freedom = self.basis.posterior.left, self.system.freedom
         work_out = partial(
             learn, square=left, count=self.system.spare, owner=atom.group, freedom=freedom, done=ROUGH,
-            start=self.begun.get(atom.name), width=WIDTH if atom.effect else np.inf, ceiling=atom.most,
+            start=self.begun.get((atom.name, atom.groups)), width=WIDTH if atom.effect else np.inf, ceiling=atom.most,
         )  # fmt: skip
         try:
             own = work_out(gram, side)
@@ -190,7 +191,7 @@ class Screen:
             strength, ways = np.linalg.eigh(gram)
             seen = ways[:, strength > np.abs(strength[0])]
             own = work_out(seen @ (seen.T @ gram @ seen) @ seen.T, seen @ (seen.T @ side))
-        self.begun[atom.name] = own.scales
+        self.begun[atom.name, atom.groups] = own.scales
         before = -0.5 * self.known * float(np.log((freedom + left) / self.known))
         return Gain(own.total - before - atom.odds, atom.key, own.scales)
 

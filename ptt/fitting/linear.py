@@ -128,17 +128,18 @@ class Place:
     motion: Tensor
 
     def columns(self, effect: Effect, *shapes: Shape) -> np.ndarray:
-        """Columns of an effect in one shape after the other, (n, 3, p), whitened, in usual sizes."""
-        return self.join(self.shifts(effect, shapes), np.tile(usual_sizes(effect, self.problem), len(shapes)))
+        """Columns of an effect in one shape after the other, (n, 3, p), whitened, in the sizes it is tried with."""
+        return self.join(self.shifts(effect, shapes), np.tile(tried_sizes(effect, self.problem), len(shapes)))
 
     def on_base(self, effect: Effect, *shapes: Shape) -> np.ndarray:
         """The same at the base reflectors, (b, 3, p), in units of their own noise: what acts on the tracker."""
-        base, sizes = self.problem.base, np.tile(usual_sizes(effect, self.problem), len(shapes))
+        base, sizes = self.problem.base, np.tile(tried_sizes(effect, self.problem), len(shapes))
         if base is None or not len(self.motion):
             return np.zeros((0, 3, len(sizes)))
         if effect.stage != "metrology":
             return np.zeros((len(base.frame), 3, len(sizes)))
-        own = torch.cat([effect.basis(base.view, shape) for shape in shapes], dim=-1)
+        count = len(sizes) // max(len(shapes), 1)
+        own = torch.cat([effect.basis(base.view, shape)[..., :count] for shape in shapes], dim=-1)
         return base.whitened(turned(own, self.motion, base.frame).numpy(), self.whitener) * sizes
 
     def join(self, blocks: Sequence[Tensor], sizes: np.ndarray) -> np.ndarray:
@@ -152,7 +153,8 @@ class Place:
         What is sudden is nothing up to a moment and from then on as it is all along.
         """
         if not isinstance(effect, Sudden) or len(shapes) < 2:
-            return [signature(self.chain, effect, shape) for shape in shapes]
+            count = len(tried_sizes(effect, self.problem))
+            return [signature(self.chain, effect, shape)[..., :count] for shape in shapes]
         whole, clock = signature(self.chain, effect, ALWAYS), effect.clock(self.problem.view)
         return [whole * (clock > shape["after"]).to(whole.dtype)[:, None, None] for shape in shapes]
 
@@ -203,8 +205,8 @@ def assemble(
     base = [at.on_base(own[0].effect, *(trial.shape for trial in own)) for own in tried.values()]
     frame = np.concatenate([np.flatnonzero(layout.owner == FRAME), np.flatnonzero(layout.owner == MOUNT)])
     present = {term.effect.key: np.flatnonzero(layout.owner == index) for index, term in enumerate(layout.terms)}
-    usual = {key: usual_sizes(own[0].effect, problem) for key, own in tried.items()}
-    held = {key: held_values(own[0].effect, problem) for key, own in tried.items()}
+    usual = {key: tried_sizes(own[0].effect, problem) for key, own in tried.items()}
+    held = {key: held_values(own[0].effect, problem)[: len(usual[key])] for key, own in tried.items()}
     return Linear(
         np.concatenate([system.jacobian, *blocks], axis=-1), values, residual,
         problem.used & np.isfinite(system.residual).all(axis=1), frame, present, tuple(trials),
@@ -222,7 +224,7 @@ def _try(
     for effect in candidates:
         own = shapes[effect.key] if isinstance(shapes, Mapping) else shapes
         tried = effect.search(at.problem.view) if own is None else own
-        usual = usual_sizes(effect, at.problem)
+        usual = tried_sizes(effect, at.problem)
         for shape, block in zip(tried, at.shifts(effect, tried), strict=True):
             trials.append(Trial(effect, dict(shape), np.arange(start, start + len(usual)), len(tried)))
             blocks.append(block)
@@ -256,28 +258,33 @@ def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:
     return np.concatenate([np.zeros(0), *(np.full(item.size(joints), item.on(kind).usual) for item in parameters)])
 
 
+def detailed_columns(at: Place, effect: Effect, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of an effect with its fine detail, (n, 3, P), whitened, and the usual sizes they are in, (P,)."""
+    sizes = usual_sizes(effect, at.problem)
+    return at.join([signature(at.chain, effect, shape)], sizes), sizes
+
+
+def tried_sizes(effect: Effect, problem: Problem) -> np.ndarray:
+    """Usual size of each linear value that an effect is tried with, (P,): its fine detail waits until it is named."""
+    joints = problem.view.joints
+    fine = sum(parameter.size(joints) for parameter in effect.parameters if parameter.fine)  # the last of them
+    usual = usual_sizes(effect, problem)
+    return usual[: len(usual) - fine]
+
+
 def held_values(effect: Effect, problem: Problem) -> np.ndarray:
     """Which linear values are kept near zero by the definition of the effect, (P,) bool."""
     parameters = [parameter for parameter in effect.parameters if parameter.role == "linear"]
     return np.concatenate([np.zeros(0), *(np.full(item.size(problem.view.joints), item.held) for item in parameters)])
 
 
-def _fine_values(effect: Effect, values: int) -> np.ndarray:
-    """Which linear values are detail far under the noise, (values,) bool."""
-    parameters = [parameter for parameter in effect.parameters if parameter.role == "linear"]
-    if not any(parameter.fine for parameter in parameters):
-        return np.zeros(values, dtype=bool)
-    joints = values // sum(parameter.count for parameter in parameters)
-    return np.repeat([item.fine for item in parameters], [item.count * joints for item in parameters])
-
-
 def few_shapes(trials: Sequence[Trial], simple: np.ndarray) -> np.ndarray:
-    """The present model's columns and every candidate's, of long searches only every sixth shape, no fine detail."""
+    """The present model's columns and every candidate's, of long searches only every sixth shape."""
     seen: dict[str, int] = {}
     chosen = [simple]
     for trial in trials:
         number = seen.get(trial.effect.key, 0)
         seen[trial.effect.key] = number + 1
         if trial.trials < 12 or number % 6 == 3:
-            chosen.append(trial.columns[~_fine_values(trial.effect, len(trial.columns))])
+            chosen.append(trial.columns)
     return np.concatenate(chosen).astype(int)

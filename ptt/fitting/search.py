@@ -7,9 +7,9 @@ import numpy as np
 import torch
 
 from ptt.effects import Effect
-from ptt.effects.base import flatten, linear_size
+from ptt.effects.base import flatten
 from ptt.fitting.layout import lay_out
-from ptt.fitting.linear import Linear, Shape, assemble, usual_sizes
+from ptt.fitting.linear import Linear, Shape, assemble, tried_sizes
 from ptt.fitting.outliers import linear_residual
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
@@ -153,8 +153,7 @@ def _opened(term: Term, shape: Shape, amplitude: np.ndarray, problem: Problem) -
     """The term at its linear amplitudes, inside its bounds."""
     kind, joints = problem.file.machine.kind, problem.view.joints
     theta = flatten(term.effect, shape, joints)
-    linear = linear_size(term.effect, joints)
-    theta[:linear] = torch.as_tensor(amplitude * usual_sizes(term.effect, problem))
+    theta[: len(amplitude)] = torch.as_tensor(amplitude * tried_sizes(term.effect, problem))
     place = 0
     for item in (parameter.on(kind) for parameter in term.effect.parameters):
         part = slice(place, place + item.size(joints))
