@@ -106,6 +106,17 @@ def test_a_rough_screw_is_a_screw_and_nothing_else():
     assert found.verdict == "missing" and found.suggested == (("screw-error-map",),)
 
 
+@pytest.mark.parametrize(
+    ("damage", "shape"),
+    [(lambda q: 0.02 * (q > 290.0), "step"), (lambda q: 0.04 * np.exp(-np.square((q - 300.0) / 3.0)), "bump")],
+)
+def test_a_splice_or_a_spot_of_one_screw_is_no_rough_screw(damage, shape):
+    found = told_of_screws(lambda q: damage(q) * [1.0, 0.0, 0.0])
+    assert found.verdict == "unknown" and found.suggested == ()
+    first = found.depends_on[0]
+    assert (first.residual, first.on, first.shape) == ("slider 1", "b1", shape)
+
+
 def test_a_period_that_is_no_turn_of_the_screw_is_no_rough_screw():
     found = told_of_screws(lambda q: 0.012 * np.sin(2.0 * np.pi * q / 7.0) * [1.0, 0.0, 0.0])
     assert found.verdict == "unknown" and found.suggested == ()

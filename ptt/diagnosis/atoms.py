@@ -238,9 +238,9 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
-    and so does their straight part. Fine detail has one for all joints, which are of one make and as rough as each other:
-    a spot or a step of one of them is none. What is kept near zero has one a joint altogether: where zero lies divides
-    cosines from sines, which nature does not.
+    and so does their straight part. Fine detail has one for all joints, which are of one make and equally rough: a spot
+    or a step of one of them is none. What is kept near zero has one a joint altogether: where zero lies divides cosines
+    from sines, which nature does not.
     """
     joints, first, curves = problem.view.joints, 1, 0
     group, bounded, held, joint, detail = list[np.ndarray](), [], [], [], []

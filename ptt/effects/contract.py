@@ -85,6 +85,9 @@ def check_parameters(effect: Effect, kind: str) -> str:
             return f"usual size of {parameter.stem} is {parameter.usual:g}, not positive"
         if not parameter.lower < parameter.upper:
             return f"bounds of {parameter.stem} are {parameter.lower:g} and {parameter.upper:g}"
+    amplitudes = [parameter.fine for parameter in effect.parameters if parameter.role == "linear"]
+    if amplitudes != sorted(amplitudes):
+        return "fine detail is declared before other amplitudes"
     nameless = [phrase.stem for phrase in effect.phrases if phrase.stem not in {p.stem for p in effect.parameters}]
     if nameless:
         return f"a phrase says '{nameless[0]}', which is no parameter"

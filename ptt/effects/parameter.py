@@ -26,8 +26,8 @@ class Parameter:
             finite length leave of it is small.
         lent: effects whose own cause each of the `count` held values is. Where such an effect is not in the model, the
             fit frees the value: else the rest of the effect would have to imitate it.
-        fine: detail of the parameter before it, mostly far under the noise: how large it is is learned by itself. Declared
-            after all other linear parameters: an effect is tried without it, and has it once it is in the model.
+        fine: detail of the parameter before it, mostly far under the noise: how large it is is learned by itself.
+            Declared after all other linear parameters; an effect is tried without it and has it once it is in a model.
     """
 
     stem: str
