@@ -231,7 +231,7 @@ def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
 
 
 def test_an_unknown_of_a_joint_is_told_over_its_own_travel_where_that_says_as_much():
-    arm = SimpleNamespace(file=SimpleNamespace(machine=SimpleNamespace(kind="three-ptt")))
+    arm = SimpleNamespace(file=SimpleNamespace(machine=SimpleNamespace(letter="b")))
     slider, tool = (SimpleNamespace(block=SimpleNamespace(place=SimpleNamespace(joint=joint))) for joint in (0, None))
     line = {"x": 1.0, "y": 0.99, "b1": 0.97}  # a path along which each variable says all of the others
     assert _followed(line, slider, arm) == "b1" and _followed(line, tool, arm) == "x"

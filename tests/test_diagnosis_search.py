@@ -390,7 +390,7 @@ def test_moments_are_dated_before_any_swap_is_looked_for(monkeypatch):
     dated = list[bool]()
 
     def told(scorer, ends):
-        dated.append(any("#further" in key for key in scorer.system.atoms))
+        dated.append(any("#after" in key for key in scorer.system.atoms))
         return best_of(scorer, ends)
 
     monkeypatch.setattr(finding, "best_of", told)
