@@ -14,6 +14,7 @@ from ptt.correct.exports.table import write
 from ptt.correct.training.compensator import Compensator
 from ptt.effects.links import LinkLength
 from ptt.effects.reversal import Backlash
+from ptt.effects.screw import OncePerRev
 from ptt.effects.structure import ColumnBend
 from ptt.effects.towers import TowerTilt
 from ptt.errors import InputError
@@ -76,3 +77,17 @@ def test_a_step_that_makes_no_table_is_refused_with_a_better_one(bench: MachineF
         with pytest.raises(InputError, match="try"):
             write(Compensator(_model(bench), None, {}), tmp_path / "t.csv", Options(step=step))
     assert not list(tmp_path.iterdir())
+
+
+def test_waves_shorter_than_its_cells_are_left_out_and_it_is_said(bench: MachineFile, tmp_path: Path) -> None:
+    """Between places that are whole turns apart they would come out as something else."""
+    wave = Term(
+        OncePerRev(), torch.tensor([0.05, 0.04, 0.03, 0.0, 0.0, 0.0, bench.machine.screw_lead_mm], dtype=torch.float64)
+    )
+    tilt = Term(TowerTilt(), torch.tensor([2e-3, -1e-3, 1e-3, 3e-3, -2e-3, 1e-3], dtype=torch.float64))
+    result = write(Compensator(Model(bench) + wave + tilt, None, {}), tmp_path / "t.csv", Options(step=10.0))
+    alone = write(Compensator(Model(bench) + tilt, None, {}), tmp_path / "u.csv", Options(step=10.0))
+    assert result.holds == ("tower-tilt",) and alone.holds == ("tower-tilt",)
+    assert result.cannot_hold[0].effect == "once-per-rev" and "too far apart" in result.cannot_hold[0].why
+    entries, without = (pd.read_csv(tmp_path / name, comment="#") for name in ("t.csv", "u.csv"))
+    pd.testing.assert_frame_equal(entries, without)

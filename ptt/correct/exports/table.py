@@ -1,6 +1,6 @@
 """A CSV grid of corrections over the workspace, with the error of interpolating in it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,9 +16,12 @@ from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import HELD, without_payload
 from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all
+from ptt.correct.terms import split_terms
 from ptt.errors import InputError
 from ptt.mechanisms import build_mechanism
+from ptt.model.chain import predict
 from ptt.run.table import make_table
+from ptt.run.viewing import build_view
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -31,6 +34,7 @@ WHY = {
     "speed": "a table is of a machine that stands still",
 }
 SIDE = "a table does not know from which side a joint comes"
+APART = "the table's places lie too far apart for it"
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
@@ -50,9 +54,12 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
         InputError: a step that makes no table.
     """
     ground = survey(compensator, options)
-    still = _still(ground)
     axes = _axes(ground, options.step)
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    cannot = _cannot(compensator)
+    still = _without(compensator, cannot)
+    between = _between(still, axes, places, ground)
+    still = _without(still, [key for key, (whole, left) in between.items() if left > whole])
     shift = _corrections(still, places)
     there = np.isfinite(shift).all(axis=1)
     shift = shift[there][cKDTree(places[there]).query(places)[1]]  # cells at the edge have corners beyond it
@@ -63,9 +70,10 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     text += "".join(",".join(_cell(value) for value in row) + "\n" for row in rows)
     written = write_all({out: text})
     q = ground.nominal + _interpolate(axes, shift, ground.targets)
+    fine = {key: f"{APART} ({_figures(*two)})" for key, two in between.items() if two[1] > HELD * two[0]}
     loaded = {key: WHY["payload"] for key, share in without_payload(ground).items() if share < 1.0 - HELD}
-    holds, cannot = holdings(ground, loaded | _cannot(compensator))
-    return Exported(written, holds, cannot, error_left(ground, q), tuple(head[-2:]))
+    holds, lost = holdings(ground, fine | loaded | cannot)
+    return Exported(written, holds, lost, error_left(ground, q), tuple(head[-2:]))
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:
@@ -79,13 +87,37 @@ def _cannot(compensator: "Compensator") -> dict[str, str]:
     return why
 
 
-def _still(ground: Ground) -> "Compensator":
-    """The model without what a table cannot hold."""
-    compensator = ground.compensator
+def _without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
     model = compensator.model
-    for key in _cannot(compensator):
+    for key in keys:
         model = model.without(key)
     return replace(compensator, model=model)
+
+
+def _between(
+    still: "Compensator", axes: Sequence[np.ndarray], places: np.ndarray, ground: Ground
+) -> dict[str, tuple[float, float]]:
+    """How far each effect alone moves the tool over the workspace, and how much of it lies between the places, um rms.
+
+    Waves that are shorter than two steps of the grid come out as others, and would be worse than none.
+    """
+    file, found = still.model.file, dict[str, tuple[float, float]]()
+    reached = build_mechanism(file.machine).inverse(torch.as_tensor(places)).isfinite().all(dim=1).numpy()
+    nearest = cKDTree(places[reached]).query(places)[1]
+    views = [build_view(file, make_table(some)) for some in (places[reached], ground.targets)]
+    for term in split_terms(still.model)[0]:
+        at, there = ((predict([term], view).p - predict([], view).p).numpy() for view in views)
+        left = _interpolate(axes, at[nearest], ground.targets) - there
+        found[term[0].key] = (_rms_um(there), _rms_um(left))
+    return found
+
+
+def _rms_um(shift: np.ndarray) -> float:
+    return 1e3 * float(np.sqrt(np.square(shift).sum(axis=1).mean()))
+
+
+def _figures(whole: float, left: float) -> str:
+    return f"of its {whole:.1f} um {min(left, whole):.1f} um are left"
 
 
 def _axes(ground: Ground, step: float | None) -> list[np.ndarray]:
