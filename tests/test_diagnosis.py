@@ -441,6 +441,6 @@ def test_every_reading_is_accounted_for(tmp_path):
     _, path = run(tmp_path, "none", 92, rows=120, outlier_share=0.05)
     problem = build_problem(MACHINE, read_table(path))
     found = diagnose(Model(MACHINE), problem)
-    assert found.opening == 1
-    assert found.rows + found.outliers.sum() + found.opening == problem.used.sum()
+    assert found.opening.sum() == 1 and found.to_dict()["rows_aside"] == np.flatnonzero(found.opening).tolist()
+    assert found.rows + found.outliers.sum() + found.opening.sum() == problem.used.sum()
     assert "one row left aside" in format_diagnosis(found)

@@ -44,7 +44,7 @@ def test_a_drive_that_winds_up_alone_is_told_alone_from_whichever_side_the_run_b
     problem = fine_path()
     found = diagnose(Model(problem.file), problem)
     assert found.suggested == (("windup",),) and found.verdict == "missing"
-    assert found.opening > 3
+    assert found.opening.sum() > 3
 
 
 def test_rows_tell_of_the_side_until_it_is_forgotten():

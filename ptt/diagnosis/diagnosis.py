@@ -1,6 +1,6 @@
 """A diagnosis: what a run says of the model, as it is told, shown and written."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -35,7 +35,7 @@ class Diagnosis:
         rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
-        opening: how many rows were not looked at because a run opens with them, or a gap is not waited for there.
+        opening: rows not looked at, at which nobody knows from which side the machine came, (n,) bool.
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
@@ -57,7 +57,7 @@ class Diagnosis:
     model: Model
     fitted: FitResult
     words: str
-    opening: int = 0
+    opening: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @property
     def measure_next(self) -> tuple[str, ...]:
@@ -80,6 +80,7 @@ class Diagnosis:
             "rms_um": self.rms_um,
             "rows": self.rows,
             "outlier_rows": [int(row) for row in np.flatnonzero(self.outliers)],
+            "rows_aside": [int(row) for row in np.flatnonzero(self.opening)],
             "rest": {"significant": self.rest.significant, "reasons": list(self.rest.reasons)},
             "words": self.words,
         }

@@ -106,7 +106,7 @@ def diagnose_long(
     times = share_of_rows(problem.table.rows)
     if times > 1 and found.state.memory == WHITE:
         how += f" What else may be missing is told by one row in {times}."
-    return replace(result, words=f"{result.words}{error_by_base(model, whole)} {how}", opening=int(opening.sum()))
+    return replace(result, words=f"{result.words}{error_by_base(model, whole)} {how}", opening=opening)
 
 
 def _new(found: Found, told: Found) -> list[str]:

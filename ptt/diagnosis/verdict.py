@@ -83,7 +83,7 @@ def diagnose(
     tell("rest")
     rest = look_for_rest(found.system, found.state, problem, seed=seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
-    return replace(result, opening=int(opening.sum()), words=result.words + error_by_base(model, whole))
+    return replace(result, opening=opening, words=result.words + error_by_base(model, whole))
 
 
 def enough(problem: Problem) -> None:

@@ -189,13 +189,13 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
     where = f": {named_rows(table, result.outliers)}" if left and table is not None else ""
     lines.append(
         f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
-        f"{left} left out as gross errors{where}{_opening(result.opening)}"
+        f"{left} left out as gross errors{where}{_aside(int(result.opening.sum()))}"
     )
     return "\n".join(lines)
 
 
-def _opening(rows: int) -> str:
-    """Why there are fewer readings than in the run: it opens with them, or a gap is not waited for there."""
+def _aside(rows: int) -> str:
+    """Why there are fewer readings than in the run: it opens with them."""
     if not rows:
         return ""
     which = "one row" if rows == 1 else f"{rows} rows"

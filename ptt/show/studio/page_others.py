@@ -67,9 +67,10 @@ class OthersView:
                 ui.label(f"{item['effect']} needs {item['needs']}").classes("st-note")
         noise, left = data["noise_um"], len(data["outlier_rows"])
         gross = f", {left} left out as gross errors" if left else ""
-        ui.label(f"Noise {length(noise['total'])} from {noise['source']}; {data['rows']} readings{gross}.").classes(
-            "st-note"
-        )
+        aside = f", {len(data['rows_aside'])} left aside at the beginning of runs" if data["rows_aside"] else ""
+        ui.label(
+            f"Noise {length(noise['total'])} from {noise['source']}; {data['rows']} readings{gross}{aside}."
+        ).classes("st-note")
         with ui.expansion("The same as the command line says it").classes("w-full").props("dense"):
             ui.label(pretty(lesson.text)).classes("st-mono")
 
