@@ -46,7 +46,7 @@ VALUES = {
     "lead-scale": [6e-5, -4e-5, 3e-5],
     "tower-tilt": [1e-3, -5e-4, 8e-4, 3e-4, -9e-4, 4e-4],
     "link-length": [0.05, -0.08, 0.02],
-    "backlash": [0.04, 0.05, 0.03],
+    "backlash": [0.04, 0.05, 0.03, 1.0],
 }
 CENTRES = 60
 LOOP = """#define _POSIX_C_SOURCE 199309L

@@ -189,7 +189,8 @@ def test_model_with_its_effect_leaves_less():
     file, gap = machine("fitted", NOISE), 0.06
     table = with_noise(moved_sliders(file, places(150), lambda q, direction: -gap / 2 * direction))
     problem = build_problem(file, table)
-    model = Model(file) + Term(make_effect(library(), "backlash"), torch.full((3,), gap, dtype=torch.float64))
+    play = torch.tensor([gap, gap, gap, 1.0], dtype=torch.float64)
+    model = Model(file) + Term(make_effect(library(), "backlash"), play)
     bare, fitted = compare_run(Model(file), problem), compare_run(model, problem)
     assert bare.to_dict()["rms_um"]["total"] > 4.0 * fitted.to_dict()["rms_um"]["total"]
     assert fitted.effects == ("backlash",)

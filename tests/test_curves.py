@@ -76,11 +76,11 @@ def test_a_curve_does_not_keep_out_what_only_an_exact_score_tells():
 def test_a_row_that_a_law_that_bends_reaches_after_all_is_no_gross_error():
     file, random = bench(0.005), np.random.default_rng(3)
     poses = random.uniform(-50.0, 50.0, (80, 3))
-    problem = read(file, poses, [term("backlash", [0.05, 0.02, 0.08])], random)
+    problem = read(file, poses, [term("backlash", [0.05, 0.02, 0.08, 1.0])], random)
     problem.measured[20] += 0.5
     gross = np.zeros(80, dtype=bool)
     gross[[7, 20, 33]] = True
-    fitted = fit(Model(file) + term("backlash", [0.01, 0.01, 0.01]), problem.masked(gross), robust=False)
+    fitted = fit(Model(file) + term("backlash", [0.01, 0.01, 0.01, 1.0]), problem.masked(gross), robust=False)
     left = still_missed(fitted, problem, fitted.noise, gross)
     assert np.flatnonzero(left).tolist() == [20]
 
@@ -112,6 +112,6 @@ def test_a_wide_play_of_one_slider_is_found_beside_a_wind_up(seed):
         begin, end = random.uniform(-20.0, 20.0, (2, 3))
         line = begin + share * (end - begin)
         poses += [line, line[::-1]] if number % 2 else [line]
-    hidden = [term("backlash", [0.0, 0.0, 0.6]), term("windup", [0.01, 0.06, 0.016, 1.7])]
+    hidden = [term("backlash", [0.0, 0.0, 0.6, 1.0]), term("windup", [0.01, 0.06, 0.016, 1.7])]
     found = diagnose(Model(file), read(file, np.concatenate(poses), hidden, random))
     assert found.verdict == "missing" and {names[0] for names in found.suggested} == {"backlash", "windup"}

@@ -243,7 +243,7 @@ def test_commands_say_themselves_what_a_reversal_leaves_out_of_reach():
     (case,) = plan("single", 1, 840021, kinds="all", bench=None, rows=None, visible=True)
     drawn, _ = draw(case)
     gap = torch.tensor(drawn.truth["over-compensation"]["backlash_mm"])
-    exact = Model(drawn.rig.machine) + Term(library()["backlash"](), -gap)
+    exact = Model(drawn.rig.machine) + Term(library()["backlash"](), torch.cat([-gap, torch.ones(1)]))
     tool = remeasure(exact, drawn)
     assert tool.missed is not None and tool.after is not None
     after = float(np.sqrt(np.square(tool.after).sum(axis=1).mean()))

@@ -111,7 +111,7 @@ def test_play_on_a_hand_sequence(bench):
     view = build_view(bench, make_table(None, heights(*command)))
     expected = [-0.05, -0.05, -0.01, 0.05, -0.05, -0.05, -0.05]  # arrives as the second moves; 0.04 back, then 0.12
     assert_close(
-        library()["backlash"]().shift(tensor([0.1, 0.1, 0.1]), view)[:, 1], tensor(expected), atol=1e-12, rtol=0.0
+        library()["backlash"]().shift(tensor([0.1, 0.1, 0.1, 1.0]), view)[:, 1], tensor(expected), atol=1e-12, rtol=0.0
     )
 
 
@@ -119,7 +119,7 @@ def test_play_begins_anew_with_each_run(bench):
     view = build_view(bench, make_table(None, heights(280, 281, 290, 289, 288), run=np.array([0, 0, 1, 1, 1])))
     expected = [-0.05, -0.05, 0.05, 0.05, 0.05]
     assert_close(
-        library()["backlash"]().shift(tensor([0.1, 0.1, 0.1]), view)[:, 0], tensor(expected), atol=1e-12, rtol=0.0
+        library()["backlash"]().shift(tensor([0.1, 0.1, 0.1, 1.0]), view)[:, 0], tensor(expected), atol=1e-12, rtol=0.0
     )
 
 
@@ -148,11 +148,11 @@ slider_travel_mm = [150, 420]
 
 def test_a_gap_below_zero_throws_the_slider_ahead_at_once(bench):
     view = build_view(bench, make_table(None, heights(280.0, 281.0, 280.96, 280.88, 281.0, 281.0)))
-    shift = library()["backlash"]().shift(tensor([-0.1, 0.1, 0.0]), view)
+    shift = library()["backlash"]().shift(tensor([-0.1, 0.1, 0.0, 1.0]), view)
     assert_close(shift[:, 0], tensor([0.05, 0.05, -0.05, -0.05, 0.05, 0.05]), atol=1e-12, rtol=0.0)
     assert_close(shift[:3, 1], tensor([-0.05, -0.05, -0.01]), atol=1e-12, rtol=0.0)
     assert shift[:, 2].abs().max() == 0.0
-    _, slope = differentiate(library()["backlash"](), tensor([0.0, 0.0, 0.0]), view)
+    _, slope = differentiate(library()["backlash"](), tensor([0.0, 0.0, 0.0, 1.0]), view)
     assert_close(slope[:, 0, 0], -0.5 * view.direction[:, 0])  # the same from both sides
 
 

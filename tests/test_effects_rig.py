@@ -39,7 +39,7 @@ EXACT = [
         "growth_um_per_m_k": [12.0, -12.0, 8.0], "fixed_end_mm": [282.842712474619] * 3}}, WARM, 1e-3),
     ("homing-slip", [0.1, 0.0, -0.2, 29.0], {"drive": {"slip_mm": [0.1, 0.0, -0.2], "slip_row": 30}}, {}, 1e-3),
     ("link-compliance", [4e-4, 1e-4, 0.0], {"geometry": {"link_compliance_um_per_n": [0.4, 0.1, 0.0]}}, LOADED, 0.05),
-    ("backlash", [-0.05, 0.04, 0.0], {"controller": {"backlash_mm": [0.08, 0.0, 0.0]},
+    ("backlash", [-0.05, 0.04, 0.0, 1.0], {"controller": {"backlash_mm": [0.08, 0.0, 0.0]},
                                       "drive": {"backlash_mm": [0.03, 0.04, 0.0]}}, {}, 0.05),
 ]  # fmt: skip
 

@@ -27,7 +27,7 @@ GAPS = torch.tensor([0.04, 0.06, 0.02], dtype=torch.float64)
 
 
 def _model(file: MachineFile) -> Compensator:
-    model = Model(file) + Term(HomingOffset(), ZEROS) + Term(Backlash(), GAPS)
+    model = Model(file) + Term(HomingOffset(), ZEROS) + Term(Backlash(), torch.cat([GAPS, torch.ones(1)]))
     return Compensator(model, None, {})
 
 

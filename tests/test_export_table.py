@@ -27,7 +27,7 @@ def _model(file: MachineFile) -> Model:
     values = {
         LinkLength(): [0.3, -0.2, 0.1],
         TowerTilt(): [2e-3, -1e-3, 1e-3, 3e-3, -2e-3, 1e-3],
-        Backlash(): [0.04, 0.05, 0.06],
+        Backlash(): [0.04, 0.05, 0.06, 1.0],
         ColumnBend(): [2e-3, 1e-3, 1e-5, 2e-5],
     }
     model = Model(file)

@@ -98,8 +98,8 @@ def test_what_the_machine_was_given_comes_back_and_rows_far_off_are_left_out(tmp
     found = fit_file(path, model, out)
     (term,) = read_model(load_machine(out)).terms
     assert term.std is not None
-    pulls = (term.theta.numpy() - truth) / term.std.numpy()
-    assert np.abs(pulls).max() < 4.0 and float(term.std.max()) < 2e-3
+    pulls = (term.theta[:3].numpy() - truth) / term.std[:3].numpy()
+    assert np.abs(pulls).max() < 4.0 and float(term.std[:3].max()) < 2e-3
     assert found.gross.tolist() == [299] and found.rows == len(read_table(path).measured) - 1
     assert load_machine(out).history[-1]["rows"] == found.rows
 

@@ -142,7 +142,8 @@ def test_base_reflectors_hold_the_frame_in_the_sums() -> None:
 @pytest.mark.parametrize("crossed", [True, False])
 def test_where_further_effects_lead_is_told_with_the_derivatives(crossed: bool) -> None:
     problem, _ = made()
-    terms = [(KNOWN[name](), 0.3 * torch.ones(3, dtype=torch.float64)) for name in ("backlash", "link-length")]
+    sizes = {"backlash": [0.3, 0.3, 0.3, 1.0], "link-length": [0.3, 0.3, 0.3]}
+    terms = [(KNOWN[name](), torch.tensor(size, dtype=torch.float64)) for name, size in sizes.items()]
     told, alone = linearise(terms, problem.view, crossed=crossed).chain, trace(terms, problem.view)
     for one, other in zip(
         (told.by_joint, told.by_slot, told.reading, told.at_joints.q, told.at_tool.p),

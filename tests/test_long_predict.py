@@ -37,7 +37,8 @@ def late(lag: float, pace: int = SMOOTH) -> torch.Tensor:
 
 def model_of(file: MachineFile, *more: Term) -> Model:
     model = Model(file)
-    for effect, values in ((TowerTilt(), [2e-3, -1e-3, 1e-3, 3e-3, -2e-3, 1e-3]), (Backlash(), [0.04, 0.05, 0.06])):
+    leans, play = [2e-3, -1e-3, 1e-3, 3e-3, -2e-3, 1e-3], [0.04, 0.05, 0.06, 1.0]
+    for effect, values in ((TowerTilt(), leans), (Backlash(), play)):
         model = model + Term(effect, torch.tensor(values, dtype=torch.float64))
     for term in more:
         model = model + term

@@ -26,7 +26,7 @@ def _compensator(file: MachineFile) -> Compensator:
     model = Model(file)
     for effect, values in (
         (TowerTilt(), [2e-3, -1e-3, 1e-3, 3e-3, -2e-3, 1e-3]),
-        (Backlash(), [0.04, 0.05, 0.06]),
+        (Backlash(), [0.04, 0.05, 0.06, 1.0]),
         (ColumnBend(), [2e-3, 1e-3, 1e-5, 2e-5]),
     ):
         model = model + Term(effect, torch.tensor(values, dtype=torch.float64))

@@ -47,6 +47,25 @@ def test_a_drive_that_winds_up_alone_is_told_alone_from_whichever_side_the_run_b
     assert found.opening.sum() > 3
 
 
+def test_what_is_found_later_has_its_own_rows_left_aside():
+    """Play is told first, and remembers a few rows; the wind-up that is told beside it a turn later remembers more."""
+    problem = fine_path()
+    table, term = (
+        problem.table,
+        Term(library()["backlash"](), torch.tensor([0.03, 0.03, 0.03, 1.0], dtype=torch.float64)),
+    )
+    view = replace(
+        problem.view,
+        direction=torch.where(problem.view.starts[:, None], -problem.view.direction, problem.view.direction),
+    )
+    reading = predict([(each.effect, each.theta) for each in (term, wound_up())], view).reading.numpy()
+    noisy = reading + np.random.default_rng(5).normal(0.0, SIGMA, reading.shape)
+    problem = build_problem(problem.file, replace(table, measured=noisy))
+    found = diagnose(Model(problem.file), problem)
+    assert found.verdict == "missing" and set(found.suggested) == {("backlash",), ("windup",)}
+    assert not remembering_rows(found.model.terms, without_opening(problem, found.opening), found.noise).any()
+
+
 def test_rows_tell_of_the_side_until_it_is_forgotten():
     problem = fine_path()
     told = remembering_rows([wound_up()], problem, NOISE)
@@ -85,10 +104,10 @@ def test_play_that_is_told_beside_an_unknown_is_tried_alone_as_it_bends():
     q = np.stack([before, there], 1).reshape(-1, 3)
     place = mechanism.forward(torch.as_tensor(q)).numpy()
     table = make_table(place, command=q, measured=place)
-    gaps = torch.tensor([0.22, 0.19, 0.16], dtype=torch.float64)
-    reading = predict([(library()["backlash"](), gaps)], build_problem(file, table).view).reading.numpy()
+    play = torch.tensor([0.22, 0.19, 0.16, 1.0], dtype=torch.float64)
+    reading = predict([(library()["backlash"](), play)], build_problem(file, table).view).reading.numpy()
     noisy = reading + random.normal(0.0, 0.004, reading.shape)
     noisy[0::2] = np.nan  # on the way to each pose
     found = diagnose(Model(file), build_problem(file, replace(table, measured=noisy)))
     assert found.suggested == (("backlash",),) and found.verdict == "missing"
-    torch.testing.assert_close(found.model.terms[0].theta, gaps, atol=0.005, rtol=0.0)
+    torch.testing.assert_close(found.model.terms[0].theta, play, atol=0.005, rtol=0.0)

@@ -21,6 +21,7 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.challenge.truth import find_truth, table_of
 from ptt.effects import library
+from ptt.effects.base import linear_size
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
 from ptt.fitting.solve import fit
@@ -181,7 +182,7 @@ def test_pulls_compare_like_with_like(fault: str, protocol: str) -> None:
     effect = FAULTS[fault].called
     model = fit(Model(bench()) + make_effect(KNOWN, effect), truth.problem, noise=truth.noise).model
     names = parameter_names(model.terms[0].effect, "three-ptt", 3)
-    largest = float(model.terms[0].theta.abs().max())
+    largest = float(model.terms[0].theta[: linear_size(model.terms[0].effect, 3)].abs().max())
     values = [
         {"name": name, "value": float(value), "std": 0.03 * largest}
         for name, value in zip(names, model.terms[0].theta, strict=True)

@@ -80,13 +80,14 @@ def test_a_slider_turns_on_a_straight_move_where_it_does_and_not_at_a_point_that
 def test_a_command_that_turns_back_by_less_than_the_gap_still_puts_the_tool_where_it_should_be():
     file = straight_bench()
     gap = torch.tensor([0.9, 0.6, 0.8], dtype=torch.float64)
-    model = Model(file, (Term(Backlash(), gap),))
+    theta = torch.cat([gap, torch.ones(1)])
+    model = Model(file, (Term(Backlash(), theta),))
     poses = np.random.default_rng(6).uniform(-55.0, 55.0, (400, 3))
     sent = compensate(model, make_table(poses))
     view = build_view(file, make_table(None, sent.q))
     back = (view.q - view.turning).abs()
     assert ((back > 1e-3) & (back < gap)).sum() >= 5
-    reached = predict([(Backlash(), gap)], view).p.numpy()
+    reached = predict([(Backlash(), theta)], view).p.numpy()
     assert np.mean(np.abs(reached - poses).max(axis=1) < 1e-6) > 0.995
 
 

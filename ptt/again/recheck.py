@@ -25,7 +25,7 @@ from ptt.diagnosis.verdict import enough
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
 from ptt.fitting.linear import tried_sizes
-from ptt.model.model import Model, Term
+from ptt.model.model import Model, Term, start_term
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
@@ -117,7 +117,9 @@ def _with_news(found: Weighed, problem: Problem, known: Library, tell: Tell, see
 
 def _term_of(room: Then, found: Weighed, problem: Problem) -> Term:
     values = found.state.posterior.values[found.state.of(room.key)]
-    return Term(room.effect, torch.as_tensor(values * tried_sizes(room.effect, problem)))
+    term = start_term(room.effect, problem.view)
+    term.theta[: len(values)] = torch.as_tensor(values * tried_sizes(room.effect, problem))
+    return term
 
 
 def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from ptt.again.atoms import side_by_side
 from ptt.diagnosis.atoms import EFFECT_ODDS, Atom
 from ptt.effects import Effect, library
+from ptt.effects.base import linear_size
 from ptt.fitting.kept import Kept
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.linear import Place
@@ -92,7 +93,7 @@ def rooms_of(kept: Kept | None, names: Sequence[str], view: View) -> Rooms:
         return Rooms()
     known, found, first = library(), list[Then](), 0
     effects = [known[key]() for key in masked.keys if key in known]
-    sizes = [sum(parameter.size(view.joints) for parameter in effect.parameters) for effect in effects]
+    sizes = [linear_size(effect, view.joints) for effect in effects]
     if len(effects) < len(masked.keys) or sum(sizes) != len(masked.said):  # of another program's library
         return Rooms()
     place = {name: number for number, name in enumerate(own)}

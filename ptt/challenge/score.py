@@ -9,7 +9,7 @@ import numpy as np
 from ptt.challenge.remeasure import ToolError, remeasure
 from ptt.challenge.truth import MICRO, UNSEEN, Fault, Truth
 from ptt.correct.compensate import Correction
-from ptt.model.model import Model, parameter_names
+from ptt.model.model import Model, parameter_names, told_values
 from ptt.run.noise import Noise
 
 Found = Literal["found", "explained", "missed", "too small"]
@@ -165,9 +165,11 @@ def _read_parameters(model: Model) -> dict[str, tuple[tuple[str, float, float | 
     kind, parameters = model.file.machine.kind, {}
     for term in model.terms:
         names = parameter_names(term.effect, kind, model.joints)[: len(term.theta)]
+        told = told_values(term.effect, term.theta, model.joints)
         stds = [None] * len(names) if term.std is None else [float(std) for std in term.std]
         parameters[term.effect.key] = tuple(
             (name, float(value), None if std is None or not np.isfinite(std) else std)
-            for name, value, std in zip(names, term.theta, stds, strict=True)
+            for name, value, std, said in zip(names, term.theta, stds, told[: len(names)], strict=True)
+            if said
         )
     return parameters

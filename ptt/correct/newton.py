@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.memory import standing
-from ptt.effects.reversal import Backlash
+from ptt.effects.reversal import Backlash, gap_of
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts, predict
 from ptt.run.backlash.reversal import STANDSTILL
@@ -167,7 +167,7 @@ def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor, going: bool)
     Returns:
         Commands half a gap ahead of where the nuts have to be, (n, k).
     """
-    gaps = [(effect, theta) for effect, theta in terms if isinstance(effect, Backlash)]
+    gaps = gaps_of(terms)
     if not gaps:
         return wanted
     nut = (wanted + sum((effect.shift(theta, view) for effect, theta in gaps), torch.zeros_like(wanted)))[hold]
@@ -175,25 +175,34 @@ def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor, going: bool)
     direction = torch.as_tensor(arrival_direction(nut.numpy(), turning, view.starts.numpy()))
     if going:
         direction = torch.where(standing(nut, torch.as_tensor(turning)), view.direction[0], direction)
-    return nut + open_gap(sum((theta for _, theta in gaps), torch.zeros_like(gaps[0][1])), direction, view)
+    return nut + open_gaps(gaps, direction, view)
 
 
-def open_gap(gap: Tensor, direction: Tensor, view: View) -> Tensor:
+def gaps_of(terms: Shifts) -> Shifts:
+    """Those effects that are play."""
+    return [(effect, theta) for effect, theta in terms if isinstance(effect, Backlash)]
+
+
+def open_gaps(gaps: Shifts, direction: Tensor, view: View) -> Tensor:
     """How far a command has to be from where the nut has to be: half the gap ahead in the direction of travel.
 
-    Where the joint turned on the way and came back by less than the gap, the nut still lies on the side from before.
+    Where the joint turned on the way and came back by less than the gap, a nut that waits for it still lies on the side
+    from before.
 
     Args:
-        gap: of each joint, (k,) mm or rad.
+        gaps: effects that are play, with their parameters.
         direction: of arrival, (n, k).
         view: the travel, which knows where the joints turned.
 
     Returns:
         (n, k) mm or rad.
     """
+    known = [gap_of(theta) for _, theta in gaps]
+    none = torch.zeros(view.joints, dtype=direction.dtype)
+    whole, gap = sum((gap for gap, _ in known), none), sum((gap for gap, waits in known if waits), none)
     back = (view.q - view.turning).abs()
-    taken = torch.where(back > STANDSTILL, torch.minimum(back, gap), gap)
-    return (taken - 0.5 * gap) * direction
+    still = torch.where(back > STANDSTILL, (gap - back).clamp(min=0.0), 0.0)  # what is not taken up yet
+    return (0.5 * whole - still) * direction
 
 
 def _size(step: Tensor) -> Tensor:

@@ -9,10 +9,9 @@ from torch import Tensor
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways
-from ptt.correct.newton import MISSED, holding, invert, invert_together, least_move, open_gap
+from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, least_move, open_gaps
 from ptt.correct.task import Behind, Task
 from ptt.effects.memory import Passed
-from ptt.effects.reversal import Backlash
 from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular
@@ -214,5 +213,4 @@ def _lead(task: Task, sent: np.ndarray) -> Lead | None:
 
 def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:
     """Commands half the gap ahead in the direction of travel: the exact inverse of the play operator."""
-    gaps = [theta for effect, theta in turning if isinstance(effect, Backlash)]
-    return height + open_gap(sum(gaps, torch.zeros(height.shape[1], dtype=height.dtype)), view.direction, view)
+    return height + open_gaps(gaps_of(turning), view.direction, view)

@@ -21,7 +21,7 @@ from ptt.diagnosis.witness import own_drift, unwitnessed
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.linear import tried_sizes
-from ptt.model.model import Model, Term, parameter_names
+from ptt.model.model import Model, Term, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -258,8 +258,10 @@ def _names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
 
 
 def _parameters(term: Term, problem: Problem) -> tuple[Estimate, ...]:
-    rows = []
+    rows, told = [], told_values(term.effect, term.theta, problem.view.joints)
     for index, (name, unit) in enumerate(_names(term.effect, problem)):
+        if not told[index]:
+            continue
         std = float("nan") if term.std is None else float(term.std[index])
         seen = term.measured is None or bool(term.measured[index])
         rows.append(Estimate(name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))

@@ -15,7 +15,7 @@ from ptt.diagnosis.harmonics import find_harmonics, plainly
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
-from ptt.diagnosis.opening import without_opening
+from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
@@ -31,7 +31,6 @@ from ptt.diagnosis.turn import (
     moments_of,
     shapes_of,
     still_missed,
-    unclear_rows,
     unlike,
 )
 from ptt.effects import Effect, Library
@@ -168,7 +167,7 @@ def _turned(
     moments, periods = best_moments(scorer, state, loose(scorer, state), candidates), turn.periods
     carried = carried_by(state, system, problem)
     current = moved(found, asked.model, problem)
-    opening = turn.opening | unclear_rows(turn, found, current, problem, noise)
+    opening = turn.opening | remembering_rows(current.terms, problem, noise)
     system.forget()
     return found, replace(
         following, model=current, noise=noise, carried=carried, held=blocks,

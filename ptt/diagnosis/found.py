@@ -1,6 +1,6 @@
 """Found: an explanation of a run, and the model moved to what it says."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import LEAST
-from ptt.diagnosis.shapes import with_shapes
+from ptt.diagnosis.shapes import shape_key, with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
@@ -21,6 +21,7 @@ from ptt.effects import Library
 from ptt.effects.base import flatten
 from ptt.effects.screw import OncePerRev
 from ptt.errors import PosesError
+from ptt.fitting.linear import Shape
 from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
@@ -30,6 +31,7 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 HALVINGS = 10  # after which next to nothing is left of any value
+UNUSUAL = 5.0  # nats by which what a trial may stand for has to beat the usual, as where an effect is added by name
 OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
 
 
@@ -248,13 +250,13 @@ def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) 
     return current
 
 
-def _opened(found: Found, atom: Atom, shape: Mapping[str, Tensor], problem: Problem) -> Tensor:
+def _opened(found: Found, atom: Atom, shape: Shape, problem: Problem) -> Tensor:
     """Parameters of a new effect at the state's amplitudes and in a shape."""
     assert atom.effect is not None
     joints, kind = problem.view.joints, problem.file.machine.kind
     theta = flatten(atom.effect, shape, joints)
-    amplitudes = atom.amplitudes(found.state.posterior.values[found.state.of(atom.key)], found.system.scale)
-    theta[: len(amplitudes)] = torch.as_tensor(amplitudes)
+    amounts = _amounts(found, atom)
+    theta[: len(amounts)] = amounts
     place = 0
     for parameter in (declared.on(kind) for declared in atom.effect.parameters):
         size = parameter.size(joints)
@@ -266,15 +268,25 @@ def _opened(found: Found, atom: Atom, shape: Mapping[str, Tensor], problem: Prob
     return theta
 
 
-def _finest(found: Found, atom: Atom, problem: Problem) -> Mapping[str, Tensor]:
-    """The shape near the chosen one that scores best in its place."""
+def _amounts(found: Found, atom: Atom) -> Tensor:
+    """What a state says of the linear values of an effect, (w,)."""
+    return torch.as_tensor(atom.amplitudes(found.state.posterior.values[found.state.of(atom.key)], found.system.scale))
+
+
+def _finest(found: Found, atom: Atom, problem: Problem) -> Shape:
+    """The shape near the chosen one that scores best in its place; of what it may stand for, what the rows say."""
     assert atom.effect is not None and atom.shape is not None
-    finer = list(atom.effect.refine(problem.view, atom.shape))
-    if len(finer) < 2:
+    finer = atom.effect.refine(problem.view, atom.shape)
+    meant = () if len(finer) > 1 else atom.effect.meant_by(problem.view, atom.shape, _amounts(found, atom))
+    shapes = meant or finer
+    if len(shapes) < 2:
         return atom.shape
     assert isinstance(found.system, RowSystem)
     state = found.state
-    scorer, near = with_shapes(Scorer(found.system.only(state.keys), found.scorer.given), {atom.name: finer})
+    scorer, _ = with_shapes(Scorer(found.system.only(state.keys), found.scorer.given), {atom.name: shapes})
     rest = scorer.score(without(state, atom.key), state.memory, state.scales)
-    gains = scorer.screen(rest, lambda other: other.key not in state.keys)
-    return near.atoms[gains[0].key].shape or atom.shape if gains else atom.shape
+    nats = {gain.key: gain.nats for gain in scorer.all_gains(rest, lambda other: other.name == atom.name)}
+    gains = np.array([nats.get(shape_key(atom.name, shape), -np.inf) for shape in shapes])
+    if meant:
+        gains[1:] -= UNUSUAL
+    return shapes[int(np.argmax(gains))] if nats else atom.shape

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.effects.reversal import Backlash
 from ptt.model.model import Term
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.noise import Noise
@@ -61,32 +60,6 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
     told = problem.used & (square > MATTERS**2)
     few = told.sum() < MOST_REMEMBERING * problem.used.sum()
     return told if few and 0.5 * square[told].sum() > AT_STAKE else none
-
-
-def unwaited_rows(terms: Sequence[Term], problem: Problem, noise: Noise, left: np.ndarray) -> np.ndarray:
-    """Rows within a gap from a reversal at which the machine did not wait for the gap, as play does.
-
-    A preloaded drive turns over at once, and so does whoever writes the sign of a move for play. A handful of such rows
-    would shrink the gap to the shortest move after a reversal, and leave all others to something unknown.
-
-    Args:
-        terms: of a model that was found, with gaps as wide as where these are taken up at once.
-        problem: n rows.
-        noise: the noise floor.
-        left: what is left where gaps are taken up at once, (n, 3) whitened, NaN where a row does not count.
-
-    Returns:
-        (n,) bool; none where the readings say no such thing, or where play is all that they could see.
-    """
-    view, none = problem.view, np.zeros(problem.table.rows, dtype=bool)
-    gaps = [(term.effect, term.theta.clamp(min=0.0)) for term in terms if isinstance(term.effect, Backlash)]
-    if not gaps:
-        return none
-    waits = torch.stack([effect.shift(gap, view) + 0.5 * gap * view.direction for effect, gap in gaps]).sum(dim=0)
-    moved = (view.jacobian @ waits[..., None])[..., 0].numpy() @ noise.whitener.T
-    told = problem.used & (np.square(moved).sum(axis=1) > MATTERS**2) & np.isfinite(left).all(axis=1)
-    worse = np.square(left[told] - moved[told]).sum() - np.square(left[told]).sum()
-    return told if 0.5 * worse > AT_STAKE and told.sum() < MOST_REMEMBERING * problem.used.sum() else none
 
 
 def without_opening(problem: Problem, rows: np.ndarray) -> Problem:

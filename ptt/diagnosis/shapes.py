@@ -34,7 +34,7 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[
     first = system.columns.shape[2]
     for name, atom in like.items():
         assert atom.effect is not None
-        by_key = {_key(name, shape): shape for shape in shapes[name]}
+        by_key = {shape_key(name, shape): shape for shape in shapes[name]}
         new = {key: shape for key, shape in by_key.items() if key not in system.atoms}
         if not new:
             continue
@@ -50,6 +50,6 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[
     return scorer.widened(system), system
 
 
-def _key(name: str, shape: Shape) -> str:
+def shape_key(name: str, shape: Shape) -> str:
     """Of an effect in a shape, by its values: what was scored of one shape is never taken for what another says."""
     return f"{name}#{', '.join(f'{stem} {value.tolist()}' for stem, value in sorted(shape.items()))}"

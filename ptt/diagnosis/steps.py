@@ -8,7 +8,7 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom, is_block, is_metrology
 from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.hidden import held_out, hide, left_of
-from ptt.diagnosis.laws import is_broad, is_law
+from ptt.diagnosis.laws import is_broad
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import added, loose, without
 from ptt.diagnosis.score import Scorer
@@ -83,7 +83,7 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
     likely = [key for key in clear if not odd or ahead[key] > TIE]
     every = loose(scorer, state)
-    beside = {key: _without_likes(scorer, every, key) for key in likely}
+    beside = {key: _beside(scorer, every, key) for key in likely}
     trials = {key: hide(scorer, beside[key], key) for key in likely}
     whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
     faithful = all(trials[key].faithful for key in whole or likely)
@@ -135,26 +135,6 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
 def _beside(scorer: Scorer, keys: Sequence[str], key: str) -> list[str]:
     """The atoms beside which an effect is judged: a curve whose straight part it is does its work, and stands aside."""
     return [other for other in keys if key == other or not _lends(scorer, other, key)]
-
-
-def _without_likes(scorer: Scorer, keys: Sequence[str], key: str) -> list[str]:
-    """The atoms beside which an effect of the explanation is judged: none that is like it, and would be in its place.
-
-    Where a direction's law stands beside play, hidden readings do not tell whether there is play: either does the work.
-    An unknown that is no law of one variable is like everything a little, and stays.
-    """
-    keys = _beside(scorer, keys, key)
-    laws = [other for other in keys if is_law(scorer.system.atoms[other])]
-
-    def left(*gone: str) -> float:
-        return left_of(scorer, scorer.score([other for other in keys if other not in gone], WHITE))
-
-    def is_like(law: str) -> bool:
-        neither, other = left(key, law), left(key)
-        return neither - left(law) - other + left() > HALF * (neither - other)
-
-    like = [law for law in laws if is_like(law)]
-    return [other for other in keys if other not in like]
 
 
 def _lends(scorer: Scorer, curve: str, key: str) -> bool:

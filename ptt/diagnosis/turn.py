@@ -11,12 +11,11 @@ from ptt.diagnosis.gross import CHANCE, alone, are_exceptions, places_of, stand_
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.moves import without
-from ptt.diagnosis.opening import remembering_rows, unwaited_rows
+from ptt.diagnosis.opening import remembering_rows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
 from ptt.effects import Effect
-from ptt.effects.reversal import Backlash
 from ptt.effects.screw import OncePerRev
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
@@ -75,34 +74,6 @@ def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
     """
     opening = remembering_rows(model.terms, problem, noise)
     return Turn(0, model, noise, np.zeros(problem.table.rows, dtype=bool), np.zeros((problem.table.rows, 3)), opening)
-
-
-def unclear_rows(turn: Turn, found: Found, model: Model, problem: Problem, noise: Noise) -> np.ndarray:
-    """Rows at which nobody knows on which side of its play the machine stands, by what was found, (n,) bool.
-
-    Args:
-        turn: in which it was found.
-        found: what was found.
-        model: with all that was named.
-        problem: n rows.
-        noise: told by what was found.
-    """
-    system, state = found.system, found.state
-    rows = (
-        np.zeros(problem.table.rows, dtype=bool)
-        if turn.opening.any()
-        else remembering_rows(model.terms, problem, noise)
-    )
-    if not any(_turns_at_once(system.atoms[key]) for key in state.keys):
-        return rows
-    left = np.full((problem.table.rows, 3), np.nan)
-    left[system.rows] = system.left(state.columns, state.posterior.values)
-    return rows | unwaited_rows(model.terms, problem, system.noise, left)
-
-
-def _turns_at_once(atom: Atom) -> bool:
-    """Whether an atom is play as it is linearised for a small gap."""
-    return isinstance(atom.effect, Backlash) and atom.shape is not None and "about" not in atom.shape
 
 
 def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarray:

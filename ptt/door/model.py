@@ -14,7 +14,7 @@ from ptt.machine import MachineFile, format_machine, parse_machine, save_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model as Physics
-from ptt.model.model import parameter_names
+from ptt.model.model import parameter_names, told_values
 
 if TYPE_CHECKING:
     from ptt.correct.predictor import Predictor
@@ -182,8 +182,9 @@ def _effect(model: Physics, index: int) -> str:
     if not len(term.theta):
         return f"{term.effect.key}: not fitted yet"
     names = parameter_names(term.effect, model.file.machine.kind, model.joints)
-    values = ", ".join(f"{name} {value:.4g}" for name, value in zip(names, term.theta.tolist(), strict=True))
-    return f"{term.effect.key}: {values}"
+    told = told_values(term.effect, term.theta, model.joints)
+    values = zip(names, term.theta.tolist(), told, strict=True)
+    return f"{term.effect.key}: {', '.join(f'{name} {value:.4g}' for name, value, said in values if said)}"
 
 
 def as_model(given: Any, usage: str) -> Model:

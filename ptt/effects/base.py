@@ -110,6 +110,19 @@ class Effect:
         """
         return (shape,)
 
+    def meant_by(self, view: View, shape: Mapping[str, Tensor], amounts: Tensor) -> Sequence[Mapping[str, Tensor]]:
+        """What a trial may stand for: shapes that are one while its amounts are small, and part where they are not.
+
+        Args:
+            view: n rows.
+            shape: the chosen trial.
+            amounts: of its linear parameters, (P,).
+
+        Returns:
+            The usual one first; none where these rows do not tell them apart.
+        """
+        return ()
+
     def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
         """Bring values of an older machine file into the present form.
 

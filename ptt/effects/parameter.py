@@ -28,6 +28,8 @@ class Parameter:
             fit frees the value: else the rest of the effect would have to imitate it.
         fine: detail of the parameter before it, mostly far under the noise: how large it is is learned by itself.
             Declared after all other linear parameters; an effect is tried without it and has it once it is in a model.
+        default: value that goes without saying, so that files and lists leave it out and none of them is older for it;
+            None where it is always said.
     """
 
     stem: str
@@ -45,6 +47,12 @@ class Parameter:
     lent: tuple[str, ...] = ()
     onward: bool = False
     fine: bool = False
+    default: float | None = None
+
+    @property
+    def shapes(self) -> bool:
+        """Whether a search has to find out what it is before there is an effect at all."""
+        return self.role != "linear" and self.default is None
 
     def size(self, joints: int) -> int:
         """Number of values on a mechanism with k joints."""

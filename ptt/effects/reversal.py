@@ -13,11 +13,13 @@ from ptt.effects.constants import finer
 from ptt.effects.memory import gradual_reversal, keep_reversals, play, play_slope
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.serial import Serial
+from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.view import View
 
 WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
 
 GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws: between them a row more or less takes the gap up
+WAITS, AT_ONCE = ({"waits": torch.tensor([waits], dtype=torch.float64)} for waits in (1.0, 0.0))
 LATE = 0.02  # of the gap, mean over the rows: rows that wait for it, from which they are worth a trial
 
 SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal compensation of {who} by {what}")
@@ -27,7 +29,8 @@ SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal
 class Backlash(Effect):
     """Play between nut and screw: the slider stays half the gap behind, on the side it comes from.
 
-    A gap below zero is a controller that compensates more than there is: it throws the slider ahead, at once.
+    After a reversal it waits until the gap is taken up. A preloaded drive, and a sign of the move that somebody wrote
+    for play, turn over at once; so does a controller that compensates more than there is, whose gap is below zero.
     """
 
     name: ClassVar[str] = "backlash"
@@ -42,7 +45,11 @@ class Backlash(Effect):
             axis=True,
             usual_rad=5e-4,
         ),
-    )
+        Parameter(
+            "waits", "1", 1.0, "1: a reversal waits until the gap is taken up; 0: it turns over at once", lower=0.0,
+            upper=1.0, role="given", default=1.0,
+        ),
+    )  # fmt: skip
     requires: ClassVar[tuple[str, ...]] = ("direction",)
     reverses: ClassVar[bool] = True
     called: ClassVar[str] = "backlash"
@@ -60,7 +67,8 @@ class Backlash(Effect):
         equation=(
             "y = min(max(y_before, q - e_i/2), q + e_i/2), dq_i = y - q: -e_i/2 in the direction of travel once the "
             "gap is taken up, between the branches before; a run's first row is taken to arrive as its second moves; "
-            "below zero (a controller that compensates more than there is): -e_i/2 in the direction of travel, at once"
+            "below zero (a controller that compensates more than there is), and where nothing waits for it (waits = 0, "
+            "as rows within the gap tell): -e_i/2 in the direction of travel, at once"
         ),
         source="play operator: Visintin, Differential Models of Hysteresis, 1994; Chen Mingfang et al. 2023, eq. 19",
         size="rolled screw 50 to 200 um; preloaded C5 8 to 15 um",
@@ -89,24 +97,51 @@ class Backlash(Effect):
         """The limit of a small gap, and gaps that moves as short as these take up only over several rows."""
         scale = 1.0 if family(view) == "three-ptt" else 0.01
         gaps = [torch.tensor([gap * scale], dtype=torch.float64) for gap in GAPS]
-        late = [gap for gap in gaps if float((self._at(view, gap) + 0.5 * view.direction).abs().mean()) > LATE]
-        return ({}, *({"about": gap} for gap in late))
+        late = [gap for gap in gaps if float(self._late(view, gap).abs().mean()) > LATE]
+        return (WAITS, *({**WAITS, "about": gap} for gap in late))
+
+    def meant_by(self, view: View, shape: Mapping[str, Tensor], amounts: Tensor) -> Sequence[Mapping[str, Tensor]]:
+        """The limit of a small gap stands for play as wide as it is, and for what turns over at once."""
+        if "about" in shape or float((amounts * self._late(view, amounts)).abs().max()) < STANDSTILL:
+            return ()
+        return {**WAITS, "about": amounts}, AT_ONCE
+
+    def _late(self, view: View, gap: Tensor) -> Tensor:
+        """What waiting for a gap does, per unit of it, (n, k)."""
+        return self._at(view, gap) + 0.5 * view.direction
 
     def _at(self, view: View, gap: Tensor) -> Tensor:
-        """What a gap does, per unit of it, (n, k)."""
-        return play(view, gap.expand(view.joints)) / gap
+        """What a gap does that is waited for, per unit of it, (n, k)."""
+        gap, once = gap.expand(view.joints), -0.5 * view.direction
+        return torch.where(gap > 0.0, play(view, gap.clamp(min=0.0)) / torch.where(gap > 0.0, gap, 1.0), once)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Half the gap against the direction of arrival, the limit of a small one; or as the gap `about` does."""
         return per_joint(self._at(view, shape["about"]) if "about" in shape else -0.5 * view.direction)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
-        """The play operator itself, which knows when the gap is not taken up yet; below zero the sign alone."""
-        return torch.where(theta > 0.0, play(view, theta.clamp(min=0.0)), -0.5 * theta * view.direction)
+        """The play operator itself, which knows when the gap is not taken up yet; at once the sign alone."""
+        gap, waits = gap_of(theta)
+        once = -0.5 * gap * view.direction
+        return torch.where(gap > 0.0, play(view, gap.clamp(min=0.0)), once) if waits else once
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
         """Half the gap's change, on the side on which the play is taken up; none between the branches."""
-        return per_joint(torch.where(theta > 0.0, play_slope(view, theta.clamp(min=0.0)), -0.5 * view.direction))
+        gap, waits = gap_of(theta)
+        once = -0.5 * view.direction
+        by_gap = per_joint(torch.where(gap > 0.0, play_slope(view, gap.clamp(min=0.0)), once) if waits else once)
+        return torch.cat([by_gap, torch.zeros_like(by_gap[..., :1])], dim=-1)
+
+    def cause(self, theta: Tensor, view: View) -> str:
+        """Whether it turns over at once, which a gap above zero does not."""
+        gap, waits = gap_of(theta)
+        at_once = not waits and bool((gap > 0.0).any())
+        return super().cause(theta, view) + (" that turns over at once" if at_once else "")
+
+
+def gap_of(theta: Tensor) -> tuple[Tensor, bool]:
+    """The gaps of a backlash, (k,) mm or rad, and whether they are waited for."""
+    return theta[:-1], bool(theta[-1] > 0.5)
 
 
 @dataclass(frozen=True)

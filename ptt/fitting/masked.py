@@ -104,7 +104,7 @@ def _candidates(fitted: FitResult, problem: Problem) -> list[Effect]:
         size = sum(parameter.size(joints) for parameter in effect.parameters)
         if kind not in cls.mechanisms or name in keys or cls.of_run or effect.stage == "metrology" or size > FEW:
             continue
-        if any(parameter.role != "linear" for parameter in effect.parameters) or rival(effect, keys):
+        if any(parameter.shapes for parameter in effect.parameters) or rival(effect, keys):
             continue
         if not effect.needs(problem.view):
             found.append(effect)

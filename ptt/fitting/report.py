@@ -11,7 +11,7 @@ from ptt.fitting.orientation import orientation_of
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import residual_of, rms
 from ptt.fitting.stretches import Stretch, name_stretches
-from ptt.model.model import Model, parameter_names
+from ptt.model.model import Model, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.problem import Problem
 
@@ -160,7 +160,10 @@ def _values(fitted: FitResult) -> tuple[Value, ...]:
     kind = fitted.model.file.machine.kind
     for term, free, theta in zip(layout.terms, layout.free, layout.thetas(fitted.unknowns), strict=True):
         names = parameter_names(term.effect, kind, fitted.model.joints)
-        for name, flag, value in zip(names, free, theta.tolist(), strict=True):
+        told = told_values(term.effect, theta, fitted.model.joints)
+        for name, flag, value, said in zip(names, free, theta.tolist(), told, strict=True):
+            if not said:
+                continue
             if flag:
                 how = "yes" if fitted.measured[place] else "no" if unseen[place] > IN_PART else "in part"
                 found.append(Value(term.effect.key, name, value, float(std[place]), how))

@@ -62,10 +62,28 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
             shapes[key] = [_profile(stage, term.effect, shapes[key], others)]
             blocks[key] = stage.columns(term.effect, shapes[key][0])
     amplitudes = _amplitudes(stage, blocks)
+    if _choose_meant(stage, new, shapes, blocks, amplitudes, problem):
+        amplitudes = _amplitudes(stage, blocks)
     opened = {
         term.effect.key: _opened(term, shapes[term.effect.key][0], amplitudes[term.effect.key], problem) for term in new
     }
     return [opened.get(term.effect.key, term) for term in terms]
+
+
+def _choose_meant(
+    stage: _Stage, new: Sequence[Term], shapes: dict[str, list[Shape]], blocks: dict[str, np.ndarray],
+    amplitudes: Mapping[str, np.ndarray], problem: Problem,
+) -> bool:  # fmt: skip
+    """Put shapes that are one while amounts are small to what the readings say of them; whether there were any."""
+    chosen = False
+    for term in new:
+        key = term.effect.key
+        amounts = torch.as_tensor(amplitudes[key] * tried_sizes(term.effect, problem))
+        meant = term.effect.meant_by(problem.view, shapes[key][0], amounts)
+        if meant:
+            shapes[key] = [_profile(stage, term.effect, meant, [b for name, b in blocks.items() if name != key])]
+            blocks[key], chosen = stage.columns(term.effect, shapes[key][0]), True
+    return chosen
 
 
 def _trials(effect: Effect, problem: Problem) -> list[Shape]:

@@ -13,7 +13,7 @@ from ptt.effects.registry import make_effect
 from ptt.errors import ModelError, shown
 from ptt.machine import MachineFile
 from ptt.machine_schema import EffectEntry, ParameterEntry
-from ptt.model.model import Model, Term, by_stage
+from ptt.model.model import Model, Term, by_stage, told_values
 
 
 def read_model(file: MachineFile, known: Library | None = None) -> Model:
@@ -75,13 +75,13 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
     for name, parameter in specs.items():
         size = parameter.size(joints)
         given = entry.parameters.get(name)
-        if given is None and parameter.role != "linear" and parameter.stem not in renewed:
+        if given is None and parameter.shapes and parameter.stem not in renewed:
             raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
         if parameter.stem in renewed:
             values.append(_spread(renewed[parameter.stem], size, name))
             given = None  # standard errors were of the older form
         else:
-            values.append(_spread(given.value if given else 0.0, size, name))
+            values.append(_spread(given.value if given else parameter.default or 0.0, size, name))
         low, high = parameter.lower, parameter.upper
         if parameter.role != "linear" and not bool(((values[-1] >= low) & (values[-1] <= high)).all()):
             raise ModelError(f"parameter '{name}' is out of its bounds", fix=f"give {low:g} to {high:g}")
@@ -122,10 +122,12 @@ def _write_term(term: Term, model: Model) -> EffectEntry:
     effect = term.effect
     entries: dict[str, ParameterEntry] = {}
     if len(term.theta) == total_size(effect, joints):
-        start = 0
+        start, told = 0, told_values(effect, term.theta, joints)
         for parameter, size in zip(effect.parameters, sizes(effect, joints), strict=True):
             part = slice(start, start + size)
             start += size
+            if not told[part.start]:
+                continue
             fitted = term.std is not None and parameter.role != "given" and parameter.stem not in term.fixed
             entries[parameter.on(kind).name] = ParameterEntry(
                 value=_plain(term.theta[part]),

@@ -118,6 +118,26 @@ def parameter_names(effect: Effect, kind: str, joints: int) -> list[str]:
     return names
 
 
+def told_values(effect: Effect, theta: Tensor, joints: int) -> list[bool]:
+    """Which values of an effect are told: all but those of a parameter that has what goes without saying.
+
+    Args:
+        effect: the effect.
+        theta: all its parameters, flat; empty before a fit, when its defaults are left out as well.
+        joints: k.
+
+    Returns:
+        One flag per value.
+    """
+    told, start = list[bool](), 0
+    for parameter in effect.parameters:
+        size = parameter.size(joints)
+        usual = parameter.default is not None and bool((theta[start : start + size] == parameter.default).all())
+        told += [not usual] * size
+        start += size
+    return told
+
+
 def rival(effect: Effect, keys: Sequence[str]) -> str | None:
     """Find the effect that is in part the same thing.
 

@@ -53,7 +53,7 @@ def _may_end_short(model: Model) -> bool:
 
     Effects that came with values keep the shapes they have.
     """
-    searched = [t for t in model.terms if not len(t.theta) and any(p.role != "linear" for p in t.effect.parameters)]
+    searched = [t for t in model.terms if not len(t.theta) and any(p.shapes for p in t.effect.parameters)]
     return bool(searched) and len(model.terms) > 1
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from ptt.fitting.report import Value
 from ptt.judge.history import Entry
-from ptt.model.model import Term, parameter_names
+from ptt.model.model import Term, parameter_names, told_values
 from ptt.show.report.blocks import Block, Grid, Lines, Picture, Section, Words, grid
 from ptt.show.report.commands import ladder_command
 from ptt.show.report.contents import Contents
@@ -128,7 +128,10 @@ def _parameters(contents: Contents) -> Iterator[tuple[str, ...]]:
         found = {(value.effect, value.name): value for value in contents.refit.report.values}
     for term in contents.given.model.terms:
         yield term.effect.key, "", "", "", ""
+        told = told_values(term.effect, term.theta, contents.given.model.joints)
         for index, (name, unit) in enumerate(_names(term, contents)):
+            if not told[index]:
+                continue
             value = found.get((term.effect.key, name))
             fitted = NONE if value is None or value.measured == "no" else plus_minus(value.value, value.std)
             word = NONE if value is None else MEASURED[value.measured]

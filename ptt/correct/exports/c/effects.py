@@ -7,12 +7,14 @@ from functools import lru_cache
 from importlib.resources import files
 
 import numpy as np
+import torch
 
 from ptt.correct.exports.c.numbers import table
 from ptt.correct.terms import split_terms
 from ptt.effects import Effect
 from ptt.effects.base import sizes
 from ptt.effects.joint_error_map import FAST, SLOW
+from ptt.effects.reversal import gap_of
 from ptt.effects.shapes import FINE, KNOTS, SHAPES, curve_pieces, wavy_pieces
 from ptt.machine import MachineFile
 from ptt.model.model import Model
@@ -38,6 +40,7 @@ class Parts:
         needs: what of the drawing they ask for: 'drawing', 'force'.
         spline: whether curves are among them.
         gap: (k,) play of each joint.
+        waits: whether a reversal waits until it is taken up.
         windup: (k,) height of each joint's wind-up, and its length; None without.
         chain: (k, 5) errors of an arm's links; None without.
         cannot: key -> why.
@@ -48,6 +51,7 @@ class Parts:
     calls: dict[str, list[str]] | None = None
     needs: frozenset[str] = frozenset()
     gap: np.ndarray | None = None
+    waits: bool = True
     windup: tuple[np.ndarray, float] | None = None
     chain: np.ndarray | None = None
     cannot: dict[str, str] | None = None
@@ -172,7 +176,8 @@ def _turning(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile)
         return replace(parts, cannot=parts.cannot | {effect.key: STRAIGHT})
     if effect.name == "backlash":
         if parts.gap is None:
-            return replace(parts, gap=theta)
+            gap, waits = gap_of(torch.as_tensor(theta))
+            return replace(parts, gap=gap.numpy(), waits=waits)
         return replace(parts, cannot=parts.cannot | {effect.key: SECOND})
     if effect.name == "windup":
         if parts.windup is None:

@@ -215,6 +215,8 @@ def _reversal(parts: Parts, joints: int, three: bool) -> str:
     text += table("ptt_windup", height, note="windup height") + define("PTT_WINDUP_LENGTH", length)
     if parts.windup is not None:
         text += define("PTT_WINDS", 1)
+    if not parts.waits:
+        text += define("PTT_AT_ONCE", 1)
     return text + "\n" + kernel("reversal.c.in") + ("\n" + kernel("ahead.c.in") if three else "")
 
 
