@@ -20,7 +20,7 @@ from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import best_of, ends_of, improve, is_told, plainest, refilled
-from ptt.diagnosis.shapes import with_moments
+from ptt.diagnosis.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import (
@@ -124,6 +124,8 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
         if follows_travel(state, system, problem):
             scorer, system = with_detail(scorer, problem)
+        scorer, system = with_other_meanings(scorer, fitted, problem)
+        state = best_meanings(scorer, state)
         if turn.number < TURNS - 1:  # what is said is what it is linearised at
             state = refilled(scorer, improve(scorer, state))
     return Found(
