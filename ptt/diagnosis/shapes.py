@@ -59,7 +59,7 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
     """The same problem with the effects of the model in other given shapes too, each in the place of the one it has.
 
     A given shape is chosen before all else is named, and no fit moves it: what a row's speed means may look otherwise
-    once play is told.
+    once play is told. What is sudden has moments of its own (`best_moments`).
 
     Args:
         scorer: of a linearised problem.
@@ -75,7 +75,13 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
         key, effect = term.effect.key, term.effect
         stems = {parameter.stem for parameter in effect.parameters if parameter.role == "given"}
         shapes = [shape for shape in effect.search(problem.view) if set(shape) == stems]
-        if key in scorer.given or key not in system.atoms or not stems or len(shapes) < 2:
+        if (
+            key in scorer.given
+            or key not in system.atoms
+            or not stems
+            or len(shapes) < 2
+            or is_sudden(system.atoms[key])
+        ):
             continue
         own = shape_of(effect, term.theta, problem.view.joints)
         others = [shape for shape in shapes if any(not torch.equal(shape[stem], own[stem]) for stem in stems)]
@@ -84,7 +90,9 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
             continue
         places = np.split(system.columns.shape[2] + np.arange(columns.shape[2]), len(others))
         atoms = {
-            shape_key(key, shape): replace(system.atoms[key], key=shape_key(key, shape), columns=place, shape=dict(shape))
+            shape_key(key, shape): replace(
+                system.atoms[key], key=shape_key(key, shape), columns=place, shape=dict(shape)
+            )
             for shape, place in zip(others, places, strict=True)
         }
         sizes = np.tile(system.scale[system.atoms[key].columns], len(others))
