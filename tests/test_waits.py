@@ -17,7 +17,8 @@ from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.long import diagnose_long
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
-from ptt.effects.reversal import AT_ONCE, WAITS
+from ptt.effects.reversal import AT_ONCE, WAITS, Backlash
+from ptt.errors import ModelError
 from ptt.fitting.kept import keep_covariance, kept_covariance
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb
@@ -256,3 +257,10 @@ def test_words_say_that_it_turns_over_at_once() -> None:
     assert names == ["gap_mm 1", "gap_mm 2", "gap_mm 3", "waits"]
     usual = diagnose(Model(FILE), measured("helix", np.full(3, 0.2), waits=True))
     assert "at once" not in usual.words and "waits" not in [value.name for value in usual.candidates[0].parameters]
+
+
+def test_a_term_need_not_say_that_play_waits_and_other_lengths_are_refused() -> None:
+    gaps = torch.tensor([0.04, 0.05, 0.06], dtype=torch.float64)
+    assert (Model(bench()) + Term(Backlash(), gaps)).terms[0].theta.tolist() == [0.04, 0.05, 0.06, 1.0]
+    with pytest.raises(ModelError, match="has 4 values, not 2"):
+        Model(bench()) + Term(Backlash(), gaps[:2])

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.base import STAGES, flatten
+from ptt.effects.base import STAGES, flatten, total_size
 from ptt.effects.registry import parse_key
 from ptt.errors import ModelError
 from ptt.machine import MachineFile
@@ -54,13 +54,15 @@ class Model:
     aside: tuple[Term, ...] = ()
 
     def __add__(self, effect: Effect | Term) -> "Model":
-        """Add an effect, at zero unless a term with parameters is given.
+        """Add an effect, at zero unless a term with parameters is given; what goes without saying need not be.
 
         Raises:
-            ModelError: it is there already, does not fit the mechanism, or is one thing with another.
+            ModelError: it is there already, does not fit the mechanism, is one thing with another, or has too many or
+                too few values.
         """
         term = effect if isinstance(effect, Term) else Term(effect, torch.zeros(0, dtype=torch.float64))
         _check_fits(self, term.effect)
+        term = _whole(term, self.joints)
         return replace(self, terms=tuple(sorted((*self.terms, term), key=by_stage)))
 
     def without(self, key: str) -> "Model":
@@ -172,6 +174,17 @@ def start_term(effect: Effect, view: View, shape: Mapping[str, Tensor] | None = 
     """
     chosen = effect.search(view)[0] if shape is None else shape
     return Term(effect, flatten(effect, chosen, view.joints))
+
+
+def _whole(term: Term, joints: int) -> Term:
+    """A term with the values that it leaves out because they go without saying; these are the last."""
+    size, given = total_size(term.effect, joints), len(term.theta)
+    if given in (0, size):
+        return term
+    unsaid = [p.default for p in term.effect.parameters for _ in range(p.size(joints)) if p.default is not None]
+    if given + len(unsaid) != size:
+        raise ModelError(f"effect '{term.effect.key}' has {size} values, not {given}", fix="see docs/effects.md")
+    return replace(term, theta=torch.cat([term.theta, torch.tensor(unsaid, dtype=torch.float64)]))
 
 
 def _check_fits(model: Model, effect: Effect) -> None:
