@@ -187,8 +187,8 @@ def plainest(scorer: Scorer, best: State) -> State:
 
     Returns:
         The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
-        to anything says little; then the best, what the model has by a nat before what it has not: of two that do alike
-        each would be the better one where it is linearised at the other.
+        to anything says little, and no more of a few rows than an unknown does; then the best, what the model has by a
+        nat before what it has not: of two that do alike each would be the better one where it is linearised at the other.
     """
 
     def plain(state: State) -> tuple[float, int, float]:
@@ -205,13 +205,23 @@ def is_told(scorer: Scorer, state: State) -> bool:
 
 
 def _parts(scorer: Scorer, state: State) -> float:
-    """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more."""
+    """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more.
+
+    A curve of many values is as much as an unknown.
+    """
     odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
-    return len(atoms) + 0.5 * unknowns + 0.25 * untested + 1.5 * odd
+    return len(atoms) + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
 
 
 def _bends(scorer: Scorer, state: State) -> int:
+    """Curves and unknowns of a set."""
+    unknowns = sum(scorer.system.atoms[key].block is not None for key in loose(scorer, state))
+    return _curves(scorer, state) + unknowns
+
+
+def _curves(scorer: Scorer, state: State) -> int:
     """Effects of a set that are curves of many values."""
-    return sum(len(scorer.system.atoms[key].columns) > FEW for key in loose(scorer, state))
+    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    return sum(atom.effect is not None and len(atom.columns) > FEW for atom in atoms)
