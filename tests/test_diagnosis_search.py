@@ -82,6 +82,7 @@ class Scored:
         atoms = {
             key: SimpleNamespace(
                 block="b" if key in self.blocks else None,
+                effect=None if key in self.blocks else "e",
                 columns=range(30 if key == "b" else 3),
                 tested=key != "p",
                 shape=None if key in "abcpu" else {},
@@ -120,6 +121,16 @@ def test_of_sets_that_do_alike_the_one_with_the_fewest_parts_is_said():
     assert plainest(scorer, best) is plain  # what the model has comes before what does as well
     other = scorer.add("an", 97.1)
     assert plainest(scorer, best) is other
+
+
+def test_a_curve_is_as_much_as_an_unknown_so_the_likelier_of_both_is_said():
+    scorer = Scored(frozenset("u"))
+    curve, unknown = scorer.add("ab", 100.0), scorer.add("au", 99.0)
+    assert plainest(scorer, curve) is curve
+    unknown = scorer.add("au", 101.0)
+    assert plainest(scorer, unknown) is unknown  # of few rows either could be anything
+    plain = scorer.add("an", 97.0)
+    assert plainest(scorer, unknown) is plain
 
 
 def test_gross_errors_do_not_hide_in_a_noise_that_they_have_widened():

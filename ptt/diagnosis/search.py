@@ -187,8 +187,8 @@ def plainest(scorer: Scorer, best: State) -> State:
 
     Returns:
         The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
-        to anything says little, and no more of a few rows than an unknown does; then the best, what the model has by a
-        nat before what it has not: of two that do alike each would be the better one where it is linearised at the other.
+        to anything says little, and of a few rows no more than an unknown does; then the best, what the model has by a
+        nat before what it has not: of two that do alike each would be the better one, linearised at the other.
     """
 
     def plain(state: State) -> tuple[float, int, float]:
