@@ -91,6 +91,19 @@ def rough_screw(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return height, 0.01 * drift / drift.std() + 0.004 * waves / waves.std()
 
 
+@pytest.mark.parametrize("lasts", [2, 3])
+def test_scatter_that_a_few_rows_share_is_no_noise_of_a_tracker(lasts):
+    """A reflector that is seated anew every few rows, four times as far off as the noise that is stated."""
+    random, mechanism = np.random.default_rng(lasts), build_mechanism(MACHINE.machine)
+    targets = random.uniform(-60.0, 60.0, (120, 3))
+    command = mechanism.inverse(torch.as_tensor(targets)).numpy()
+    seat = np.repeat(random.normal(0.0, 0.016, (120 // lasts, 3)), lasts, axis=0)
+    file = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"sigma_mm": 0.004}))
+    measured = targets + seat + random.normal(0.0, 0.004, targets.shape)
+    table = make_table(targets, command, measured=measured, time_s=5.0 * np.arange(120))
+    assert diagnose(Model(file), build_problem(file, table)).verdict == "unknown"
+
+
 def told_of_screws(off) -> Diagnosis:
     """What is said of 240 poses of a machine whose screws are off by a function of their heights (n, 3), mm."""
     random, mechanism = np.random.default_rng(4), build_mechanism(MACHINE.machine)

@@ -62,7 +62,10 @@ def noise_left(system: System, state: State) -> Noise:
     Returns:
         The noise; its degrees of freedom are those that the atoms do not use up.
     """
-    left = system.innovation(state.columns, state.posterior.values, state.memory)
+    return _noise_of(system.innovation(state.columns, state.posterior.values, state.memory), system, state)
+
+
+def _noise_of(left: np.ndarray, system: System, state: State) -> Noise:
     freedom = max(system.count - state.decided, 1.0)
     scatter = system.in_mm(left)
     covariance = scatter.T @ scatter * (3.0 / freedom)
@@ -75,13 +78,16 @@ def noise_left(system: System, state: State) -> Noise:
 def visit_left(system: System, state: State) -> Noise:
     """What a set of atoms leaves of readings of one visit: a tracker's scatter, less what the machine comes back by.
 
-    What is stated of a tracker, and what its readings of a held pose scatter by, is no more than that.
+    What is stated of a tracker, and what its readings of a held pose scatter by, is no more than that. A wander that
+    forgets within a few rows is scatter by another name, and counts.
 
     Args:
         system: the linearised problem.
         state: the set.
     """
-    left = noise_left(system, state)
+    wander, left = state.memory.wander, noise_left(system, state)
+    if wander is not None and not system.clock.is_slow(wander):
+        left = _noise_of(system.left(state.columns, state.posterior.values), system, state)
     return replace(left, covariance=left.covariance / (1.0 + state.memory.pose)) if system.by_visit else left
 
 
