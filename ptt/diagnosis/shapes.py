@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.atoms import Atom, is_sudden
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
@@ -102,12 +103,12 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
 
 def best_meanings(scorer: Scorer, state: State) -> State:
     """A set with each effect in the given shape that does best in its place."""
+    atoms = scorer.system.atoms
     for key in state.keys:
-        atoms = scorer.system.atoms
-        others = [other for other in atoms.values() if other.name == atoms[key].name and other.key != key]
         if atoms[key].effect is None or atoms[key].shape is not None:
             continue
-        fewer = [each for each in state.keys if each != key]
+        others = [other for other in atoms.values() if other.name == atoms[key].name and other.key != key]
+        fewer = without(state, key)
         tried = [scorer.score([*fewer, other.key], state.memory, state.scales) for other in others]
         state = max([state, *tried], key=lambda each: each.total)
     return state

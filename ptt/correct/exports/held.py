@@ -91,7 +91,7 @@ def without_payload(ground: Ground) -> dict[str, float]:
     shares = {}
     for effect, values in split_terms(model)[0]:
         loaded, bare = ((predict([(effect, values)], view).p - predict([], view).p).numpy().ravel() for view in views)
-        shares[effect.key] = 1.0 - _um(loaded - bare) / max(_um(loaded), NOTHING)
+        shares[effect.key] = 1.0 - rms_um(loaded - bare) / max(rms_um(loaded), NOTHING)
     return shares
 
 
@@ -113,13 +113,18 @@ def network_note(ground: Ground) -> tuple[str, ...]:
 
 def _reason(effect: Effect, moved: np.ndarray, left: np.ndarray, shape: str, known: Sequence[str]) -> str:
     unknown = [CONTEXTS[context] for context in effect.requires if context in CONTEXTS and context not in known]
-    figures = f"of its {_um(moved):.1f} um {_um(left):.1f} um are left"
+    figures = said_left(rms_um(moved), rms_um(left))
     if unknown:
         return f"{' and '.join(unknown)} ({figures})"
-    return "" if _um(left) <= HELD * _um(moved) else f"{shape} ({figures})"
+    return "" if rms_um(left) <= HELD * rms_um(moved) else f"{shape} ({figures})"
 
 
-def _um(shift: np.ndarray) -> float:
+def said_left(whole: float, left: float) -> str:
+    """How much of an effect's error a format leaves, um rms, in words."""
+    return f"of its {whole:.1f} um {left:.1f} um are left"
+
+
+def rms_um(shift: np.ndarray) -> float:
     """Root mean square length of shifts (3 n,) mm, um."""
     return 1e3 * float(np.sqrt(np.mean((shift.reshape(-1, 3) ** 2).sum(axis=1))))
 

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.held import HELD, without_payload
+from ptt.correct.exports.held import HELD, rms_um, said_left, without_payload
 from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
@@ -70,7 +70,11 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     text += "".join(",".join(_cell(value) for value in row) + "\n" for row in rows)
     written = write_all({out: text})
     q = ground.nominal + _interpolate(axes, shift, ground.targets)
-    fine = {key: f"{APART} ({_figures(*two)})" for key, two in between.items() if two[1] > HELD * two[0]}
+    fine = {
+        key: f"{APART} ({said_left(whole, min(left, whole))})"  # what comes out as something else is left out
+        for key, (whole, left) in between.items()
+        if left > HELD * whole
+    }
     loaded = {key: WHY["payload"] for key, share in without_payload(ground).items() if share < 1.0 - HELD}
     holds, lost = holdings(ground, fine | loaded | cannot)
     return Exported(written, holds, lost, error_left(ground, q), tuple(head[-2:]))
@@ -108,16 +112,8 @@ def _between(
     for term in split_terms(still.model)[0]:
         at, there = ((predict([term], view).p - predict([], view).p).numpy() for view in views)
         left = _interpolate(axes, at[nearest], ground.targets) - there
-        found[term[0].key] = (_rms_um(there), _rms_um(left))
+        found[term[0].key] = (rms_um(there), rms_um(left))
     return found
-
-
-def _rms_um(shift: np.ndarray) -> float:
-    return 1e3 * float(np.sqrt(np.square(shift).sum(axis=1).mean()))
-
-
-def _figures(whole: float, left: float) -> str:
-    return f"of its {whole:.1f} um {min(left, whole):.1f} um are left"
 
 
 def _axes(ground: Ground, step: float | None) -> list[np.ndarray]:

@@ -67,7 +67,8 @@ class OthersView:
                 ui.label(f"{item['effect']} needs {item['needs']}").classes("st-note")
         noise, left = data["noise_um"], len(data["outlier_rows"])
         gross = f", {left} left out as gross errors" if left else ""
-        aside = f", {len(data['rows_aside'])} left aside at the beginning of runs" if data["rows_aside"] else ""
+        rows = data.get("rows_aside", ())  # sessions kept from before know of none
+        aside = f", {len(rows)} left aside at the beginning of runs" if rows else ""
         ui.label(
             f"Noise {length(noise['total'])} from {noise['source']}; {data['rows']} readings{gross}{aside}."
         ).classes("st-note")
