@@ -11,7 +11,7 @@ from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, find_needless
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.gross import gross_errors, places_of
-from ptt.diagnosis.harmonics import find_harmonics, plainly
+from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
@@ -140,14 +140,14 @@ def _turned(
     """What was found, and the turn that it asks for; None where it is linearised at what it says."""
     if turn.number == TURNS - 1:
         return found, None
-    scorer, system, state = found.scorer, found.system, found.state
+    scorer, state, waves = with_harmonics(found.scorer, found.state, problem, turn.seen)
+    system = scorer.system
     assert isinstance(system, RowSystem)
-    waves = find_harmonics(scorer, state, problem, turn.seen)
-    hidden = () if waves else find_harmonics(scorer, plainly(scorer, state), problem, turn.seen)
+    found = replace(found, scorer=scorer, system=system, state=state)
     line = find_period(scorer, state, problem, turn.periods, waves)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
-    same = line is None and not (waves or hidden) and settled(state, system) and set(blocks) == set(turn.held)
+    same = line is None and settled(state, system) and set(blocks) == set(turn.held)
     noise = noise_again(problem, system, state)
     wide = noise.total > NARROWER * found.noise.total
     steady = turn.number > 0 and same and wide and bool((found.gross == gross).all())
@@ -173,10 +173,10 @@ def _turned(
     system.forget()
     return found, replace(
         following, model=current, noise=noise, carried=carried, held=blocks,
-        kept=None if hidden else (*current.keys, *blocks),
+        kept=(*current.keys, *blocks),
         moments=unlike([*moments, *moments_of(current)]),
         periods=periods if line is None else (*periods, (line.joint, line.length)),
-        seen=(*turn.seen, *waves, *hidden), opening=opening,
+        seen=(*turn.seen, *waves), opening=opening,
     )  # fmt: skip
 
 

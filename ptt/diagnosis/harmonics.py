@@ -4,20 +4,72 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.atoms import odds_of_effect
+from ptt.diagnosis.atoms import Atom, effect_atom, odds_of_effect
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.periods import FEWEST
+from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import FEW, PLAIN
+from ptt.diagnosis.search import FEW, HOPEFUL, PLAIN, SLOW_BELOW, climb, improve, plainest
+from ptt.diagnosis.shapes import shape_key
 from ptt.diagnosis.spectrum import STEP, WIDE, Along, left_along
 from ptt.diagnosis.state import State
 from ptt.effects.screw import OncePerRev
+from ptt.fitting.linear import tried_sizes
 from ptt.run.problem import Problem
 
 MOST = 50  # waves a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
 OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
 ASIDE = np.arange(-WIDE, WIDE + STEP, STEP)  # turns over the range in which its peak may lie
+
+
+def with_harmonics(
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[OncePerRev] = ()
+) -> tuple[Scorer, State, tuple[OncePerRev, ...]]:
+    """An explanation that may say harmonics of a turn: beside all that it says, or in its unknowns' and curves' place.
+
+    Args:
+        scorer: of the system.
+        state: the best set so far.
+        problem: n rows.
+        offered: harmonics that the state could have taken.
+
+    Returns:
+        A scorer that knows what was scored before, what is said now, and the harmonics that were found worth a try.
+    """
+    plain = plainly(scorer, state)
+    for start in (state, plain) if plain is not state else (state,):
+        waves = find_harmonics(scorer, start, problem, offered)
+        if not waves:
+            continue
+        wider = _with_waves(scorer, waves, problem)
+        atoms = [atom for key, atom in wider.system.atoms.items() if key not in scorer.system.atoms]
+        every = wider.score((*start.keys, *(atom.key for atom in atoms)), start.memory, start.scales)
+        if every.total + sum(atom.odds for atom in atoms) < state.total - HOPEFUL:  # as if those of no use cost nothing
+            continue
+        other = climb(wider, start)
+        if other.total > state.total - SLOW_BELOW:
+            other = improve(wider, other)
+        best = plainest(wider, max(state, other, key=lambda each: each.total))
+        said = {wider.system.atoms[key].name for key in best.keys}
+        waves = tuple(wave for wave in waves if wave.key in said)
+        return (wider, best, waves) if waves else (scorer, state, ())
+    return scorer, state, ()
+
+
+def _with_waves(scorer: Scorer, waves: Sequence[OncePerRev], problem: Problem) -> Scorer:
+    """The same problem with further waves."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    names = {atom.effect.name for atom in system.atoms.values() if atom.effect is not None}
+    atoms, columns, scale = dict[str, Atom](), list[np.ndarray](), system.scale
+    for wave in waves:
+        (shape,), sizes, key = wave.search(problem.view), tried_sizes(wave, problem), shape_key(wave.key, {})
+        place, odds = len(scale) + np.arange(len(sizes)), odds_of_effect(wave, len(names), 1)
+        atoms[key] = effect_atom(key, place, wave, problem, odds, shape)
+        columns.append(system.at.columns(wave, shape)[system.rows])
+        scale = np.append(scale, sizes)
+    return scorer.widened(system.widened(atoms, np.concatenate(columns, axis=2), scale[len(system.scale) :]))
 
 
 def find_harmonics(
