@@ -8,6 +8,7 @@ import torch
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.candidates import first_of
+from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.row_system import build_system
 from ptt.diagnosis.score import Scorer
@@ -34,13 +35,37 @@ Events = Mapping[int, tuple[int, float] | Sequence[float]]
     [
         ({93: (2, 0.033), 182: KNOCK}, 0.004, ("homing-slip", "setup-jump", "once-per-rev")),
         ({90: (0, 0.03), 186: (2, 0.05)}, 0.0, ("homing-slip", "homing-slip[second]")),
-        ({90: (0, 0.05), 186: (0, -0.05)}, 0.0, ("homing-slip", "homing-slip[second]")),
+        ({90: (0, 0.05), 186: (0, -0.02)}, 0.0, ("homing-slip", "homing-slip[second]")),
         ({60: (1, 0.05), 150: (0, 0.03), 210: (2, -0.03)}, 0.0, tuple(f"homing-slip{n}" for n in NEXT)),
         ({60: KNOCK, 150: (0, 0.04), 210: OTHER}, 0.0, ("setup-jump", "homing-slip", "setup-jump[second]")),
     ],
 )
 def test_of_several_events_each_is_named_at_its_own_row(events: Events, turning: float, named: tuple[str, ...]) -> None:
-    """A helix, moved by plain formulas. An event dated by a larger one passes for unknown physics."""
+    """An event dated by a larger one passes for unknown physics."""
+    found = told_of(events, turning)
+    assert found.verdict == "missing" and {names[0] for names in found.suggested} == set(named)
+    told = sorted(float(moment["after"]) / 10.0 + 1.0 for moment in moments_of(found.model))
+    np.testing.assert_allclose(told, sorted(events), atol=1.0)
+
+
+@pytest.mark.parametrize(
+    ("events", "named", "residual"),
+    [
+        ({90: (0, 0.05), 186: (0, -0.05)}, (), "slider 1"),
+        ({60: (1, 0.05), 150: (1, 0.02), 210: (1, -0.07)}, (), "slider 2"),
+        ({90: KNOCK, 186: [-along for along in KNOCK]}, (), "z"),
+        ({60: (1, 0.05), 150: OTHER, 210: (1, -0.05)}, ("setup-jump",), "slider 2"),
+    ],
+)
+def test_what_came_and_went_is_one_thing_that_nobody_knows(events: Events, named: tuple[str, ...], residual: str):
+    """That one knock takes back just what another did is no accident: it may come again, and no command is for that."""
+    found = told_of(events)
+    assert (found.verdict, {names[0] for names in found.suggested}) == ("unknown", set(named))
+    assert (found.depends_on[0].residual, found.depends_on[0].on) == (residual, "time")
+
+
+def told_of(events: Events, turning: float = 0.0) -> Diagnosis:
+    """What is said of a helix, moved by plain formulas, along which things happen at some rows."""
     file, random, way = bench(), np.random.default_rng(1), np.linspace(0.0, 1.0, ROWS)
     robot = build_mechanism(file.machine)
     target = np.stack([60.0 * np.cos(8.0 * np.pi * way), 60.0 * np.sin(8.0 * np.pi * way), 80.0 * way - 40.0], axis=1)
@@ -54,10 +79,7 @@ def test_of_several_events_each_is_named_at_its_own_row(events: Events, turning:
             knocked[row:] += event
     measured = robot.forward(torch.as_tensor(joints + error)).numpy() + knocked
     table = make_table(target, joints, measured=measured, time_s=10.0 * np.arange(ROWS))
-    found = diagnose(Model(file), build_problem(file, table))
-    assert found.verdict == "missing" and {names[0] for names in found.suggested} == set(named)
-    told = sorted(float(moment["after"]) / 10.0 + 1.0 for moment in moments_of(found.model))
-    np.testing.assert_allclose(told, sorted(events), atol=1.0)
+    return diagnose(Model(file), build_problem(file, table))
 
 
 def test_what_goes_the_further_ones_move_up():

@@ -204,6 +204,16 @@ def _set_up(problem: Problem, span: Span) -> Place:
     return Place("set-up", np.stack([p, *(np.cross(axis, p) for axis in np.eye(3))], axis=2) / span.radius)
 
 
+def stand_of(problem: Problem) -> Place:
+    """Where a tracker stands: shift and turn of the readings, turns at the root mean square of the coordinates."""
+    p = problem.view.p.numpy()
+    radius = float(np.sqrt(np.square(p - p.mean(axis=0)).sum(axis=1).mean()))
+    turns = [np.cross(axis, p) / radius for axis in np.eye(3)]
+    return Place(
+        "set-up", np.concatenate([np.broadcast_to(np.eye(3), (len(p), 3, 3)), np.stack(turns, axis=2)], axis=2)
+    )
+
+
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
     """A curve with its level and slope: without them offsets and leads would be named beside it."""
     shapes = np.column_stack([np.ones(len(scaled)), scaled, cosines(scaled, FINE)])

@@ -8,20 +8,23 @@ they would be sent to a machine as if the last of them had come to stay.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, context_views, path_views
 from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
-from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain
+from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain, stand_of
 from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.search import FEW, HOPEFUL, LEAST, improve, plainest
 from ptt.diagnosis.smooth import cosines, ends_of, scaled
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import whitened
 from ptt.effects.geometry import ACROSS
+from ptt.effects.sudden import run_clock
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
@@ -31,6 +34,7 @@ NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curv
 HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
 ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
 MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
+SPELL = " jumps on time#"  # in the name of a law of what came at one moment and went at another
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 
 
@@ -55,6 +59,9 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
+    for gone in (*combinations(sudden, 2), *combinations(sudden, 3)):
+        if set(gone) <= set(best.keys):
+            best = _instead(wider, best, gone, is_spell)
     return wider, best
 
 
@@ -63,16 +70,21 @@ def is_law(atom: Atom) -> bool:
     return atom.key.startswith("law ")
 
 
+def is_spell(atom: Atom) -> bool:
+    """Whether an atom is a law of what came at one moment and went at another."""
+    return is_law(atom) and SPELL in atom.key
+
+
 def is_broad(atom: Atom) -> bool:
     """Whether an atom is an unknown that is no law of one variable."""
     return is_block(atom) and not is_law(atom)
 
 
-def _instead(scorer: Scorer, state: State, gone: Sequence[str]) -> State:
+def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed = is_law) -> State:
     """The best set with laws in the place of some of its atoms; the set as it is where none does better."""
     sudden = any(is_sudden(scorer.system.atoms[key]) for key in gone)
     fewer = scorer.score(without(state, *gone), state.memory, state.scales)
-    laws = improve(scorer, fewer, is_law, swaps=False)
+    laws = improve(scorer, fewer, allowed, swaps=False)
     if laws.total < state.total - HOPEFUL:
         return state
     best = improve(scorer, laws, _lasts if sudden else is_any, swaps=False)
@@ -87,7 +99,8 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
     """The same problem with the laws of each place that say most beside some sets; all of them would fill gigabytes."""
     system = scorer.system
     assert isinstance(system, RowSystem)
-    places = list(laws_of(system.at.problem, system.at.chain))
+    moments = [atom.moment for key in state.keys if (atom := system.atoms[key]).moment is not None]
+    places = list(laws_of(system.at.problem, system.at.chain, sorted(moments)))
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)
@@ -97,7 +110,7 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
     for blocks in places:
         wider = _widened(few, blocks, odds)
         names = {_name(gain.key) for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST]}
-        kept += [block for block in blocks if _name(block.name) in names]
+        kept += [block for block in blocks if _name(block.name) in names or SPELL in block.name]
     system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
     return _widened(scorer, kept, odds)
 
@@ -135,38 +148,47 @@ def _name(key: str) -> str:
 
 
 def _priced(atom: Atom, odds: float) -> Atom:
-    """A jump costs what choosing among its heights costs."""
-    jumps = atom.key != _name(atom.key)
+    """A jump costs what choosing among its heights costs, and twice that what has two of them."""
+    jumps = 2 if SPELL in atom.key else atom.key != _name(atom.key)
     return replace(atom, name=_name(atom.key), odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
 
 
-def laws_of(problem: Problem, chain: Chain) -> Iterator[list[Block]]:
+def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> Iterator[list[Block]]:
     """Every law: each place times each variable.
 
     Args:
         problem: n rows.
         chain: of the present model.
+        moments: by the clock, at which something seems to have happened, in order.
 
     Yields:
         The laws of one place.
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
-    passed = list(_passed_again(problem))
+    passed, spells = list(_passed_again(problem)), list(_spells(problem, moments))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
         name = place.residual
         if place.joint is None:
-            yield [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in varied.items()]
+            laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in varied.items()]
+            yield [*laws, *_jumps(place, spells)]
             continue
         own, heights = f"{letter}{place.joint + 1}", q[:, place.joint]
         here = varied | {on: finer[own] for on in varied if on == own}
         laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in here.items()]
         for ons, shapes in _arrivals(problem, place.joint):
             laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
-        jumps = [*((own, height, heights > height) for height in _heights(heights[problem.used])), *passed]
-        for on, value, above in jumps:
-            laws.append(Block(f"law {name} jumps on {on}#{float(value)!r}", place, (on,), above.astype(float)[:, None]))
-        yield laws
+        jumps = [(own, repr(float(height)), heights > height) for height in _heights(heights[problem.used])]
+        yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
+    yield _jumps(stand_of(problem), spells)
+
+
+def _jumps(place: Place, jumps: Sequence[tuple[str, str, np.ndarray]]) -> list[Block]:
+    """Laws that are nothing here and one size there."""
+    return [
+        Block(f"law {place.residual} jumps on {on}#{where}", place, (on,), there.astype(float)[:, None])
+        for on, where, there in jumps
+    ]
 
 
 def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
@@ -222,14 +244,24 @@ def _heights(visited: np.ndarray) -> np.ndarray:
     return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
 
 
-def _passed_again(problem: Problem) -> Iterator[tuple[str, float, np.ndarray]]:
+def _passed_again(problem: Problem) -> Iterator[tuple[str, str, np.ndarray]]:
     """Warmth, and columns of a person's own, at which something may let go: the value, and the rows above it."""
     for on, values in context_views(problem).items():
         if on == "temperature" or on in problem.table.watched:
             for value in _heights(values[problem.used]):
                 above = values > value
                 if _is_passed_again(above[problem.used]):
-                    yield on, float(value), above
+                    yield on, repr(float(value)), above
+
+
+def _spells(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str, str, np.ndarray]]:
+    """What came at one moment and went at another: both of them, and the rows in between.
+
+    That a knock takes back just what another did is no accident: whatever it was came and went, and may come again.
+    """
+    clock = run_clock(problem.view).numpy()
+    for first, last in combinations(moments, 2):
+        yield "time", f"{first!r} {last!r}", (clock > first) & (clock <= last)
 
 
 def _is_passed_again(passed: np.ndarray) -> bool:

@@ -16,6 +16,13 @@ AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows wh
 ALWAYS = {"after": torch.tensor([-torch.inf], dtype=torch.float64)}  # the shape of what is there all along
 
 
+def run_clock(view: View) -> Tensor:
+    """Seconds where there is a clock, else the number of the row, (n,)."""
+    if "time" in view.varies:
+        return view.time
+    return torch.arange(view.rows, dtype=torch.float64) if view.number is None else view.number
+
+
 @dataclass(frozen=True)
 class Sudden(Effect):
     """Base of effects that are zero up to a moment and there from then on."""
@@ -25,10 +32,8 @@ class Sudden(Effect):
         return None if len(self._told(view)) >= LEAST else f"at least {LEAST} rows with a reading"
 
     def clock(self, view: View) -> Tensor:
-        """Seconds where there is a clock, else the number of the row, (n,)."""
-        if "time" in view.varies:
-            return view.time
-        return torch.arange(view.rows, dtype=torch.float64) if view.number is None else view.number
+        """As `run_clock`."""
+        return run_clock(view)
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """Moments spread over the run, with at least a few readings on either side.
