@@ -13,13 +13,14 @@ from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, s
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
+from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import best_of, ends_of, improve, is_told, plainest, refilled
+from ptt.diagnosis.search import best_of, climb, ends_of, improve, is_told, plainest, refilled
 from ptt.diagnosis.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
@@ -35,6 +36,7 @@ from ptt.diagnosis.turn import (
 )
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Linear, few_shapes, linear_columns
+from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -111,13 +113,15 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
     if turn.number == 0:
         linear = linear_columns(fitted, problem, candidates, noise)
         gross = _sift(linear, problem)
-    rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
-    shapes = {effect.key: shapes_of(effect, problem.view, turn.moments) for effect in candidates}
-    system = build_system(
-        fitted, problem, candidates, noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear
-    )
-    scorer = Scorer(system, asked.model.keys, asked.steps, turn.barred)
+    scorer = _open(asked, turn, problem, fitted, candidates, gross, linear)
     asked.tell(f"search {turn.number + 1}")
+    if turn.number == 0:
+        lone = _lone(scorer, candidates, gross)
+        if not np.array_equal(lone, gross):
+            gross = lone
+            scorer = _open(asked, turn, problem, fitted, candidates, gross, linear)
+    system = scorer.system
+    assert isinstance(system, RowSystem)
     if turn.kept is None:
         scorer, system, state = _search_first(scorer, system, candidates)
     else:
@@ -132,6 +136,34 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
         asked.span, opening=turn.opening, seen=turn.seen,
     ), candidates  # fmt: skip
+
+
+def _open(
+    asked: Asked, turn: Turn, problem: Problem, fitted: FitResult, candidates: Sequence[Effect], gross: np.ndarray,
+    linear: Linear | None,
+) -> Scorer:  # fmt: skip
+    """All effects and blocks beside a fit, nothing scored yet."""
+    rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
+    shapes = {effect.key: shapes_of(effect, problem.view, turn.moments) for effect in candidates}
+    system = build_system(
+        fitted, problem, candidates, turn.noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear
+    )
+    return Scorer(system, asked.model.keys, asked.steps, turn.barred)
+
+
+def _lone(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) -> np.ndarray:
+    """Lone rows far from all that names can say, beside those that were left out before, (n,) bool.
+
+    A law that bends as it may would reach one of them before anything that many rows say, and hide it.
+    """
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    nothing = scorer.score((), WHITE)
+    named = climb(scorer, nothing, is_effect)
+    scorer, system, lasting = _dated(scorer, system, named, candidates)
+    if lasting is not None:  # else the rows between a moment that is tried and the true one would look like that
+        named = climb(scorer, scorer.score(lasting, WHITE), is_effect)
+    return gross_beside(system, scorer.score(named.keys, WHITE), gross, nothing)
 
 
 def _turned(
@@ -233,12 +265,21 @@ def _search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect
     """
     ends = ends_of(scorer)
     first = max(ends, key=lambda end: (_searches_moments(system, end), end.total))
-    dated = best_moments(scorer, first, loose(scorer, first), candidates) if _searches_moments(system, first) else ()
-    if dated:
-        scorer, system = with_moments(scorer, dated)
-        lasting = [key for key in first.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
+    scorer, system, lasting = _dated(scorer, system, first, candidates)
+    if lasting is not None:
         ends += ends_of(scorer, lasting)
     return scorer, system, best_of(scorer, ends)
+
+
+def _dated(
+    scorer: Scorer, system: RowSystem, state: State, candidates: Sequence[Effect]
+) -> tuple[Scorer, RowSystem, list[str] | None]:
+    """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
+    if not _searches_moments(system, state):
+        return scorer, system, None
+    scorer, system = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
+    lasting = [key for key in state.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
+    return scorer, system, lasting
 
 
 def _searches_moments(system: RowSystem, state: State) -> bool:

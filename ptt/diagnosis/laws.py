@@ -20,7 +20,7 @@ from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.search import FEW, HOPEFUL, LEAST, improve, plainest
-from ptt.diagnosis.smooth import cosines, ends_of, scaled
+from ptt.diagnosis.smooth import cosines, ends_of, reined, scaled
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import whitened
 from ptt.effects.geometry import ACROSS
@@ -34,6 +34,7 @@ NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curv
 HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
 ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
 MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
+AGAIN = 3  # things that happen by themselves in one run, at most: what happens more often happens again and again
 SPELL = " jumps on time#"  # in the name of a law of what came at one moment and went at another
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 
@@ -62,7 +63,10 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     for gone in (*combinations(sudden, 2), *combinations(sudden, 3)):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone, is_spell)
-    return wider, best
+    happened = tuple(
+        key for key in best.keys if is_sudden(wider.system.atoms[key]) or is_spell(wider.system.atoms[key])
+    )
+    return wider, _instead(wider, best, happened, is_spell) if len(happened) > AGAIN else best
 
 
 def is_law(atom: Atom) -> bool:
@@ -186,7 +190,7 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
 def _jumps(place: Place, jumps: Sequence[tuple[str, str, np.ndarray]]) -> list[Block]:
     """Laws that are nothing here and one size there."""
     return [
-        Block(f"law {place.residual} jumps on {on}#{where}", place, (on,), there.astype(float)[:, None])
+        Block(f"law {place.residual} jumps on {on}#{where}", place, (on,), there.reshape(len(there), -1).astype(float))
         for on, where, there in jumps
     ]
 
@@ -257,11 +261,14 @@ def _passed_again(problem: Problem) -> Iterator[tuple[str, str, np.ndarray]]:
 def _spells(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str, str, np.ndarray]]:
     """What came at one moment and went at another: both of them, and the rows in between.
 
-    That a knock takes back just what another did is no accident: whatever it was came and went, and may come again.
+    That a knock takes back just what another did is no accident: whatever it was came and went, and may come again. And
+    what happens again and again in one run does not happen by itself each time.
     """
     clock = run_clock(problem.view).numpy()
     for first, last in combinations(moments, 2):
         yield "time", f"{first!r} {last!r}", (clock > first) & (clock <= last)
+    if len(moments) > AGAIN:
+        yield "time", "steps", clock[:, None] > np.array(moments)
 
 
 def _is_passed_again(passed: np.ndarray) -> bool:
@@ -273,5 +280,6 @@ def _is_passed_again(passed: np.ndarray) -> bool:
 
 def _curve(values: np.ndarray, count: int) -> np.ndarray:
     """Level, slope and cosines of a variable, (n, count + 2)."""
+    values = reined(values)
     place = scaled(values, ends_of(values))
     return np.column_stack([np.ones(len(place)), place, cosines(place, count)])

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+FEW = 3  # rows that a value, or one further out, needs
+
 
 def ends_of(values: np.ndarray) -> np.ndarray:
     """Lowest and highest of each column, (2, ...)."""
@@ -12,6 +14,22 @@ def scaled(values: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Values with the ends of their range at -1 and 1."""
     low, high = ends
     return np.asarray(np.clip((2.0 * values - low - high) / np.maximum(high - low, 1e-9), -1.0, 1.0))
+
+
+def reined(values: np.ndarray) -> np.ndarray:
+    """Values of which the last few of either end lie no further out than as far again as the third from the middle.
+
+    What one or two rows show alone is no law: it would take whatever error they have.
+
+    Args:
+        values: (n, ...) of columns; NaN where unknown.
+    """
+    if len(values) < 2 * FEW:
+        return values
+    order, middle = np.sort(values, axis=0), np.nanmedian(values, axis=0)
+    known = np.isfinite(values).sum(axis=0)
+    third = np.take_along_axis(order, np.expand_dims(np.maximum(known - FEW, 0), 0), axis=0)[0]
+    return np.asarray(np.clip(values, 2.0 * order[FEW - 1] - middle, 2.0 * third - middle))
 
 
 def legendre(values: np.ndarray, degree: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from scipy import linalg
 
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import ways_of
-from ptt.diagnosis.smooth import cosines, ends_of, product, scaled, unit
+from ptt.diagnosis.smooth import cosines, ends_of, product, reined, scaled, unit
 from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
 
@@ -85,33 +85,34 @@ def _contexts(problem: Problem) -> Iterator[Context]:
     """What the table has beside the pose and varies."""
     view = problem.view
     if "payload" in view.varies:
-        load = view.payload.numpy()
+        load = reined(view.payload.numpy())
         yield Context("payload", np.column_stack([unit(load), unit(load**2)]))
     if "temperature" in view.varies:
-        warm = view.warmth.numpy()
+        warm = reined(view.warmth.numpy())
         yield Context("temperature", np.column_stack([unit(warm), unit(warm**2)]))
         if "time" in view.varies:
             yield Context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()))
     yield Context("time", cosines(_time(problem), SLOW), fields=False)
     if "speed" in view.varies:
-        speed = np.sqrt(np.square(view.velocity.numpy()).sum(axis=1))
+        speed = reined(np.sqrt(np.square(view.velocity.numpy()).sum(axis=1)))
         yield Context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
-        velocity = view.velocity.numpy()
+        velocity = reined(view.velocity.numpy())
         signed = np.column_stack([velocity, velocity * np.abs(velocity)])
         yield Context("velocity", signed / np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9), fields=False)
     feed = problem.table.feed_mm_s
     came, turns = ways_of(view.p.numpy(), view.starts.numpy())
-    yield Context("way", np.column_stack(list(came)), fields=False, joints=False)
-    if feed is None or np.ptp(feed := np.nan_to_num(feed)) <= SAME_FEED * feed.max():
+    turns = reined(turns)
+    yield Context("way", reined(np.column_stack(list(came))), fields=False, joints=False)
+    if feed is None or np.ptp(feed := reined(np.nan_to_num(feed))) <= SAME_FEED * feed.max():
         yield Context("turn", turns, fields=False, joints=False)
     else:  # how fast the machine came, also where it was read at a stop
         yield Context("feed", _bowed(feed), fields=False)
         swift = np.column_stack([np.ones(view.rows), unit(feed), unit(feed**2)])
         yield Context("turn", product(turns, swift), fields=False, joints=False)
     for name, values in moves_of(problem).items():
-        yield Context(name, _bowed(_by_shares(values)), fields=False)
+        yield Context(name, _bowed(reined(_by_shares(values))), fields=False)
     for title, values in watched_values(problem.table).items():
-        yield Context(title, _bowed(np.nan_to_num(values - np.nanmean(values))))
+        yield Context(title, _bowed(np.nan_to_num(reined(values) - np.nanmean(values))))
 
 
 def _by_shares(values: np.ndarray) -> np.ndarray:
