@@ -5,25 +5,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ptt.diagnosis.atoms import is_block, is_effect, is_sudden
+from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, find_needless
+from ptt.diagnosis.first import search_first, sift, sift_again
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
-from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
-from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import best_of, climb, ends_of, improve, is_told, plainest, refilled
+from ptt.diagnosis.search import improve, is_told, plainest, refilled
 from ptt.diagnosis.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import (
     Turn,
     best_moments,
@@ -35,7 +33,7 @@ from ptt.diagnosis.turn import (
     unlike,
 )
 from ptt.effects import Effect, Library
-from ptt.fitting.linear import Linear, few_shapes, linear_columns
+from ptt.fitting.linear import Linear, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.progress import Tell
@@ -112,18 +110,18 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         gross = still_missed(fitted, problem, noise, gross)
     if turn.number == 0:
         linear = linear_columns(fitted, problem, candidates, noise)
-        gross = _sift(linear, problem)
+        gross = sift(linear, problem)
     scorer = _open(asked, turn, problem, fitted, candidates, gross, linear)
     asked.tell(f"search {turn.number + 1}")
     if turn.number == 0:
-        lone = _lone(scorer, candidates, gross)
+        lone = sift_again(scorer, candidates, gross)
         if not np.array_equal(lone, gross):
             gross = lone
             scorer = _open(asked, turn, problem, fitted, candidates, gross, linear)
     system = scorer.system
     assert isinstance(system, RowSystem)
     if turn.kept is None:
-        scorer, system, state = _search_first(scorer, system, candidates)
+        scorer, system, state = search_first(scorer, system, candidates)
     else:
         state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
         if follows_travel(state, system, problem):
@@ -149,21 +147,6 @@ def _open(
         fitted, problem, candidates, turn.noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear
     )
     return Scorer(system, asked.model.keys, asked.steps, turn.barred)
-
-
-def _lone(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) -> np.ndarray:
-    """Lone rows far from all that names can say, beside those that were left out before, (n,) bool.
-
-    A law that bends as it may would reach one of them before anything that many rows say, and hide it.
-    """
-    system = scorer.system
-    assert isinstance(system, RowSystem)
-    nothing = scorer.score((), WHITE)
-    named = climb(scorer, nothing, is_effect)
-    scorer, system, lasting = _dated(scorer, system, named, candidates)
-    if lasting is not None:  # else the rows between a moment that is tried and the true one would look like that
-        named = climb(scorer, scorer.score(lasting, WHITE), is_effect)
-    return gross_beside(system, scorer.score(named.keys, WHITE), gross, nothing)
 
 
 def _turned(
@@ -255,42 +238,6 @@ def _fitted_beside(found: Found, problem: Problem) -> Found:
     carried = carried_by(found.state, found.system, problem)
     fitted = fit_less(found.fitted.model, problem, carried, found.gross, found.noise)
     return replace(found, fitted=fitted, carried=carried)
-
-
-def _search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
-    """The best set, what is sudden in it placed to the row before any swap.
-
-    Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
-    stay.
-    """
-    ends = ends_of(scorer)
-    first = max(ends, key=lambda end: (_searches_moments(system, end), end.total))
-    scorer, system, lasting = _dated(scorer, system, first, candidates)
-    if lasting is not None:
-        ends += ends_of(scorer, lasting)
-    return scorer, system, best_of(scorer, ends)
-
-
-def _dated(
-    scorer: Scorer, system: RowSystem, state: State, candidates: Sequence[Effect]
-) -> tuple[Scorer, RowSystem, list[str] | None]:
-    """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
-    if not _searches_moments(system, state):
-        return scorer, system, None
-    scorer, system = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
-    lasting = [key for key in state.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
-    return scorer, system, lasting
-
-
-def _searches_moments(system: RowSystem, state: State) -> bool:
-    """Whether a set has something sudden whose moment was searched."""
-    return any(is_sudden(system.atoms[key]) and system.atoms[key].shape is not None for key in state.keys)
-
-
-def _sift(linear: Linear, problem: Problem) -> np.ndarray:
-    """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
-    saturated = few_shapes(linear.trials, linear.simple)
-    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, places_of(problem))
 
 
 def _without(model: Model, keys: Sequence[str]) -> Model:

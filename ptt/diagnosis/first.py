@@ -1,0 +1,89 @@
+"""First: what is asked of a run before anything has a name, lone rows set aside, and the search from nothing."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ptt.diagnosis.atoms import is_effect, is_sudden
+from ptt.diagnosis.gross import gross_errors, places_of
+from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moves import loose
+from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.search import best_of, climb, ends_of
+from ptt.diagnosis.shapes import with_moments
+from ptt.diagnosis.state import State
+from ptt.diagnosis.turn import best_moments, gross_beside
+from ptt.effects import Effect
+from ptt.fitting.linear import Linear, few_shapes
+from ptt.run.problem import Problem
+
+NEIGHBOURS = (1, 1, 0, 1, 1)  # rows before and after one
+
+
+def sift(linear: Linear, problem: Problem) -> np.ndarray:
+    """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
+    saturated = few_shapes(linear.trials, linear.simple)
+    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, places_of(problem))
+
+
+def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) -> np.ndarray:
+    """Lone rows far from all that names can say.
+
+    A law that bends as it may would reach one of them before anything that many rows say, and hide it. What is far off
+    in a row of readings may be physics without a name, and waits until unknowns were asked.
+
+    Args:
+        scorer: of the system, nothing scored yet.
+        candidates: effects that may be missing.
+        gross: rows left out so far, (n,) bool.
+
+    Returns:
+        These rows as well, (n,) bool.
+    """
+    system, nothing = scorer.system, scorer.score((), WHITE)
+    assert isinstance(system, RowSystem)
+    named = climb(scorer, nothing, is_effect)
+    scorer, system, lasting = _dated(scorer, system, named, candidates)
+    if lasting is not None:  # else rows between a moment that is tried and the true one would look like that
+        named = climb(scorer, scorer.score(lasting, WHITE), is_effect)
+    far = gross_beside(system, scorer.score(named.keys, WHITE), gross, nothing) & ~gross
+    return gross | (far & (np.convolve(far, NEIGHBOURS, "same") == 0))
+
+
+def search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
+    """The best set, what is sudden in it placed to the row before any swap.
+
+    Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
+    stay.
+
+    Args:
+        scorer: of the system.
+        system: linearised.
+        candidates: effects that may be missing.
+
+    Returns:
+        A scorer that knows the moments, its system and the set.
+    """
+    ends = ends_of(scorer)
+    first = max(ends, key=lambda end: (_searches_moments(system, end), end.total))
+    scorer, system, lasting = _dated(scorer, system, first, candidates)
+    if lasting is not None:
+        ends += ends_of(scorer, lasting)
+    return scorer, system, best_of(scorer, ends)
+
+
+def _dated(
+    scorer: Scorer, system: RowSystem, state: State, candidates: Sequence[Effect]
+) -> tuple[Scorer, RowSystem, list[str] | None]:
+    """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
+    if not _searches_moments(system, state):
+        return scorer, system, None
+    scorer, system = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
+    lasting = [key for key in state.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
+    return scorer, system, lasting
+
+
+def _searches_moments(system: RowSystem, state: State) -> bool:
+    """Whether a set has something sudden whose moment was searched."""
+    return any(is_sudden(system.atoms[key]) and system.atoms[key].shape is not None for key in state.keys)
