@@ -9,6 +9,7 @@ import numpy as np
 from ptt.effects import Effect
 from ptt.errors import ModelError, PosesError
 from ptt.fitting.chunks import LONG
+from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.long import hidden_residual
 from ptt.fitting.masked import masked_effects
 from ptt.fitting.report import report_fit
@@ -156,7 +157,10 @@ def _fitted(
         tell(name, number * (len(hidden) + 1), total)
         last = fits[-1] if fits else None
         there = _held_to_base(rung, problem, noise, last)
-        fits.append(residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, there, noise, last))
+        if kind == "given":
+            fits.append(residual_of(rung, problem, noise=noise))
+        else:
+            fits.append(with_frame_doubt(fit_rung(rung, there, noise, last), problem))
         # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
         if problem.table.rows > LONG:
             held_out.append(_judged(hidden_residual(fits[-1], there, hidden), there, hidden))

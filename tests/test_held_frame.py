@@ -1,0 +1,82 @@
+"""Frames that base reflectors hold: their readings scatter, and what is stated of an effect takes that in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.fitting.chunks import LONG
+from ptt.fitting.held_frame import with_frame_doubt
+from ptt.judge.ladder.climb import climb
+from ptt.machine import MachineFile
+from ptt.machine_schema import TrackerSpec
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+
+NOISE = 0.004
+PLACES = np.array([[300.0, 20.0, -60.0], [-150.0, 260.0, -40.0], [-140.0, -270.0, -80.0], [200.0, 210.0, 90.0]])
+OFFSETS = np.array([0.05, -0.03, 0.02])
+
+
+def machine() -> MachineFile:
+    """The bench beside a tracker that reads four reflectors fixed to the base."""
+    file = bench()
+    points = [{"name": f"base {k + 1}", "xyz_mm": place.tolist(), "sigma_mm": 1e-4} for k, place in enumerate(PLACES)]
+    told = {"frame": "measured", "sigma_mm": NOISE, "base_point": points}
+    return replace(file, tracker=TrackerSpec.model_validate(told))
+
+
+def measured(seed: int, rows: int = 200, rounds: int = 2) -> Problem:
+    """Offsets of all sliders, read with rounds to four reflectors before and between them."""
+    file, random = machine(), np.random.default_rng(seed)
+    robot = build_mechanism(file.machine)
+    target = random.uniform(-60.0, 60.0, (rows, 3))
+    joints = robot.inverse(torch.as_tensor(target)).numpy()
+    there = robot.forward(torch.as_tensor(joints + OFFSETS)).numpy()
+    cuts = np.linspace(0, rows, rounds, endpoint=False).astype(int)
+    before = np.repeat(cuts, len(PLACES))  # poses ahead of each reading of a reflector
+    names, none = [f"base {k + 1}" for k in range(len(PLACES))] * rounds, np.full((len(before), 3), np.nan)
+    read = np.insert(there, before, np.tile(PLACES, (rounds, 1)), axis=0)
+    table = make_table(
+        np.insert(target, before, none, axis=0), np.insert(joints, before, none, axis=0),
+        read + random.normal(0.0, NOISE, read.shape),
+        role=np.insert(np.full(rows, "pose"), before, "base"), name=np.insert(np.full(rows, "", dtype="U8"), before, names),
+    )  # fmt: skip
+    return build_problem(file, table)
+
+
+def test_what_add_states_is_as_sure_as_the_reflectors_make_it():
+    pulls = []
+    for seed in range(12):
+        step = climb(Model(machine()), measured(seed), [library()["homing-offset"]()]).steps[-1]
+        (term,) = step.fitted.model.terms
+        pulls.append((term.theta.numpy() - OFFSETS) / term.std.numpy())
+    assert 0.6 < float(np.sqrt(np.square(pulls).mean())) < 1.4
+    assert np.abs(pulls).max() < 3.5
+
+
+def test_add_and_diagnose_state_alike():
+    problem = measured(3)
+    step = climb(Model(machine()), problem, [library()["homing-offset"]()]).steps[-1]
+    found = diagnose(Model(machine()), problem)
+    assert found.suggested[0][0] == "homing-offset"
+    told = [item.std for item in found.candidates[0].parameters]
+    np.testing.assert_allclose(step.fitted.model.terms[0].std.numpy(), told, rtol=0.25)
+
+
+def test_more_readings_of_the_reflectors_make_it_surer_and_none_leave_it_as_it_is(monkeypatch: pytest.MonkeyPatch):
+    effects = [library()["homing-offset"]()]
+    few, many = (climb(Model(machine()), measured(1, rounds=n), effects).steps[-1].fitted for n in (2, 32))
+    assert many.std.max() < 0.5 * few.std.max()
+    problem = measured(1)
+    assert with_frame_doubt(few, replace(problem, base=None)) is few
+    once = with_frame_doubt(few, problem)
+    monkeypatch.setattr("ptt.fitting.held_frame.LONG", 100)
+    assert problem.table.rows < LONG
+    np.testing.assert_allclose(with_frame_doubt(few, problem).covariance, once.covariance, rtol=1e-6)
