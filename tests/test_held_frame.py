@@ -46,7 +46,8 @@ def measured(seed: int, rows: int = 200, rounds: int = 2) -> Problem:
     table = make_table(
         np.insert(target, before, none, axis=0), np.insert(joints, before, none, axis=0),
         read + random.normal(0.0, NOISE, read.shape),
-        role=np.insert(np.full(rows, "pose"), before, "base"), name=np.insert(np.full(rows, "", dtype="U8"), before, names),
+        role=np.insert(np.full(rows, "pose"), before, "base"),
+        name=np.insert(np.full(rows, "", dtype="U8"), before, names),
     )  # fmt: skip
     return build_problem(file, table)
 

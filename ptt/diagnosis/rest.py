@@ -89,8 +89,9 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
 
 
 def with_objections(
-    rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None, beyond: Sequence[str] = ()
-) -> Rest:
+    rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None, beyond: Sequence[str] = (),
+    aside: str | None = None,
+) -> Rest:  # fmt: skip
     """The rest with what else speaks against an explanation: hidden readings, and far more left than is stated.
 
     Args:
@@ -100,6 +101,7 @@ def with_objections(
         left: what the explanation leaves.
         stated: the noise as stated; None where nobody did.
         beyond: names of effects with whose values the machine could not stand where it was commanded to.
+        aside: the joint along whose way the readings that were set aside are off; None where they are to every side.
 
     Returns:
         The rest with those reasons.
@@ -111,6 +113,8 @@ def with_objections(
         reasons.append("hidden readings are foretold far worse than the explanation claims to")
     if beyond:
         reasons.append(f"the readings ask for values of {listed(beyond)} with which the machine could not stand there")
+    if aside:
+        reasons.append(f"the readings set aside are all off along the way of {aside}: no gross errors do that")
     if stated is not None and left.total > EXCESS * stated.total:
         times = f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left"
         reasons.append(f"{times}: it understates the scatter of a reading, or the rest follows nothing recorded here")

@@ -7,6 +7,7 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
+from ptt.diagnosis.aside import way_in_common
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.exchange import Exchange, exchanges
@@ -148,7 +149,8 @@ def conclude(
     named = told.steps
     unproven = tuple(atoms[key].name for key in told.unproven)
     stated = stated_noise(problem, found.system, state)
-    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), stated, beyond)
+    aside = way_in_common(found, problem)
+    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), stated, beyond, aside)
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
     noise = noise_after(problem, found.system, state)

@@ -1,0 +1,53 @@
+"""What was set aside as gross errors, and does not look like them: readings off along the way of one joint."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ptt.diagnosis.blocks import places_of_chain
+from ptt.diagnosis.found import Found
+from ptt.diagnosis.row_system import RowSystem
+from ptt.run.problem import Problem
+from ptt.run.tails import chi2_sf
+
+FEWEST = 5  # readings that may have a way in common
+MEAN, VARIANCE = 1.0 / 3.0, 4.0 / 45.0  # of the squared cosine between a way and errors from every side
+CHANCE = 1e-4  # that gross errors of a sound run lie along any joint's way
+MOSTLY = 0.8  # mean squared cosine from which a way is theirs
+
+
+def way_in_common(found: Found, problem: Problem) -> str | None:
+    """The joint along whose way the readings that were set aside are off.
+
+    A broken beam or a bump errs to every side. What sticks or jumps in one joint errs along the way that this joint
+    moves the tool, which turns from pose to pose.
+
+    Args:
+        found: the best explanation.
+        problem: the readings.
+
+    Returns:
+        The joint, as 'slider 2'; None where errors come from every side, where they are few, or of a long run.
+    """
+    system = found.system
+    left = found.fitted.residual
+    rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
+    if len(rows) < FEWEST or not isinstance(system, RowSystem):
+        return None
+    error = left[rows] / np.linalg.norm(left[rows], axis=1)[:, None]
+    shares = dict(_shares(system, problem, rows, error))
+    if not shares:
+        return None
+    place = max(shares, key=lambda name: shares[name])
+    beyond = max(shares[place] - MEAN, 0.0) ** 2 * len(rows) / VARIANCE
+    return place if shares[place] > MOSTLY and chi2_sf(beyond, 1) * len(shares) < CHANCE else None
+
+
+def _shares(system: RowSystem, problem: Problem, rows: np.ndarray, error: np.ndarray) -> Iterator[tuple[str, float]]:
+    """Mean squared cosine between errors (m, 3) of length one and the way that each joint moves the tool."""
+    for place in places_of_chain(problem, system.at.chain):
+        if place.joint is None or place.slopes.shape[2] > 1:  # a rail and a link move it along the same way
+            continue
+        way = place.slopes[rows, :, 0]
+        cosine = (error * way).sum(axis=1) / np.maximum(np.linalg.norm(way, axis=1), 1e-12)
+        yield place.residual, float(np.square(cosine).mean())
