@@ -13,7 +13,7 @@ from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import best_of, climb, ends_of
 from ptt.diagnosis.shapes import with_moments
 from ptt.diagnosis.state import State
-from ptt.diagnosis.turn import best_moments, gross_beside
+from ptt.diagnosis.turn import best_moments, gross_beside, in_company
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, few_shapes
 from ptt.run.problem import Problem
@@ -30,8 +30,9 @@ def sift(linear: Linear, problem: Problem) -> np.ndarray:
 def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) -> np.ndarray:
     """Lone rows far from all that names can say.
 
-    A law that bends as it may would reach one of them before anything that many rows say, and hide it. What is far off
-    in a row of readings may be physics without a name, and waits until unknowns were asked.
+    A law that bends as it may would reach one of them before anything that many rows say, and hide it. Where some are
+    far off next to each other, or where a place has them, it may be physics without a name: then all wait until
+    unknowns were asked.
 
     Args:
         scorer: of the system, nothing scored yet.
@@ -47,8 +48,9 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
     scorer, system, lasting = _dated(scorer, system, named, candidates)
     if lasting is not None:  # else rows between a moment that is tried and the true one would look like that
         named = climb(scorer, scorer.score(lasting, WHITE), is_effect)
-    far = gross_beside(system, scorer.score(named.keys, WHITE), gross, nothing) & ~gross
-    return gross | (far & (np.convolve(far, NEIGHBOURS, "same") == 0))
+    far = gross_beside(system, scorer.score(named.keys, WHITE), gross) & ~gross
+    company = (np.convolve(far, NEIGHBOURS, "same") > 0) | in_company(system, nothing)
+    return gross if (far & company).any() else gross | far
 
 
 def search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:

@@ -76,14 +76,13 @@ def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
     return Turn(0, model, noise, np.zeros(problem.table.rows, dtype=bool), np.zeros((problem.table.rows, 3)), opening)
 
 
-def gross_beside(system: RowSystem, state: State, gross: np.ndarray, fewer: State | None = None) -> np.ndarray:
+def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarray:
     """Lone rows that an explanation cannot reach, beside the rows that were left out before.
 
     Args:
         system: linearised.
         state: the explanation.
         gross: rows left out so far, (n,) bool.
-        fewer: an explanation of less; rows that crowd among those that it cannot reach are no lone ones either.
 
     Returns:
         (n,) bool; as given where so many are far that the explanation is to blame.
@@ -95,14 +94,19 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray, fewer: Stat
         left.append(system.left(state.columns, state.posterior.values))
     here, problem = np.ones(len(left[0]), dtype=bool), system.at.problem
     places, found = places_of(problem)[system.rows], gross.copy()
-    also = np.zeros(len(here), dtype=bool)
-    if fewer is not None:
-        also = stand_out(system.left(fewer.columns, fewer.posterior.values), here, least=0.0)
     for white in left:
         white = white * np.sqrt(system.count / max(system.count - state.decided, 1.0))
-        far = stand_out(white, here, least=0.0)
-        found[system.rows[far & alone(far | also, white, here, places)]] = True
+        found[system.rows[alone(stand_out(white, here, least=0.0), white, here, places)]] = True
     return found if are_exceptions(found, problem.used) else gross
+
+
+def in_company(system: RowSystem, state: State) -> np.ndarray:
+    """Rows that an explanation cannot reach, and that do not stand alone: a place or a stretch has them, (n,) bool."""
+    left = system.left(state.columns, state.posterior.values)
+    here, problem = np.ones(len(left), dtype=bool), system.at.problem
+    far, found = stand_out(left, here, least=0.0), np.zeros(problem.table.rows, dtype=bool)
+    found[system.rows] = far & ~alone(far, left, here, places_of(problem)[system.rows])
+    return found
 
 
 def still_missed(fitted: FitResult, problem: Problem, noise: Noise, gross: np.ndarray) -> np.ndarray:
