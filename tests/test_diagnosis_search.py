@@ -14,8 +14,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import exact, score, steps
-from ptt.diagnosis import find as finding
+from ptt.diagnosis import exact, first, score, steps
 from ptt.diagnosis import search as searching
 from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.find import find
@@ -404,7 +403,7 @@ def test_moments_are_dated_before_any_swap_is_looked_for(monkeypatch):
         dated.append(any("#after" in key for key in scorer.system.atoms))
         return best_of(scorer, ends)
 
-    monkeypatch.setattr(finding, "best_of", told)
+    monkeypatch.setattr(first, "best_of", told)
     found = find(Model(MACHINE), problem, library(), lambda what: None)
     assert dated and all(dated[:1]) and {found.system.atoms[key].name for key in found.state.keys} == {"homing-slip"}
 

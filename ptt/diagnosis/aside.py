@@ -29,10 +29,11 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
     Returns:
         The joint, as 'slider 2'; None where errors come from every side, where they are few, or of a long run.
     """
-    system = found.system
-    left = found.fitted.residual
+    system, left = found.system, found.fitted.residual
+    if not isinstance(system, RowSystem):
+        return None
     rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
-    if len(rows) < FEWEST or not isinstance(system, RowSystem):
+    if len(rows) < FEWEST:
         return None
     error = left[rows] / np.linalg.norm(left[rows], axis=1)[:, None]
     shares = dict(_shares(system, problem, rows, error))
