@@ -24,6 +24,8 @@ def test_what_one_or_two_rows_show_alone_is_reined_in():
     np.testing.assert_allclose(both[:, 1], -both[:, 0])
     few = np.array([0.0, 0.0, 7.0])
     np.testing.assert_array_equal(reined(few), few)
+    rare = np.array([1.0, np.nan, 2.0, np.nan, 3.0, np.nan, np.nan])
+    np.testing.assert_array_equal(reined(rare), rare)
     gaps = np.append(pauses, np.nan)
     np.testing.assert_array_equal(reined(gaps)[:-1], held)
 

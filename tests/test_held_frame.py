@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.correct.training.train import train
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.chunks import LONG
@@ -24,25 +25,25 @@ PLACES = np.array([[300.0, 20.0, -60.0], [-150.0, 260.0, -40.0], [-140.0, -270.0
 OFFSETS = np.array([0.05, -0.03, 0.02])
 
 
-def machine() -> MachineFile:
+def machine(places: np.ndarray = PLACES) -> MachineFile:
     """The bench beside a tracker that reads four reflectors fixed to the base."""
     file = bench()
-    points = [{"name": f"base {k + 1}", "xyz_mm": place.tolist(), "sigma_mm": 1e-4} for k, place in enumerate(PLACES)]
+    points = [{"name": f"base {k + 1}", "xyz_mm": place.tolist(), "sigma_mm": 1e-4} for k, place in enumerate(places)]
     told = {"frame": "measured", "sigma_mm": NOISE, "base_point": points}
     return replace(file, tracker=TrackerSpec.model_validate(told))
 
 
-def measured(seed: int, rows: int = 200, rounds: int = 2) -> Problem:
+def measured(seed: int, rows: int = 200, rounds: int = 2, places: np.ndarray = PLACES) -> Problem:
     """Offsets of all sliders, read with rounds to four reflectors before and between them."""
-    file, random = machine(), np.random.default_rng(seed)
+    file, random = machine(places), np.random.default_rng(seed)
     robot = build_mechanism(file.machine)
     target = random.uniform(-60.0, 60.0, (rows, 3))
     joints = robot.inverse(torch.as_tensor(target)).numpy()
     there = robot.forward(torch.as_tensor(joints + OFFSETS)).numpy()
     cuts = np.linspace(0, rows, rounds, endpoint=False).astype(int)
-    before = np.repeat(cuts, len(PLACES))  # poses ahead of each reading of a reflector
-    names, none = [f"base {k + 1}" for k in range(len(PLACES))] * rounds, np.full((len(before), 3), np.nan)
-    read = np.insert(there, before, np.tile(PLACES, (rounds, 1)), axis=0)
+    before = np.repeat(cuts, len(places))  # poses ahead of each reading of a reflector
+    names, none = [f"base {k + 1}" for k in range(len(places))] * rounds, np.full((len(before), 3), np.nan)
+    read = np.insert(there, before, np.tile(places, (rounds, 1)), axis=0)
     table = make_table(
         np.insert(target, before, none, axis=0), np.insert(joints, before, none, axis=0),
         read + random.normal(0.0, NOISE, read.shape),
@@ -78,6 +79,22 @@ def test_more_readings_of_the_reflectors_make_it_surer_and_none_leave_it_as_it_i
     problem = measured(1)
     assert with_frame_doubt(few, replace(problem, base=None)) is few
     once = with_frame_doubt(few, problem)
-    monkeypatch.setattr("ptt.fitting.held_frame.LONG", 100)
+    assert few.doubt is not None and once.covariance is few.covariance  # of the tool as its frame shows it
     assert problem.table.rows < LONG
-    np.testing.assert_allclose(with_frame_doubt(few, problem).covariance, once.covariance, rtol=1e-6)
+    monkeypatch.setattr("ptt.fitting.held_frame.LONG", 100)
+    np.testing.assert_allclose(with_frame_doubt(few, problem).std, once.std, rtol=1e-6)
+
+
+def test_training_states_as_add_does():
+    problem = measured(2)
+    model = Model(machine()) + library()["homing-offset"]()
+    added = climb(Model(machine()), problem, [library()["homing-offset"]()]).steps[-1].fitted.model.terms[0]
+    trained = train(model, problem).physics.model.terms[0]
+    np.testing.assert_allclose(trained.std.numpy(), added.std.numpy(), rtol=0.05)
+
+
+def test_reflectors_in_one_line_leave_a_turn_about_it_open():
+    row = np.array([[-200.0, 0.0, -60.0], [10.0, 0.0, -60.0], [220.0, 0.0, -60.0], [300.0, 0.0, -60.0]])
+    problem = measured(5, places=row)
+    (term,) = climb(Model(problem.file), problem, [library()["homing-offset"]()]).steps[-1].fitted.model.terms
+    assert 0.05 < float(term.std.max()) < 20.0

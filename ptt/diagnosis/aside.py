@@ -14,20 +14,23 @@ FEWEST = 5  # readings that may have a way in common
 MEAN, VARIANCE = 1.0 / 3.0, 4.0 / 45.0  # of the squared cosine between a way and errors from every side
 CHANCE = 1e-4  # that gross errors of a sound run lie along any joint's way
 MOSTLY = 0.8  # mean squared cosine from which a way is theirs
+CLOSER = (
+    0.5  # share of what one fixed direction misses that the way may miss: a tracker errs along a column, or its beam
+)
 
 
 def way_in_common(found: Found, problem: Problem) -> str | None:
     """The joint along whose way the readings that were set aside are off.
 
-    A broken beam or a bump errs to every side. What sticks or jumps in one joint errs along the way that this joint
-    moves the tool, which turns from pose to pose.
+    A broken beam or a bump errs to every side, or always to the same. What sticks or jumps in one joint errs along the
+    way that this joint moves the tool, which turns from pose to pose.
 
     Args:
         found: the best explanation.
         problem: the readings.
 
     Returns:
-        The joint, as 'slider 2'; None where errors come from every side, where they are few, or of a long run.
+        The joint, as 'slider 2'; None where errors are to every side or to one, where they are few, or of a long run.
     """
     system, left = found.system, found.fitted.residual
     if not isinstance(system, RowSystem):
@@ -39,9 +42,13 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
     shares = dict(_shares(system, problem, rows, error))
     if not shares:
         return None
-    place = max(shares, key=lambda name: shares[name])
+    place, fixed = (
+        max(shares, key=lambda name: shares[name]),
+        float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(rows),
+    )
     beyond = max(shares[place] - MEAN, 0.0) ** 2 * len(rows) / VARIANCE
-    return place if shares[place] > MOSTLY and chi2_sf(beyond, 1) * len(shares) < CHANCE else None
+    theirs = shares[place] > MOSTLY and 1.0 - shares[place] < CLOSER * (1.0 - fixed)
+    return place if theirs and chi2_sf(beyond, 1) * len(shares) < CHANCE else None
 
 
 def _shares(system: RowSystem, problem: Problem, rows: np.ndarray, error: np.ndarray) -> Iterator[tuple[str, float]]:

@@ -206,11 +206,11 @@ def _set_up(problem: Problem, span: Span) -> Place:
 
 def stand_of(problem: Problem) -> Place:
     """Where a tracker stands: shift and turn of the readings, turns at the root mean square of the coordinates."""
-    p = problem.view.p.numpy()
-    radius = float(np.sqrt(np.square(p - p.mean(axis=0)).sum(axis=1).mean()))
-    turns = [np.cross(axis, p) / radius for axis in np.eye(3)]
+    arm = problem.view.p.numpy() - problem.view.p.numpy().mean(axis=0)
+    radius = max(float(np.sqrt(np.square(arm).sum(axis=1).mean())), 1e-9)
+    turns = [np.cross(axis, arm) / radius for axis in np.eye(3)]
     return Place(
-        "set-up", np.concatenate([np.broadcast_to(np.eye(3), (len(p), 3, 3)), np.stack(turns, axis=2)], axis=2)
+        "set-up", np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), np.stack(turns, axis=2)], axis=2)
     )
 
 

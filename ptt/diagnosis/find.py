@@ -158,7 +158,7 @@ def _turned(
     scorer, state, waves = with_harmonics(found.scorer, found.state, problem, turn.seen)
     system = scorer.system
     assert isinstance(system, RowSystem)
-    found = replace(found, scorer=scorer, system=system, state=state)
+    found = replace(found, scorer=scorer, system=system, state=state, seen=(*turn.seen, *waves))
     line = find_period(scorer, state, problem, turn.periods, waves)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
@@ -171,7 +171,8 @@ def _turned(
         again = _with_moments(found, candidates)
         steady = again.state.keys == state.keys
         found = again if steady else found
-    following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None)
+    seen = (*turn.seen, *waves)
+    following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None, seen=seen)
     if steady or turn.number == TURNS - 2:
         needless = find_needless(found if steady else _fitted_beside(found, problem), problem)
         if needless:
@@ -191,7 +192,7 @@ def _turned(
         kept=(*current.keys, *blocks),
         moments=unlike([*moments, *moments_of(current)]),
         periods=periods if line is None else (*periods, (line.joint, line.length)),
-        seen=(*turn.seen, *waves), opening=opening,
+        opening=opening,
     )  # fmt: skip
 
 

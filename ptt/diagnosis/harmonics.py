@@ -35,7 +35,7 @@ def with_harmonics(
         offered: harmonics that the state could have taken.
 
     Returns:
-        A scorer that knows what was scored before, what is said now, and the harmonics that were found worth a try.
+        A scorer that knows what was scored before, what is said now, and the harmonics among that.
     """
     plain = plainly(scorer, state)
     for start in (state, plain) if plain is not state else (state,):
@@ -53,7 +53,8 @@ def with_harmonics(
         best = plainest(wider, max(state, other, key=lambda each: each.total))
         said = {wider.system.atoms[key].name for key in best.keys}
         waves = tuple(wave for wave in waves if wave.key in said)
-        return (wider, best, waves) if waves else (scorer, state, ())
+        if waves:
+            return wider, best, waves
     return scorer, state, ()
 
 

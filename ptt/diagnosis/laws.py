@@ -63,10 +63,18 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     for gone in (*combinations(sudden, 2), *combinations(sudden, 3)):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone, is_spell)
-    happened = tuple(
-        key for key in best.keys if is_sudden(wider.system.atoms[key]) or is_spell(wider.system.atoms[key])
-    )
-    return wider, _instead(wider, best, happened, is_spell) if len(happened) > AGAIN else best
+    happened = tuple(key for key in loose(wider, best) if _is_timed(wider.system.atoms[key]))
+    return wider, _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > AGAIN else best
+
+
+def _moments(scorer: Scorer, state: State) -> list[float]:
+    """By the clock, when something seems to have happened, in order."""
+    moments = (scorer.system.atoms[key].moment for key in loose(scorer, state))
+    return sorted({moment for moment in moments if moment is not None})
+
+
+def _is_timed(atom: Atom) -> bool:
+    return is_sudden(atom) or is_spell(atom)
 
 
 def is_law(atom: Atom) -> bool:
@@ -103,8 +111,7 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
     """The same problem with the laws of each place that say most beside some sets; all of them would fill gigabytes."""
     system = scorer.system
     assert isinstance(system, RowSystem)
-    moments = [atom.moment for key in state.keys if (atom := system.atoms[key]).moment is not None]
-    places = list(laws_of(system.at.problem, system.at.chain, sorted(moments)))
+    places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state)))
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)
@@ -152,8 +159,8 @@ def _name(key: str) -> str:
 
 
 def _priced(atom: Atom, odds: float) -> Atom:
-    """A jump costs what choosing among its heights costs, and twice that what has two of them."""
-    jumps = 2 if SPELL in atom.key else atom.key != _name(atom.key)
+    """A jump costs what choosing among its heights costs, and as often as it has heights or moments."""
+    jumps = len(atom.key.partition("#")[2].split())
     return replace(atom, name=_name(atom.key), odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
 
 
@@ -220,7 +227,9 @@ def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
         if name.startswith("direction"):
             yield name, values[:, None]
         elif not name.startswith(NEVER):
-            yield name, _curve(np.nan_to_num(values, nan=float(np.nanmean(values))), FINE)
+            known = np.nan_to_num(values, nan=float(np.nanmean(values)))
+            if np.ptp(reined(known)) > 0.0:  # else one or two rows alone differ
+                yield name, _curve(known, FINE)
 
 
 def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], np.ndarray]]:
@@ -268,7 +277,7 @@ def _spells(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str, s
     for first, last in combinations(moments, 2):
         yield "time", f"{first!r} {last!r}", (clock > first) & (clock <= last)
     if len(moments) > AGAIN:
-        yield "time", "steps", clock[:, None] > np.array(moments)
+        yield "time", " ".join(map(repr, moments)), clock[:, None] > np.array(moments)
 
 
 def _is_passed_again(passed: np.ndarray) -> bool:

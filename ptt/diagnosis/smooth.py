@@ -24,10 +24,10 @@ def reined(values: np.ndarray) -> np.ndarray:
     Args:
         values: (n, ...) of columns; NaN where unknown.
     """
-    if len(values) < 2 * FEW:
+    known = np.isfinite(values).sum(axis=0)
+    if (known < 2 * FEW).any():
         return values
     order, middle = np.sort(values, axis=0), np.nanmedian(values, axis=0)
-    known = np.isfinite(values).sum(axis=0)
     third = np.take_along_axis(order, np.expand_dims(np.maximum(known - FEW, 0), 0), axis=0)[0]
     return np.asarray(np.clip(values, 2.0 * order[FEW - 1] - middle, 2.0 * third - middle))
 

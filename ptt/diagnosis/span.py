@@ -112,7 +112,7 @@ def _contexts(problem: Problem) -> Iterator[Context]:
     for name, values in moves_of(problem).items():
         yield Context(name, _bowed(reined(_by_shares(values))), fields=False)
     for title, values in watched_values(problem.table).items():
-        yield Context(title, _bowed(np.nan_to_num(reined(values) - np.nanmean(values))))
+        yield Context(title, _bowed(np.nan_to_num((held := reined(values)) - np.nanmean(held))))
 
 
 def _by_shares(values: np.ndarray) -> np.ndarray:

@@ -18,7 +18,8 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
     """A fit whose frames stood where base reflectors put them, its errors with those of the frames.
 
     The unknowns u of a fit beside held frames f move with these by -(X^T X + W)^-1 X^T F, X and F being the columns of
-    both and W the weight of the prior; and the reflectors tell the frames no better than (B^T B)^-1.
+    both and W the weight of the prior; and the reflectors B tell the frames no better than (B^T B + 1)^-1, in usual
+    sizes, for some in one line leave a turn about it open.
 
     Args:
         fitted: found with the frames held.
@@ -35,6 +36,6 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
     base = system.sums(np.zeros_like(kept))[0]
     rows, count = system.sums(kept)[0] - base, len(fitted.unknowns)
     moved = np.linalg.solve(rows[:count, :count] + np.diag(fitted.prior.weight), rows[:count, count:])
-    more = moved @ inverse(base[count:, count:]) @ moved.T * np.outer(fitted.layout.scale, fitted.layout.scale)
-    result = replace(fitted, covariance=fitted.covariance + more)
+    spread = inverse(base[count:, count:] + np.eye(6 * problem.frames))
+    result = replace(fitted, doubt=np.einsum("ij,jk,ik->i", moved, spread, moved) * fitted.layout.scale**2)
     return replace(result, model=replace(result.model, terms=fitted_terms(result)))

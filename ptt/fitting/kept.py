@@ -72,9 +72,7 @@ def keep_covariance(
         return None
     names = [_plain_name(name, fitted.layout.frames, fitted.layout.mounts) for name in fitted.layout.names]
     first = [row for row, name in enumerate(names) if name not in names[:row]]
-    inner = np.sqrt(np.diag(fitted.covariance))
-    wide = fitted.std / np.where(inner > 0.0, inner, 1.0)
-    covariance = (fitted.covariance * np.outer(wide, wide))[np.ix_(first, first)]
+    covariance = fitted.covariance[np.ix_(first, first)]
     size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     strength, way = np.linalg.eigh(covariance / np.outer(size, size))
     root = size[:, None] * way * np.sqrt(np.maximum(strength, 0.0))

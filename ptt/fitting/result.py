@@ -37,6 +37,8 @@ class FitResult:
         prior: how large the unknowns may be, and how much wider than stated the rows scatter.
         iterations: evaluations of the derivative.
         status: 'converged' or what kept it from converging.
+        doubt: (u,) what frames that were held leave uncertain of the unknowns, variances in their own units; None where
+            none was held. It moves all of the tool as a frame does, so the covariance is without it.
     """
 
     model: Model
@@ -55,6 +57,7 @@ class FitResult:
     prior: Prior
     iterations: int
     status: str
+    doubt: np.ndarray | None = None
 
     @property
     def values(self) -> np.ndarray:
@@ -69,7 +72,7 @@ class FitResult:
     @property
     def std(self) -> np.ndarray:
         """Standard errors of the unknowns in their own units, (u,)."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt(np.diag(self.covariance) + (0.0 if self.doubt is None else self.doubt))
 
     @property
     def measured(self) -> np.ndarray:

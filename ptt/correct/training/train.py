@@ -1,6 +1,6 @@
 """Training: fit the physics, let a Gaussian RBF network learn what is left, and say how well both hold out."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from ptt.correct.training.nested import Figures, HeldOut, better_space, hold_out
 from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
 from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, random_protocol
 from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_rest, rest_of, spaces_of
+from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.solve import hold_to_base, rms
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
@@ -83,13 +84,13 @@ def train(
     Raises:
         TableError: too few poses to hold any out.
     """
-    problem = hold_to_base(model, problem)
+    free, problem = problem, hold_to_base(model, problem)
     protocol = protocol or block_protocol(problem)
     tell = progress or unwatched
     spaces = spaces_of(problem)
     steps = 1 + len(spaces) + len(protocol.folds)
     tell("fit", 0, steps)
-    fitted = fit_physics(model, problem)
+    fitted = _as_sure(fit_physics(model, problem), free)
     rows = sound(problem, fitted)
     networks: dict[Space, RbfTraining] = {}
     for number, space in enumerate(spaces):
@@ -119,3 +120,11 @@ def train(
         space,
         held.spaces_um(),
     )
+
+
+def _as_sure(physics: Physics, free: Problem) -> Physics:
+    """Physics fitted beside held frames, as sure as the base reflectors of the free problem make it."""
+    if physics.fitted is None:
+        return physics
+    fitted = with_frame_doubt(physics.fitted, free)
+    return replace(physics, fitted=fitted, model=fitted.model)
