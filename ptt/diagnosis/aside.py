@@ -13,17 +13,17 @@ from ptt.run.tails import chi2_sf
 FEWEST = 5  # readings that may have a way in common
 MEAN, VARIANCE = 1.0 / 3.0, 4.0 / 45.0  # of the squared cosine between a way and errors from every side
 CHANCE = 1e-4  # that gross errors of a sound run lie along any joint's way
+ACCIDENT = 0.01  # chance that one direction for all is as near to the way of any joint
 MOSTLY = 0.8  # mean squared cosine from which a way is theirs
-CLOSER = (
-    0.5  # share of what one fixed direction misses that the way may miss: a tracker errs along a column, or its beam
-)
+CLOSER = 0.5  # share of what one direction for all misses that the way may miss: trackers err along their beam
 
 
 def way_in_common(found: Found, problem: Problem) -> str | None:
     """The joint along whose way the readings that were set aside are off.
 
     A broken beam or a bump errs to every side, or always to the same. What sticks or jumps in one joint errs along the
-    way that this joint moves the tool, which turns from pose to pose.
+    way that this joint moves the tool, which turns from pose to pose; where it hardly turns, the one side that all err
+    to is hardly just this way by accident.
 
     Args:
         found: the best explanation.
@@ -47,7 +47,8 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
         float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(rows),
     )
     beyond = max(shares[place] - MEAN, 0.0) ** 2 * len(rows) / VARIANCE
-    theirs = shares[place] > MOSTLY and 1.0 - shares[place] < CLOSER * (1.0 - fixed)
+    turns = shares[place] > MOSTLY and 1.0 - shares[place] < CLOSER * (1.0 - fixed)
+    theirs = turns or len(shares) * (1.0 - np.sqrt(shares[place])) < ACCIDENT
     return place if theirs and chi2_sf(beyond, 1) * len(shares) < CHANCE else None
 
 
