@@ -38,14 +38,12 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
     rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
     if len(rows) < FEWEST:
         return None
-    error = left[rows] / np.linalg.norm(left[rows], axis=1)[:, None]
+    error = left[rows] / np.maximum(np.linalg.norm(left[rows], axis=1), 1e-12)[:, None]
     shares = dict(_shares(system, problem, rows, error))
     if not shares:
         return None
-    place, fixed = (
-        max(shares, key=lambda name: shares[name]),
-        float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(rows),
-    )
+    place = max(shares, key=lambda name: shares[name])
+    fixed = float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(rows)
     beyond = max(shares[place] - MEAN, 0.0) ** 2 * len(rows) / VARIANCE
     turns = shares[place] > MOSTLY and 1.0 - shares[place] < CLOSER * (1.0 - fixed)
     theirs = turns or len(shares) * (1.0 - np.sqrt(shares[place])) < ACCIDENT

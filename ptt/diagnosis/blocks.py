@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from ptt.dependence.contexts import rigid_slopes
 from ptt.diagnosis.smooth import cosines, harmonics, legendre, product, scaled
 from ptt.diagnosis.span import Context, Span, span_of
 from ptt.effects.geometry import horizontal_axes
@@ -206,12 +207,9 @@ def _set_up(problem: Problem, span: Span) -> Place:
 
 def stand_of(problem: Problem) -> Place:
     """Where a tracker stands: shift and turn of the readings, turns at the root mean square of the coordinates."""
-    arm = problem.view.p.numpy() - problem.view.p.numpy().mean(axis=0)
-    radius = max(float(np.sqrt(np.square(arm).sum(axis=1).mean())), 1e-9)
-    turns = [np.cross(axis, arm) / radius for axis in np.eye(3)]
-    return Place(
-        "set-up", np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), np.stack(turns, axis=2)], axis=2)
-    )
+    p = problem.view.p.numpy()
+    radius = max(float(np.sqrt(np.square(p - p.mean(axis=0)).sum(axis=1).mean())), 1e-9)
+    return Place("set-up", rigid_slopes(p) / np.repeat([1.0, radius], 3))
 
 
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:

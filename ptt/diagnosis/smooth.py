@@ -28,7 +28,7 @@ def reined(values: np.ndarray) -> np.ndarray:
     if (known < 2 * FEW).any():
         return values
     order, middle = np.sort(values, axis=0), np.nanmedian(values, axis=0)
-    third = np.take_along_axis(order, np.expand_dims(np.maximum(known - FEW, 0), 0), axis=0)[0]
+    third = np.take_along_axis(order, np.expand_dims(known - FEW, 0), axis=0)[0]
     return np.asarray(np.clip(values, 2.0 * order[FEW - 1] - middle, 2.0 * third - middle))
 
 

@@ -147,10 +147,7 @@ def conclude(
         told = replace(told, steps=())
         terms = sent = tuple(term for term in found.fitted.model.terms if term.effect.key in scorer.given)
     named = told.steps
-    unproven = tuple(atoms[key].name for key in told.unproven)
-    stated = stated_noise(problem, found.system, state)
-    aside = way_in_common(found, problem)
-    rest = with_objections(rest, told.faithful, unproven, visit_left(found.system, state), stated, beyond, aside)
+    rest = _objected(rest, found, told, problem, beyond)
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
     noise = noise_after(problem, found.system, state)
@@ -185,6 +182,14 @@ def conclude(
         words="",
     )
     return replace(result, words=explain_verdict(result, steps))
+
+
+def _objected(rest: Rest, found: Found, told: Named, problem: Problem, beyond: tuple[str, ...]) -> Rest:
+    """The rest with all that speaks against what was found."""
+    system, state = found.system, found.state
+    unproven = tuple(system.atoms[key].name for key in told.unproven)
+    left, stated = visit_left(system, state), stated_noise(problem, system, state)
+    return with_objections(rest, told.faithful, unproven, left, stated, beyond, way_in_common(found, problem))
 
 
 def _depends_on(

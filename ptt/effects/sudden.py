@@ -31,10 +31,6 @@ class Sudden(Effect):
         """Readings enough on both sides of any moment."""
         return None if len(self._told(view)) >= LEAST else f"at least {LEAST} rows with a reading"
 
-    def clock(self, view: View) -> Tensor:
-        """As `run_clock`."""
-        return run_clock(view)
-
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """Moments spread over the run, with at least a few readings on either side.
 
@@ -46,19 +42,19 @@ class Sudden(Effect):
 
     def _told(self, view: View) -> Tensor:
         """The clock of the rows that have a reading."""
-        return self.clock(view) if view.read is None else self.clock(view)[view.read]
+        return run_clock(view) if view.read is None else run_clock(view)[view.read]
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Every row between the trials two before and two after: rows that look gross can blur the first choice."""
         tried = torch.cat([trial["after"] for trial in self.search(view)])
         place = int(torch.argmin((tried - shape["after"]).abs()))
         low, high = tried[max(place - 2, 0)], tried[min(place + 2, len(tried) - 1)]
-        moments = self.clock(view).unique()
+        moments = run_clock(view).unique()
         return tuple({"after": moment.reshape(1)} for moment in moments[(moments >= low) & (moments <= high)])
 
     def since(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Which rows come after the moment, (n,) as numbers 0 and 1."""
-        return (self.clock(view) > shape["after"]).to(view.q.dtype)
+        return (run_clock(view) > shape["after"]).to(view.q.dtype)
 
     def cause(self, theta: Tensor, view: View) -> str:
         """With the moment."""

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.sudden import ALWAYS, Sudden
+from ptt.effects.sudden import ALWAYS, Sudden, run_clock
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.sums import Sums, accumulate
 from ptt.fitting.whitened import build_system, turned, whiten
@@ -155,7 +155,7 @@ class Place:
         if not isinstance(effect, Sudden) or len(shapes) < 2:
             count = len(tried_sizes(effect, self.problem))
             return [signature(self.chain, effect, shape)[..., :count] for shape in shapes]
-        whole, clock = signature(self.chain, effect, ALWAYS), effect.clock(self.problem.view)
+        whole, clock = signature(self.chain, effect, ALWAYS), run_clock(self.problem.view)
         return [whole * (clock > shape["after"]).to(whole.dtype)[:, None, None] for shape in shapes]
 
 

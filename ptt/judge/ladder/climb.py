@@ -125,6 +125,8 @@ def _measure(
     tell = progress or unwatched
     hidden = folds(problem.table, FOLDS)
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
+    if rungs[-1][1] != "given":  # the last is what is stated
+        fits[-1] = with_frame_doubt(fits[-1], problem)
     rows = problem.used & ~fits[-1].outliers
     for residual in (*(item.residual for item in fits), *held_out):
         rows = rows & np.isfinite(residual).all(axis=1)
@@ -157,10 +159,7 @@ def _fitted(
         tell(name, number * (len(hidden) + 1), total)
         last = fits[-1] if fits else None
         there = _held_to_base(rung, problem, noise, last)
-        if kind == "given":
-            fits.append(residual_of(rung, problem, noise=noise))
-        else:
-            fits.append(with_frame_doubt(fit_rung(rung, there, noise, last), problem))
+        fits.append(residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, there, noise, last))
         # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
         if problem.table.rows > LONG:
             held_out.append(_judged(hidden_residual(fits[-1], there, hidden), there, hidden))
