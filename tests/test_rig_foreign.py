@@ -263,3 +263,17 @@ def test_what_the_leaflet_says_is_what_one_coordinate_scatters_by() -> None:
     ):
         error = errors({**values, "station_mm": [0.0, 0.0, 300.0]}, still)
         assert stated_sigma(values, 3000.0) == pytest.approx(np.sqrt(np.square(error).mean()), rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ("white", "heavy", "range", "anisotropic", "quantised", "axes"))
+def test_what_a_file_states_is_the_scatter_from_where_the_tracker_stands(kind: str) -> None:
+    """Within the quarter by which a leaflet is off: what is stated for another place is no figure of this one."""
+    told = 0
+    for seed in range(12):
+        drawn = draw_foreign(seed, noise=kind)
+        sigma = drawn.rig.machine.tracker.sigma_mm
+        if sigma is not None:
+            told += 1
+            poses = drawn.targets[list(TARGET)].dropna().to_numpy(float)
+            assert 0.75 < sigma / (reading_noise(drawn.rig, poses).total / np.sqrt(3.0)) < 1.35
+    assert told > 3

@@ -69,7 +69,8 @@ def draw_foreign(
     datum = int(random.integers(10, 30)) * int(random.random() < 0.3)
     tracker["datum_every"] = 0 if moving else datum  # nobody breaks off a smooth run
     told = random.random() < 0.5
-    file = _tell(foreign.file, stated_sigma(values, AWAY) * random.uniform(0.8, 1.25) if told else None)
+    away = float(np.linalg.norm(tracker["station_mm"]))
+    file = _tell(foreign.file, stated_sigma(values, away) * random.uniform(0.8, 1.25) if told else None)
     dwell = float(np.round(random.uniform(2.0, 12.0), 1))
     content = {"seed": seed, "conditions": {"dwell_s": dwell, **conditions}, "tracker": tracker}
     rig = parse_rig({"machine": {"kind": "three-ptt", **_dump(spec)}, **content})
