@@ -150,3 +150,34 @@ def test_a_unit_of_length_that_is_wrong_leaves_no_reflector_out():
     visits = {name: np.tile(spot * (1.0 + 4e-5), (2, 1)) for name, spot in place.items()}
     rows = {name: np.array([number, 50 + number]) for number, name in enumerate(place)}
     assert all(own.all() for own in sound_visits(visits, rows, place, 0.01).values())
+
+
+def test_a_visit_that_is_off_across_most_distances_is_left_out_beside_a_knock():
+    """Two of its three distances change by less than air does; no motion of the round brings it home."""
+    spots = np.array([[211.0, 420.0, 33.0], [-462.0, -85.0, -5.0], [284.0, -374.0, -87.0], [11.0, -13.0, 414.0]])
+    place = {str(number): spot for number, spot in enumerate(spots)}
+    rows = {name: np.array([number, 50 + number]) for number, name in enumerate(place)}
+    random = np.random.default_rng(5)
+    lost, found = 0, 0
+    for _ in range(200):
+        moved = spots + 0.1 + np.cross([4e-4, -3e-4, 2e-4], spots)
+        rounds = np.stack([spots, moved]) + random.normal(0.0, 0.006, (2, 4, 3))
+        sound = sound_visits(dict(zip(place, rounds.swapaxes(0, 1), strict=True)), rows, place, 0.005)
+        lost += sum((~own).sum() for own in sound.values())
+        rounds[1, 0] += [0.096, -0.194, -0.128]
+        sound = sound_visits(dict(zip(place, rounds.swapaxes(0, 1), strict=True)), rows, place, 0.005)
+        found += sum((~own).sum() for own in sound.values()) == 1 and not sound["0"][1]
+    assert lost <= 2  # of 1,600
+    assert found >= 190
+
+
+def test_readings_of_reflectors_are_judged_however_many_rounds_there_are():
+    """Stretched as a whole they are the tracker's scale; what is off in one round is off there alone."""
+    place = {str(number): spot for number, spot in enumerate(1.0001 * PLACES)}
+    rows = {name: np.arange(300) * 10 + number for number, name in enumerate(place)}
+    visits = {name: PLACES[number] + np.zeros((300, 3)) for number, name in enumerate(place)}
+    random = np.random.default_rng(6)
+    visits = {name: read + random.normal(0.0, 0.004, read.shape) for name, read in visits.items()}
+    visits["2"][170] += [0.1, 0.1, -0.1]
+    sound = sound_visits(visits, rows, place, 0.005)
+    assert not sound["2"][170] and sum((~own).sum() for own in sound.values()) == 1

@@ -4,11 +4,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ptt.run.frames import kabsch
+
 FAR = 8.0  # standard deviations of one coordinate by which a visit's distances may be off
 WORSE = 5.0  # and times the misfit of the worst of the best three: a wrong drawing puts all visits off alike
 ENOUGH = 3  # reflectors that hold a frame
 LONG = 5e-5  # share by which a tracker may read all lengths too long or too short: fifty degrees of air
 AS_LINE = 0.02  # share of their length by which reflectors that hold one lie off a line at the least
+MOTION = 7  # ways in which a round of visits may be moved and stretched as a whole
 
 
 def sound_visits(
@@ -37,7 +40,8 @@ def sound_visits(
         kept = {name: off <= max(FAR * sigma, WORSE * best) for name, off in misfit.items()}
         if not _hold(np.array([place[name] for name, own in kept.items() if own.any()])):
             kept = {name: off <= max(FAR * sigma, WORSE * float(off.min())) for name, off in misfit.items()}
-    return kept
+    alone = _alone(visits, rows, place, kept, sigma)
+    return {name: own & ~alone[name] for name, own in kept.items()}
 
 
 def _misfit(
@@ -57,6 +61,51 @@ def _misfit(
         off[index] = np.abs(np.linalg.norm(visits[name] - visits[other][own][near], axis=1) - drawn) - LONG * drawn
     of_most = (len(off) - 1) // 2  # of two, where one may be the other's fault, the lesser
     return np.asarray(np.sort(off, axis=0)[of_most])
+
+
+def _alone(
+    visits: Mapping[str, np.ndarray],
+    rows: Mapping[str, np.ndarray],
+    place: Mapping[str, np.ndarray],
+    kept: Mapping[str, np.ndarray],
+    sigma: float,
+) -> dict[str, np.ndarray]:
+    """Visits that alone keep those beside them from being the drawing, moved and stretched as a whole, (v,) bool each.
+
+    A beam that is broken halfway across some distances changes few of them by much, but no motion brings it home. What
+    leaving a visit out takes off the sum of squares is held against the rest's, as its leverage has it.
+    """
+    names = [name for name, own in kept.items() if own.any()]
+    alone = {name: np.zeros(len(read), dtype=bool) for name, read in visits.items()}
+    spots = np.array([place[name] for name in names])
+    if len(names) <= ENOUGH or not all(_hold(np.delete(spots, index, axis=0)) for index in range(len(names))):
+        return alone
+    turn, shift = kabsch(spots, np.array([np.median(visits[name][kept[name]], axis=0) for name in names]))
+    error = {name: (visits[name] - shift) @ turn - place[name] for name in names}
+    ways = np.linalg.qr(_ways(spots))[0]
+    free = np.linalg.inv(np.eye(3) - np.einsum("kcw,kdw->kcd", *(2 * [ways.reshape(len(names), 3, MOTION)])))
+    for index, name in enumerate(names):
+        own = np.flatnonzero(kept[name])
+        beside = np.empty((len(own), len(names), 3))
+        for other, one in enumerate(names):
+            seen = np.flatnonzero(kept[one])
+            beside[:, other] = error[one][seen[np.abs(rows[name][own, None] - rows[one][seen]).argmin(axis=1)]]
+        flat = beside.reshape(len(own), -1)
+        left = flat - (flat @ ways) @ ways.T
+        each = left.reshape(beside.shape)
+        takes = np.einsum("vkc,kcd,vkd->vk", each, free, each)
+        rest = (np.square(left).sum(axis=1) - takes[:, index]) / (3 * (len(names) - 1) - MOTION)
+        most = np.maximum((FAR * sigma) ** 2, WORSE**2 * rest)
+        alone[name][own] = (takes.argmax(axis=1) == index) & (takes[:, index] > most)
+    return alone
+
+
+def _ways(place: np.ndarray) -> np.ndarray:
+    """How reflectors at some places, (r, 3) mm, move as one: shifted, turned and stretched, (3 r, 7)."""
+    arm = place - place.mean(axis=0)
+    shifts = np.tile(np.eye(3), (len(arm), 1))
+    turns = np.cross(np.eye(3), arm[:, None]).transpose(0, 2, 1).reshape(-1, 3)
+    return np.column_stack([shifts, turns, arm.ravel()])
 
 
 def _hold(place: np.ndarray) -> bool:
