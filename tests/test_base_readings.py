@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ptt.challenge.challenge import bench as bench_machine
+from ptt.diagnosis.system import clock_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.linear import assemble
@@ -117,6 +118,13 @@ def test_columns_at_the_reflectors_are_those_of_the_tracker_alone():
     jump = linear.base_columns[..., linear.trials[0].columns]
     moved = (np.array(problem.table.role) == "base") & (np.arange(problem.table.rows) > 60)
     assert np.linalg.matrix_rank(jump.reshape(-1, 6)) == 6 and moved.sum() == len(PLACES)
+
+
+def test_a_wander_that_outlasts_a_run_has_come_no_further_before_it_where_reflectors_tell_the_frame():
+    """Else it shifts the whole run for nothing, and what the machine is off by from the base is its noise."""
+    problem = measured_run(0.0 * KNOCK)
+    clock = clock_of(problem, problem.used)
+    assert clock.begun(4.0 * clock.span)[0] < 0.5
 
 
 @pytest.mark.parametrize("gross", [{2: 0.5}, {2: 0.5, 5: -0.4}, {2: 0.45, 6: 0.7}, {2: 0.45, 5: 0.4, 6: 0.7}])

@@ -176,8 +176,8 @@ def clock_of(problem: Problem, rows: np.ndarray) -> Clock:
     number = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
     time = view.time.numpy() if "time" in view.varies else number
     run = view.run.numpy()[rows]
-    trusted = problem.file.tracker.frame == "trusted"
-    return Clock(time[rows], np.diff(run, prepend=run[:1] - 1) != 0, registered=trusted)
+    registered = problem.file.tracker.frame in ("trusted", "measured")
+    return Clock(time[rows], np.diff(run, prepend=run[:1] - 1) != 0, registered)
 
 
 def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = slice(None)) -> np.ndarray:

@@ -73,7 +73,7 @@ class Clock:
     Attributes:
         time: (n,) s, or the row's number.
         starts: first row of each run, (n,) bool.
-        registered: the frame was registered as each run began, and is trusted.
+        registered: the frame was registered as each run began: it is trusted, or told by reflectors fixed to the base.
     """
 
     time: np.ndarray
@@ -118,8 +118,8 @@ class Clock:
         """Share of its variance that a wander has at the first row of each run, (n,); one at the others.
 
         Where a frame was registered as the run began, the stand has until then come no further than it does from the
-        first row to the last: a wander that outlasts the run would else shift a trusted frame for nothing, which is
-        what zeros and towers do. A frame that is fitted takes that level itself.
+        first row to the last: a wander that outlasts the run would else shift such a frame for nothing, which is what
+        zeros and towers do. A frame that is fitted takes that level itself.
         """
         whole = np.ones(len(self.time))
         if not self.registered:
