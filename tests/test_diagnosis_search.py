@@ -290,6 +290,20 @@ def test_a_pose_that_most_visits_miss_alike_has_no_gross_errors(often):
     assert lone[[11, 21]].all() and bool(lone[[10, 30]].all()) is (often > 2)
 
 
+@pytest.mark.parametrize(("others", "gone", "gross"), [(0, 0, False), (60, 0, True), (0, 60, True)])
+def test_two_visits_that_miss_alike_are_chance_where_so_many_beams_were_broken(others, gone, gross):
+    """Of 400 poses that were visited twice one pair of broken beams agrees; alone it is the pose."""
+    random = np.random.default_rng(4)
+    pose = 100.0 * random.normal(size=(400, 9))
+    left, places = random.normal(size=(800, 3)), np.tile(pose, (2, 1))
+    wide = 2 + np.arange(others) * 6
+    left[wide] += 30.0 * random.normal(size=(others, 3))
+    left[[1, 401]] = (0.0, 25.0, 0.0)
+    rows = np.ones(800, dtype=bool)
+    lone = alone(stand_out(left, rows), left, rows, places, gone)
+    assert bool(lone[[1, 401]].all()) is gross and lone[[1, 401]].any() == gross
+
+
 def test_a_second_knock_without_a_first_is_the_first():
     assert first_of("setup-jump[second]", {"setup-jump[second]", "backlash"}) == "setup-jump"
     assert first_of("setup-jump[second]", {"setup-jump[second]", "setup-jump"}) == "setup-jump[second]"

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ptt.fitting.outliers import linear_residual
+from ptt.fitting.stretches import agree_by_chance
 from ptt.run.problem import Problem
 from ptt.run.same_pose import same_places
 from ptt.run.tails import chi2_isf, chi2_median, poisson_sf
@@ -84,7 +85,7 @@ def stand_out(left: np.ndarray, rows: np.ndarray, least: float = 1.0) -> np.ndar
     return rows & (squared > TAIL * width * chi2_isf(CHANCE / max(int(rows.sum()), 1), 3))
 
 
-def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
+def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int = 0) -> np.ndarray:
     """Far rows that stand alone: several in a row with one shift are a knock, a slip or another reflector.
 
     Broken beams may follow each other too, but each is off by something of its own. They also come wherever the machine
@@ -96,6 +97,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         left: what a model leaves, (n, 3) in units of noise.
         used: rows whose readings count, (n,) bool.
         places: of the rows, as `places_of` has them, (n, c).
+        gone: how many other rows were set aside already.
 
     Returns:
         (n,) bool; none where so many are far that the model is to blame.
@@ -107,7 +109,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
-    lone = far & (company < COMPANY) & ~_crowded(far, used, places) & ~_again(far, left, used, places)
+    lone = far & (company < COMPANY) & ~_crowded(far, used, places) & ~_again(far, left, used, places, gone)
     return lone if are_exceptions(lone, used) else np.zeros_like(far)
 
 
@@ -123,18 +125,20 @@ def places_of(problem: Problem) -> np.ndarray:
     return np.column_stack([q, p, np.abs(np.diff(q, axis=0, prepend=q[:1]))])
 
 
-def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Far rows that miss a pose as most other visits of it do: broken beams agree by chance, but not mostly."""
+def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int) -> np.ndarray:
+    """Far rows that miss a pose as most other visits of it do; broken beams agree by chance alone, and not mostly."""
     again, joints = np.zeros_like(far), (places.shape[1] - 3) // 2
     pose = same_places(places[:, joints : joints + 3])
-    visits = np.bincount(pose, used)
+    visits, pairs = np.bincount(pose, used), 0.0
     for number in np.flatnonzero(np.bincount(pose, far) > 1):
         rows = np.flatnonzero(far & (pose == number))
         size = np.linalg.norm(left[rows], axis=1)
         apart = np.linalg.norm(left[rows, None] - left[None, rows], axis=2)
         alike = (apart < ALIKE * np.maximum(size[:, None], size)).sum(axis=1)  # itself included
+        pairs += (alike - 1).sum() / 2.0
         again[rows] = (alike > 1) & (alike >= MOSTLY * visits[number])
-    return again
+    share = (far.sum() + gone) / max(used.sum() + gone, 1)
+    return np.zeros_like(far) if agree_by_chance(pairs, share, visits) else again
 
 
 def _crowded(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:

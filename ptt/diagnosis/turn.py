@@ -96,7 +96,8 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarr
     places, found = places_of(problem)[system.rows], gross.copy()
     for white in left:
         white = white * np.sqrt(system.count / max(system.count - state.decided, 1.0))
-        found[system.rows[alone(stand_out(white, here, least=0.0), white, here, places)]] = True
+        far = stand_out(white, here, least=0.0)
+        found[system.rows[alone(far, white, here, places, int(gross.sum()))]] = True
     return found if are_exceptions(found, problem.used) else gross
 
 

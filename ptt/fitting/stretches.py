@@ -10,11 +10,14 @@ from ptt.run.holdout import pose_groups
 from ptt.run.noise import SAME_FEED, SAME_LOAD, Noise
 from ptt.run.problem import Problem
 from ptt.run.same_pose import number_alike
+from ptt.run.tails import poisson_sf
 
 LEAST = 3  # rows from which a stretch is no chance: with one reading in twelve lost, one run in six has such three
 OWN_SIZE = 1.0  # mm: a machine is off by as much in all, but not from one row to the next; reflectors and knocks are
 SHARE = 0.25  # of all rows: a minority that the others outvote; of halves nobody can say which is right
 AGREE = 0.5  # share of their size by which two far readings may differ and still tell of the same place
+ONE_WAY = 0.06  # of pairs of shifts to any side those that differ by no more: a cone of 29 degrees
+ACCIDENT = 0.03  # chance of as many such pairs, below which it is none
 ALL = 0.9  # of the rows that are alike in something: where these are off, the likeness is the cause
 
 
@@ -97,8 +100,26 @@ def confirmed_by_pose(far: np.ndarray, error: np.ndarray, problem: Problem) -> n
     size = np.linalg.norm(error[one], axis=1), np.linalg.norm(error[other], axis=1)
     alike = np.linalg.norm(error[one] - error[other], axis=1) <= AGREE * np.maximum(*size)
     pair = (group[1:] == group[:-1]) & alike
+    visits = np.bincount(pose_groups(problem.table)[problem.used])
+    if agree_by_chance(float(pair.sum()), far.sum() / max(problem.used.sum(), 1), visits):
+        return confirmed
     confirmed[one[pair]] = confirmed[other[pair]] = True
     return confirmed
+
+
+def agree_by_chance(pairs: float, share: float, visits: np.ndarray) -> bool:
+    """Whether so many pairs of far readings agree at visits of one pose because so many readings are far.
+
+    Args:
+        pairs: that agree to within `AGREE` of their size.
+        share: of all readings that are far.
+        visits: of each pose, (poses,).
+
+    Returns:
+        False where broken beams would hardly do it.
+    """
+    could = float((visits * (visits - 1.0)).sum()) / 2.0
+    return bool(poisson_sf(pairs - 1.0, ONE_WAY * share**2 * could) >= ACCIDENT)
 
 
 def in_a_row(far: np.ndarray, problem: Problem) -> list[np.ndarray]:
