@@ -12,6 +12,7 @@ What is here is loaded when it is first asked for, so that `import ptt` costs ne
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from ptt.threads import on_one_thread
 from ptt.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def __getattr__(name: str) -> Any:
     if name not in _DOOR:
         raise AttributeError(f"module 'ptt' has no attribute '{name}'")
     value = getattr(importlib.import_module(f"ptt.door.{_DOOR[name]}"), name)
+    value = value if isinstance(value, type) else on_one_thread(value)
     globals()[name] = value
     return value
 

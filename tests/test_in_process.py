@@ -115,3 +115,37 @@ def test_the_environment_stays_as_it_was(monkeypatch, capsys):
     assert run(["effects", "--json"]) == 0
     assert os.environ["OPENBLAS_NUM_THREADS"] == "7"
     assert "OMP_NUM_THREADS" not in os.environ and json.loads(capsys.readouterr().out)["effects"]
+
+
+POOLS = """
+import numpy, scipy.linalg, torch
+from threadpoolctl import threadpool_info
+import ptt, ptt.door.model
+from ptt.commands import effects as verb
+from ptt.commands.main import run
+from ptt.threads import one_thread
+
+def pools():
+    return [pool["num_threads"] for pool in threadpool_info()]
+
+def look(path, load=ptt.door.model.load):
+    assert set(pools()) == {1}
+    return load(path)
+
+before = pools()
+ptt.door.model.load = look
+ptt.load(%r)
+verb._list = lambda *_: look(%r) and None
+assert run(["effects"]) == 0
+with one_thread(), one_thread():
+    assert set(pools()) == {1}
+assert pools() == before and max(before) > 1, (before, pools())
+"""
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has no threads to wait for")
+def test_the_front_door_calculates_on_one_thread_whatever_was_loaded_before_it():
+    """Two threads of numpy's linear algebra take four times as long as one for arrays of this size."""
+    environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+    done = subprocess.run([sys.executable, "-c", POOLS % (MACHINE, MACHINE)], env=environment, cwd=ROOT, capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()

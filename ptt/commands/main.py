@@ -20,6 +20,7 @@ from ptt.commands.output import say_aside, show, tell_notes
 from ptt.commands.outputs import checked
 from ptt.errors import InputError, PttError, shown
 from ptt.files import FULL
+from ptt.threads import one_thread, set_threads
 
 VERBS = (
     "check", "compare", "diagnose", "add", "remove", "fit", "predict", "evaluate", "simulate", "backlash", "iso",
@@ -28,10 +29,6 @@ VERBS = (
 UNLISTED = ("train",)  # train.py has a program of its own; `run` and `ptt train` do the same
 PROGRAM = "ptt"
 INTERRUPTED = 130  # as shells say it of a program that was ended by Ctrl-C
-THREADS, ONE = "OMP_NUM_THREADS", "1"  # arrays are small: on shared cores threads wait for each other up to fifty times
-SUMS = (
-    "OPENBLAS_NUM_THREADS"  # threads of numpy's linear algebra share sums out otherwise: the last digits would change
-)
 COUNTED = {"_duckdb"}  # modules that complain of objects which nobody has collected when the process ends
 MESSAGE = 580  # characters of the one line that an error is
 HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
@@ -55,6 +52,11 @@ class Verbs(TyperGroup):
             fix = f"did you mean '{near[0]}'?" if near else "`ptt --help` lists the commands"
             raise InputError(f"no command '{args[0]}'", fix=fix)
         return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb, on one thread, whatever the process that it runs in has loaded."""
+        with one_thread():
+            return super().invoke(ctx)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words; `--version`, with `--json` where wanted, is all there is to say."""
@@ -96,7 +98,7 @@ def _root(
 
 def main() -> None:
     """Entry point of `ptt`."""
-    _set_threads()
+    set_threads()
     atexit.register(_spare_the_end)
     app(prog_name=PROGRAM)
 
@@ -113,8 +115,7 @@ def run(argv: Sequence[str]) -> int:
     if isinstance(argv, str | bytes):
         return _fail("run takes a list of words, as in run(['compare', 'run.csv', '--model', 'machine.toml'])", 2)
     words = [os.fspath(word) for word in argv]
-    with _one_thread():
-        return guard(lambda: typer.main.get_command(app).main(args=words, prog_name=PROGRAM, standalone_mode=False))
+    return guard(lambda: typer.main.get_command(app).main(args=words, prog_name=PROGRAM, standalone_mode=False))
 
 
 def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
@@ -124,7 +125,7 @@ def run_alone(verb: str, args: Sequence[str] | None = None) -> None:
         verb: name of its file in ptt/commands.
         args: arguments; None for those of the command line.
     """
-    _set_threads()
+    set_threads()
     atexit.register(_spare_the_end)
     command = _build(verb)
     _end(guard(lambda: command.main(args=None if args is None else list(args), standalone_mode=False)))
@@ -170,26 +171,6 @@ def _ended(code: Any) -> int:
     if isinstance(code, str):
         return _fail(code, 1)
     return code if isinstance(code, int) else 0
-
-
-def _set_threads() -> None:
-    """One thread for torch where nobody asked for more, and one for numpy's linear algebra whatever was asked for."""
-    os.environ.setdefault(THREADS, ONE)
-    os.environ[SUMS] = ONE
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Where the verb loads torch, it loads it for one thread; the environment of the process stays as it was."""
-    given = {name: os.environ.get(name) for name in (THREADS, SUMS)}
-    _set_threads()
-    try:
-        yield
-    finally:
-        for name, value in given.items():
-            os.environ.pop(name, None)
-            if value is not None:
-                os.environ[name] = value
 
 
 def _build(verb: str) -> Any:

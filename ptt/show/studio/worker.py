@@ -12,6 +12,7 @@ from typing import Any
 from ptt.errors import PttError, SetupError
 from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.verbs import Run, use
+from ptt.threads import set_threads
 
 
 class LeaveOffError(BaseException):
@@ -27,8 +28,7 @@ def serve(connection: Connection, verb: Run | None = None) -> None:
     """
     if hasattr(os, "setsid"):
         os.setsid()  # with what it starts it is one group, ended as one
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does: figures are the same to the last digit
+    set_threads()  # as the command line does: figures are the same to the last digit
     sys.stdin = open(os.devnull)  # noqa: SIM115 - nobody is asked on the terminal that the page was started from
     from ptt.show.studio import jobs
 
