@@ -8,9 +8,12 @@ import pytest
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.hidden import FAITHFUL, Trial
+from ptt.diagnosis.find import find
+from ptt.diagnosis.hidden import FAITHFUL, Trial, hide
 from ptt.diagnosis.row_sums import hide_rows
+from ptt.diagnosis.search import PLAIN
 from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import build_problem
@@ -105,3 +108,14 @@ def test_repeats_that_an_explanation_outdoes_do_not_stand_for_the_noise() -> Non
     found = told("unknown", 1150117)  # a line of sight that bends along the circle and in time: a wander takes it
     assert (found.verdict, found.suggested) == ("unknown", ())
     assert "the noise by the std columns is left" in found.rest.reasons[0]
+
+
+def test_what_keeps_others_from_values_that_cannot_be_needs_no_hidden_rows():
+    """Where legs are pulled one way only, play and a link that is too short put the same into every reading."""
+    drawn, _ = draw(plan("multi", 1, 1220007)[0])
+    problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = find(Model(drawn.rig.machine), problem, library(), lambda _: None)
+    assert found.state.keys == ("joint-clearance", "link-length")
+    trial = hide(found.scorer, found.state.keys, "link-length")
+    assert trial.needed and trial.speaks(PLAIN) and not replace(trial, needed=False).speaks(PLAIN)
+    assert not hide(found.scorer, found.state.keys, "joint-clearance").needed

@@ -147,5 +147,7 @@ assert pools() == before and max(before) > 1, (before, pools())
 def test_the_front_door_calculates_on_one_thread_whatever_was_loaded_before_it():
     """Two threads of numpy's linear algebra take four times as long as one for arrays of this size."""
     environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
-    done = subprocess.run([sys.executable, "-c", POOLS % (MACHINE, MACHINE)], env=environment, cwd=ROOT, capture_output=True)
+    done = subprocess.run(
+        [sys.executable, "-c", POOLS % (MACHINE, MACHINE)], env=environment, cwd=ROOT, capture_output=True
+    )
     assert done.returncode == 0, done.stderr.decode()

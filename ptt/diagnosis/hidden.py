@@ -27,6 +27,7 @@ class Trial:
         elsewhere: the same of base reflectors.
         count: coordinates of all blocks.
         plainly: what the atom takes off each block where every way counts alike, (k,).
+        needed: whether the others alone would have values that physics does not let them have.
     """
 
     with_it: np.ndarray
@@ -35,6 +36,7 @@ class Trial:
     elsewhere: float
     count: int
     plainly: np.ndarray
+    needed: bool = False
 
     @property
     def faithful(self) -> bool:
@@ -45,13 +47,13 @@ class Trial:
         """Whether hidden rows speak for the atom, and go on to do so without the block that does most.
 
         What only one part of the run bears out may be that part's own. Of what base reflectors show and no reading
-        along the travel asks for, these have nothing to say.
+        along the travel asks for, these have nothing to say; nor of what only keeps others from what cannot be.
 
         Args:
             nats: that they have to gain; plain squares may tell as well, where no share is asked for.
             share: of what they leave without it that has to go.
         """
-        if self.shown < 2.0 * nats < self.elsewhere:
+        if self.needed or self.shown < 2.0 * nats < self.elsewhere:
             return True
         as_known = self.without - self.with_it
         if share:
@@ -101,7 +103,10 @@ def _hide(scorer: Scorer, whole: State, fewer: State) -> Trial:
     phi = whole.posterior.phi
     squares = np.array(pairs).reshape(-1, 2) / phi
     everywhere = left_of(scorer, fewer) - left_of(scorer, whole)
-    return Trial(squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count, np.array(plainly) / phi)
+    return Trial(
+        squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count, np.array(plainly) / phi,
+        needed=bool(np.isfinite(whole.total) and not np.isfinite(fewer.total)),
+    )  # fmt: skip
 
 
 def _foretold(scorer: Scorer, state: State) -> list[tuple[Hidden, Posterior]]:
