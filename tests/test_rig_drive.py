@@ -179,6 +179,16 @@ def test_every_run_is_led_in_and_out_by_itself() -> None:
     assert np.abs(slider_speed(command, tool, time, still) - 2.0).max() > 1.0
 
 
+def test_a_lap_is_led_in_where_another_ended() -> None:
+    """The pose in which laps meet is told twice, at once: at each feed its speed is that of its own lap."""
+    there = np.array([0.0, 1.0, 2.0, 3.0])
+    command, rate = np.repeat(np.append(there, 3.0 + there)[:, None], 3, 1), np.repeat([1.0, 4.0], 4)
+    tool = np.outer(command[:, 0], [1.0, 0.0, 0.0])
+    time = np.cumsum(np.maximum(np.diff(command[:, 0], prepend=0.0) / rate, 1e-3))
+    speed = slider_speed(command, tool, time, np.zeros(8, dtype=bool))
+    np.testing.assert_allclose(speed, np.tile(rate[:, None], 3), atol=1e-9)
+
+
 def test_standstill_keeps_the_direction() -> None:
     path = column(0.0, 0.0, 1.0, 1.0, 0.5, 0.5)
     np.testing.assert_array_equal(travel_direction(path)[:, 0], [0, 0, 1, 1, -1, -1])

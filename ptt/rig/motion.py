@@ -145,21 +145,24 @@ def slider_speed(
 
     Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, an axis
     still has the speed at which it came, but at a sharp turn after a move so short that the controller rounds it off:
-    there its speed is halfway between before and after.
+    there its speed is halfway between before and after. What is run through again from where it ended, a lap after a
+    lap, is led in and out by itself, as every run is: a row that repeats the one before begins it.
 
     Args:
         command: (n, 3) mm.
         tool: (n, 3) mm.
         time: (n,) s.
         still: (n,) bool, rows that are read at standstill.
-        run: (n,) number of each row's run; every run is led in and out by itself. None for a single one.
+        run: (n,) number of each row's run. None for a single one.
         ends: (n, 3) mm per move each, how straight moves to the rows set off and arrive; None: sliders run evenly.
 
     Returns:
         (n, 3) mm/s, zero at standstill.
     """
-    if run is not None and len(np.unique(run)) > 1:
-        parts = [np.flatnonzero(run == number) for number in np.unique(run)]
+    again = ~still & (np.linalg.norm(np.diff(tool, axis=0, prepend=np.inf), axis=1) <= STANDSTILL)
+    lap = np.cumsum(again) + len(tool) * (np.zeros(len(tool), dtype=int) if run is None else run)
+    if len(np.unique(lap)) > 1:
+        parts = [np.flatnonzero(lap == number) for number in np.unique(lap)]
         speeds = [
             slider_speed(
                 command[rows], tool[rows], time[rows], still[rows], ends=ends and (ends[0][rows], ends[1][rows])
