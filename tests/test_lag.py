@@ -21,6 +21,7 @@ from ptt.model.model import Model
 from ptt.run.pace import SMOOTH, pace_of
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
+from ptt.run.viewing import build_view
 
 BENCH = bench_machine()
 MECHANISM = build_mechanism(BENCH.machine)
@@ -195,3 +196,18 @@ def test_a_lag_of_an_older_file_means_the_speed_of_a_smooth_way() -> None:
     entry = '[[effect]]\nname = "following-error"\n[effect.parameters]\nlag_s = { value = [0.02, 0.03, 0.012] }\n'
     (term,) = read_model(parse_machine(MACHINE + entry)).terms
     np.testing.assert_array_equal(term.theta, [*LAG, SMOOTH])
+
+
+@pytest.mark.parametrize("told", ["feed", "clock"])
+def test_a_lap_that_begins_where_another_ended_is_passed_at_its_own_feed(told: str) -> None:
+    """The pose in which laps meet is told twice, and nothing stands there."""
+    turn = np.tile(np.linspace(0.0, 2.0 * np.pi, 41), 3)
+    feed = np.repeat([8.0, 20.0, 50.0], 41)
+    wave, ahead = (np.stack([np.cos(turn + by), np.sin(turn + by), 0.0 * turn], axis=1) for by in (0.0, np.pi / 2.0))
+    target = np.round(40.0 * wave, 9)
+    way = np.linalg.norm(np.diff(target, axis=0, prepend=target[:1]), axis=1)
+    time = np.cumsum(np.maximum(way / feed, 1e-3))
+    table = make_table(target, feed_mm_s=feed if told == "feed" else None, time_s=time)
+    view = build_view(BENCH, table)
+    tool = (view.jacobian @ view.velocity[:, :, None])[:, :, 0].numpy()
+    np.testing.assert_allclose(tool / feed[:, None], ahead, atol=0.02)

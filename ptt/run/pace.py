@@ -1,9 +1,9 @@
 """How fast the joints are at each row of a travel: linear in their values, once it is known where the motion is smooth.
 
-Along smooth stretches the velocity is that of a cubic spline over time. At a corner an axis that lags still has that
-of its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached, and so is
-that of a sweep which is entered anew after a pause. On a move of two rows joints run evenly, or bend so that the tool
-runs straight.
+Along smooth stretches the velocity is that of a cubic spline over time. At a corner an axis that lags still has that of
+its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached, and so is that
+of a sweep which is entered anew after a pause, and that of a lap which begins where another ended. On a move of two
+rows joints run evenly, or bend so that the tool runs straight.
 """
 
 from dataclasses import dataclass
@@ -26,6 +26,7 @@ SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
 PAUSE = 10.0  # times the usual move, and what most moves take beyond their feed: nobody waits that long on the way
 ROUNDED = 0.2  # s: what follows a move this short is rounded off, the mean of both sides; ten lags of a usual drive
 INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
+REPEATED = 1e-9  # mm: a pose that is told twice
 
 Shares = tuple[np.ndarray, np.ndarray, np.ndarray]  # place in a sum, interval between two rows, its weight
 Ends = tuple[np.ndarray, np.ndarray]  # how a move sets off and arrives: beyond that of an even one, per move
@@ -171,7 +172,9 @@ def pace_of(
     lasts = np.where(sound, lasts, np.inf)
     before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
     bends, changes = _corners(moved, length, lasts, sound)
-    entered = _entered(lasts, bends, table) if way in (SMOOTH, MEAN) else np.zeros_like(starts)
+    entered = ~starts & _begun_again(length, sound, table)
+    if way in (SMOOTH, MEAN):
+        entered |= _entered(lasts, bends, table)
     if entered.any():
         return pace_of(p, starts | entered, table, ends, way, lag)
     changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
@@ -208,6 +211,25 @@ def _entered(lasts: np.ndarray, bends: np.ndarray, table: "Table") -> np.ndarray
     paused = known & (np.nan_to_num(waited, nan=0.0, neginf=0.0) > PAUSE * usual)
     none[1:-1] = paused[:-1] & bends[1:-1] & ~bends[2:]
     return none
+
+
+def _begun_again(length: np.ndarray, sound: np.ndarray, table: "Table") -> np.ndarray:
+    """Rows at which the last pose of a lap is told once more as the first of the next, (n,).
+
+    Hardly any time passes, so the machine does not stand there.
+
+    Args:
+        length: of the tool's way from row to row, (n - 1,) mm.
+        sound: whether a move tells a speed, (n - 1,) bool.
+        table: the rows.
+    """
+    begun = np.zeros(len(length) + 1, dtype=bool)
+    if table.time_s is None or not sound.any():
+        return begun
+    step = np.diff(np.asarray(table.time_s, dtype=float))
+    at_once = (length < REPEATED) & (PAUSE * step < np.median(step[sound]))
+    begun[1:-1] = at_once[:-1] & sound[1:]
+    return begun
 
 
 def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
