@@ -10,12 +10,13 @@ from ptt.diagnosis.atoms import MEMORY_ODDS
 from ptt.diagnosis.memory import WHITE, Memory, Sums
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
-from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
+from ptt.diagnosis.wander import SHARES, USUAL_SHARE, Axes, Wander, kinds_of_wander, likelihoods
 from ptt.fitting.factor import factor_of
 
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
 UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
+AT_REST = int(np.searchsorted(SHARES, USUAL_SHARE)) - 1  # number of the share that a wander may have without showing it
 FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 Value = Callable[[Memory], float]
 
@@ -29,12 +30,14 @@ class Spot:
         slow: number of its time constant.
         axes: of the wander.
         constants: time constants of the grid.
+        most: number of the largest share that the run allows.
     """
 
     share: int
     slow: int
     axes: Axes
     constants: np.ndarray
+    most: int
 
     @property
     def memory(self) -> Memory:
@@ -44,7 +47,7 @@ class Spot:
     def beside(self, share: int, slow: int) -> "Spot | None":
         """So many steps on; None beyond the grid."""
         there = replace(self, share=self.share + share, slow=self.slow + slow)
-        inside = 0 <= there.share < len(SHARES) and 0 <= there.slow < len(self.constants)
+        inside = 0 <= there.share <= self.most and 0 <= there.slow < len(self.constants)
         return there if inside else None
 
 
@@ -115,9 +118,21 @@ def _best_beside(spot: Spot, value: Value) -> Memory:
 
 
 def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> tuple[Spot, float]:
-    """Where on the grid the wander of a state's residual lies, its atoms held, and how likely it makes the residual."""
+    """Where on the grid the wander of a state's residual lies, its atoms held, and how likely it makes the residual.
+
+    A frame that was registered is off by no more than trackers usually wander, or than the run shows of a wander about
+    its mean: one that outlasts the run would else shift all of it for nothing.
+    """
+    clock, most = system.clock, len(SHARES) - 1
+    if clock.registered:
+        shown, _ = _likeliest(system, clock.about_means(left), axes, most)
+        most = max(AT_REST, shown.share + 1)
+    return _likeliest(system, left, axes, most)
+
+
+def _likeliest(system: System, left: np.ndarray, axes: Axes, most: int) -> tuple[Spot, float]:
     constants = system.clock.constants
-    spots = [Spot(i, j, axes, constants) for i in range(0, len(SHARES), 2) for j in range(0, len(constants), 2)]
+    spots = [Spot(i, j, axes, constants, most) for i in range(0, most + 1, 2) for j in range(0, len(constants), 2)]
     wanders = [spot.memory.wander for spot in spots]
     likely = likelihoods(left, [one for one in wanders if one is not None], system.clock)
     best = int(np.argmax(likely))

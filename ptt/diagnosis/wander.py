@@ -127,6 +127,12 @@ class Clock:
         run = np.cumsum(self.starts) - 1
         return np.where(self.starts, -np.expm1(-2.0 * self.lasts / constant)[run], whole)
 
+    def about_means(self, left: np.ndarray) -> np.ndarray:
+        """Rows (n, ..) less their mean in each run."""
+        first = np.flatnonzero(self.starts)
+        count = np.diff(np.append(first, len(left)))
+        return np.asarray(left - np.repeat((np.add.reduceat(left, first).T / count).T, count, axis=0))
+
     def decays(self, constant: float) -> np.ndarray:
         """Share of a wander that each row keeps of the row before it, (n,); none where a run starts."""
         if constant not in self._decays:
