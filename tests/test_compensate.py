@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.correct.compensate import compensate, missing_context
+from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
@@ -294,3 +295,19 @@ def test_what_is_sent_beside_unreachable_rows_puts_the_rigs_tool_right(tmp_path)
     before, after = simulate(rig, path, noise=False), simulate(rig, path, sliders=sliders, noise=False)
     error = [1e3 * np.linalg.norm(run.truth - targets.target[~bad], axis=1) for run in (before, after)]
     assert error[0].mean() > 100.0 and error[1][1:].max() < 0.5  # um; the state before the first row is nobody's
+
+
+@pytest.mark.parametrize(("gap", "said"), [(-0.1, True), (0.1, False)])
+def test_a_reversal_that_leaves_no_command_is_told_row_by_row(gap: float, said: bool) -> None:
+    """A controller that gives too much at a reversal jumps past the end of a short move; play can be led through."""
+    model = with_effects(backlash={"gap_mm": [gap] * 3})
+    height = np.array([0.0, 5.0, 10.0, 9.98, 5.0, 0.0, 0.02, 5.0])  # at the fourth and the seventh it turns, for 0.02
+    table = make_table(np.column_stack([0.0 * height, 0.0 * height, height]))
+    commands = compensate(model, table)
+    short = np.isin(np.arange(8), [3, 6])
+    np.testing.assert_array_equal(commands.missed > 1e-3, short & said)
+    np.testing.assert_array_equal(commands.status == "uncertain", short & said)
+    miss = np.linalg.norm(landing(model, table, commands.q) - table.target, axis=1)
+    np.testing.assert_allclose(miss, commands.missed, atol=1e-6)
+    lines = tally(table, commands).warnings("targets.csv", network=False)
+    assert any("no command brings the tool to their end" in line for line in lines) is said

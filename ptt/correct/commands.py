@@ -6,6 +6,7 @@ import numpy as np
 
 OK, UNCERTAIN = "ok", "uncertain"
 OUT_OF_REACH, OUT_OF_TRAVEL, NEAR_SINGULAR, TOO_LARGE = "out of reach", "out of travel", "near singular", "too large"
+ROUNDING = 1e-3  # mm: commands that miss by less miss by nothing that a machine could do
 STATUSES = (OK, UNCERTAIN, TOO_LARGE, NEAR_SINGULAR, OUT_OF_TRAVEL, OUT_OF_REACH)
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.correct.blocks import settle_blocks
-from ptt.correct.commands import UNCERTAIN, Commands, sent_rows
+from ptt.correct.commands import ROUNDING, UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
 from ptt.correct.settle import Solved, first_order, nearest_commands
@@ -143,11 +143,12 @@ def finish(
         sigma, promised = command_sigma(plan.model, paced, terms, solved.q, in_domain, plan.network)
     q, height, sent, sigma, shift = solved.q[own].numpy(), solved.height[own], sent[own], sigma[own], shift[own]
     status = status[own].copy()
-    status[sent & doubtful(sigma, shift, promised)] = UNCERTAIN
+    missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
+    in_all = np.where(missed > ROUNDING, np.hypot(np.nan_to_num(sigma, nan=0.0), missed), sigma)
+    status[sent & doubtful(in_all, shift, promised)] = UNCERTAIN
     simple = first_order(part.mechanism, part.wanted[own], height, sent)
     gap = (part.mechanism.forward(simple) - part.mechanism.forward(height)).norm(dim=1).numpy()
     blank, reversed_ = np.where(sent[:, None], 0.0, np.nan), q - height.numpy()
-    missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
     nothing, sigma = np.full(q.shape, np.nan), np.where(sent, sigma, np.nan)
     return Commands(
         q + blank, reversed_ + blank, status, in_domain[own], shift, simple.numpy() + reversed_, gap, plan.words,

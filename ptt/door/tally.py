@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.correct.commands import STATUSES, UNCERTAIN, Commands
+from ptt.correct.commands import ROUNDING, STATUSES, UNCERTAIN, Commands
 from ptt.run.table import Table
 
 LINES_SHOWN = 5
@@ -24,6 +24,7 @@ class Tally:
         gap: largest way between the exact and the first-order command, mm.
         shift: largest static correction that is sent, mm.
         sigma: largest uncertainty of those that are sent, mm; None where nothing tells.
+        missed: largest way between what is asked for and where the command brings the tool, mm.
         reversal: largest reversal compensation, mm or rad.
         words: who compensates what at a reversal.
     """
@@ -35,6 +36,7 @@ class Tally:
     gap: float
     shift: float
     sigma: float | None
+    missed: float
     reversal: float
     words: str
 
@@ -53,6 +55,7 @@ class Tally:
             max(self.gap, other.gap),
             max(self.shift, other.shift),
             max((each for each in (self.sigma, other.sigma) if each is not None), default=None),
+            max(self.missed, other.missed),
             max(self.reversal, other.reversal),
             self.words,
         )
@@ -64,6 +67,7 @@ class Tally:
             "first_order_difference_um": 1e3 * self.gap,
             "largest_shift_um": 1e3 * self.shift,
             "largest_sigma_um": None if self.sigma is None else 1e3 * self.sigma,
+            "largest_missed_um": 1e3 * self.missed,
             "reversal": self.words,
             "largest_reversal_um": 1e3 * self.reversal,
         }
@@ -84,6 +88,13 @@ class Tally:
             lines.append(
                 f"{source}: {unsure}: sent, but the fit leaves more open there than its held-out error says;"
                 " measure near them"
+                if self.missed <= ROUNDING
+                else f"{source}: {unsure}: sent, but less sure there than the held-out error says"
+            )
+        if self.missed > ROUNDING:
+            lines.append(
+                f"{source}: commands miss by up to {1e3 * self.missed:.0f} um as the model has it: some moves after a"
+                " reversal are shorter than what changes over there, and no command brings the tool to their end"
             )
         outside = self.rows - self.in_domain
         if outside and network:
@@ -108,8 +119,9 @@ def tally(table: Table, commands: Commands) -> Tally:
     sent, counts = commands.sent, commands.counts
     known = commands.sigma[sent & (commands.sigma >= 0.0)]
     first = {name: tuple(table.line[commands.status == name][:LINES_SHOWN].tolist()) for name in STATUSES}
-    gap, shift = (float(values[sent].max(initial=0.0)) for values in (commands.first_order_gap, commands.shift))
+    largest = (commands.first_order_gap, commands.shift, commands.missed)
+    gap, shift, missed = (float(values[sent].max(initial=0.0)) for values in largest)
     reversal = float(np.abs(commands.reversal[sent]).max(initial=0.0))
     sigma = float(known.max()) if len(known) else None
     inside = int(commands.in_domain.sum())
-    return Tally(len(sent), counts, first, inside, gap, shift, sigma, reversal, commands.reversal_note)
+    return Tally(len(sent), counts, first, inside, gap, shift, sigma, missed, reversal, commands.reversal_note)

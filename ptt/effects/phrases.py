@@ -176,7 +176,8 @@ def compose(parts: Sequence[Said], noun: str) -> str:
         subject, rest = _clause(who, text, list(group), noun)
         words += f" and {rest}" if subject == before else f"{', ' if words else ''}{subject} {rest}"
         before = subject
-    return f"{words}{few}" if sure else f"{words}, no more than chance would make it"
+    alone = "by itself " if len(parts) > 1 else ""  # what values have in common no reading may tell
+    return f"{words}{few}" if sure else f"{words}, {alone}no more than chance would make it"
 
 
 def doubt(parts: Sequence[Said]) -> str:
