@@ -10,13 +10,13 @@ from ptt.diagnosis.atoms import MEMORY_ODDS
 from ptt.diagnosis.memory import WHITE, Memory, Sums
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
-from ptt.diagnosis.wander import SHARES, USUAL_SHARE, Axes, Wander, kinds_of_wander, likelihoods
+from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
 from ptt.fitting.factor import factor_of
 
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
 UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
-AT_REST = int(np.searchsorted(SHARES, USUAL_SHARE)) - 1  # number of the share that a wander may have without showing it
+AT_REST = int(np.searchsorted(SHARES, 1.0)) - 1  # number of the share that a wander may have without a run showing it
 FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 Value = Callable[[Memory], float]
 
@@ -120,8 +120,8 @@ def _best_beside(spot: Spot, value: Value) -> Memory:
 def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> tuple[Spot, float]:
     """Where on the grid the wander of a state's residual lies, its atoms held, and how likely it makes the residual.
 
-    A frame that was registered is off by no more than trackers usually wander, or than the run shows of a wander about
-    its mean: one that outlasts the run would else shift all of it for nothing.
+    A frame that was registered is off by no more than readings scatter, or than the run shows of a wander about its
+    mean: one that outlasts the run would else shift all of it for nothing.
     """
     clock, most = system.clock, len(SHARES) - 1
     if clock.registered:

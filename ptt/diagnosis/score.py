@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from ptt.model.model import rival
 if TYPE_CHECKING:
     from ptt.diagnosis.hidden import Trial
 
+UNDONE = 0.25  # of the squares of what something did, less than which is left once something else has taken it back
 WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
@@ -123,7 +125,11 @@ class Scorer:
         total = posterior.total + gained + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
-        beside = -np.inf if self._absurd(state) else sum(_nats_of_product(state, atom) for atom in atoms)
+        beside = (
+            -np.inf
+            if self._absurd(state) or self._undoes(state)
+            else sum(_nats_of_product(state, atom) for atom in atoms)
+        )
         return replace(state, total=total + beside) if beside else state
 
     def _at_few_joints(
@@ -222,22 +228,42 @@ class Scorer:
         full = len(effects) - len(self.given) >= self.steps
         return lambda atom: atom.name not in names and not (atom.effect and full) and not _excluded(atom, effects)
 
+    def _undoes(self, state: State) -> bool:
+        """Whether something takes back, within a few readings, what something of another kind did: they are gross."""
+        atoms, time = [self.system.atoms[key] for key in state.keys], np.sort(self.system.clock.time)
+        dated = [(float(atom.moment), atom) for atom in atoms if atom.moment is not None]
+        for (moment, one), (other, two) in combinations(dated, 2):
+            if one.shape is two.shape is None:  # what the model has it may keep
+                continue
+            if 0 < abs(int(np.searchsorted(time, moment, "right") - np.searchsorted(time, other, "right"))) < EDGE:
+                after, both = self.system.clock.time > max(moment, other), (*state.of(one.key), *state.of(two.key))
+                first = state.of(one.key if moment < other else two.key)
+                left, lost = (self._told(state, np.array(own))[after] for own in (both, first))
+                if np.square(left).sum() < UNDONE * np.square(lost).sum():
+                    return True
+        return False
+
+    def _told(self, state: State, own: np.ndarray) -> np.ndarray:
+        """What some of a state's values put into the readings, (m, 3) whitened."""
+        nothing = self.system.left(state.columns[:0], state.posterior.values[:0])
+        return nothing - self.system.left(state.columns[own], state.posterior.values[own])
+
     def _is_apart(self, state: State) -> Callable[[Atom], bool]:
-        """Whether an atom happens as far from all that happened in a set as from the ends of a run, or just then.
+        """Whether an atom happens as far from what happened alike in a set as from the ends of a run, or just then.
 
         What came and went within a few readings is a gross error of theirs. What the model has may come back to it.
         """
-        time = np.sort(self.system.clock.time)
-        moments = [self.system.atoms[key].moment for key in state.keys]
-        there = np.searchsorted(time, [moment for moment in moments if moment is not None], side="right")
+        time, atoms = np.sort(self.system.clock.time), [self.system.atoms[key] for key in state.keys]
+        happened = [(type(atom.effect), atom.moment) for atom in atoms if atom.moment is not None]
 
         def is_apart(atom: Atom) -> bool:
             if atom.moment is None or atom.shape is None:
                 return True
-            between = np.abs(there - np.searchsorted(time, atom.moment, side="right"))
-            return not ((between > 0) & (between < EDGE)).any()
+            alike = [moment for kind, moment in happened if kind is type(atom.effect)]
+            between = np.searchsorted(time, alike, side="right") - np.searchsorted(time, atom.moment, side="right")
+            return not ((between != 0) & (np.abs(between) < EDGE)).any()
 
-        return is_apart if len(there) else is_any
+        return is_apart if happened else is_any
 
     def best_memory(self, state: State) -> tuple[Memory, float]:
         """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""

@@ -80,24 +80,36 @@ def _alone(
     spots = np.array([place[name] for name in names])
     if len(names) <= ENOUGH or not all(_hold(np.delete(spots, index, axis=0)) for index in range(len(names))):
         return alone
-    turn, shift = kabsch(spots, np.array([np.median(visits[name][kept[name]], axis=0) for name in names]))
-    error = {name: (visits[name] - shift) @ turn - place[name] for name in names}
     ways = np.linalg.qr(_ways(spots))[0]
     free = np.linalg.inv(np.eye(3) - np.einsum("kcw,kdw->kcd", *(2 * [ways.reshape(len(names), 3, MOTION)])))
-    for index, name in enumerate(names):
-        own = np.flatnonzero(kept[name])
-        beside = np.empty((len(own), len(names), 3))
-        for other, one in enumerate(names):
-            seen = np.flatnonzero(kept[one])
-            beside[:, other] = error[one][seen[np.abs(rows[name][own, None] - rows[one][seen]).argmin(axis=1)]]
-        flat = beside.reshape(len(own), -1)
-        left = flat - (flat @ ways) @ ways.T
-        each = left.reshape(beside.shape)
-        takes = np.einsum("vkc,kcd,vkd->vk", each, free, each)
-        rest = (np.square(left).sum(axis=1) - takes[:, index]) / (3 * (len(names) - 1) - MOTION)
-        most = np.maximum((FAR * sigma) ** 2, WORSE**2 * rest)
-        alone[name][own] = (takes.argmax(axis=1) == index) & (takes[:, index] > most)
+    beside = {name: _beside(name, names, rows, kept) for name in names}
+    rounds, which = np.unique(np.concatenate(list(beside.values())), axis=0, return_inverse=True)
+    error = np.empty((len(rounds), len(names), 3))
+    for number, visit in enumerate(rounds):
+        read = np.array([visits[name][one] for name, one in zip(names, visit, strict=True)])
+        turn, shift = kabsch(spots, read)
+        error[number] = (read - shift) @ turn - spots
+    flat = error.reshape(len(rounds), -1)
+    left = flat - (flat @ ways) @ ways.T
+    each = left.reshape(error.shape)
+    takes = np.einsum("vkc,kcd,vkd->vk", each, free, each)
+    rest = (np.square(left).sum(axis=1)[:, None] - takes) / (3 * (len(names) - 1) - MOTION)
+    off = (takes == takes.max(axis=1)[:, None]) & (takes > np.maximum((FAR * sigma) ** 2, WORSE**2 * rest))
+    ends = np.cumsum([len(own) for own in beside.values()])
+    for index, (name, own) in enumerate(zip(names, np.split(which.ravel(), ends[:-1]), strict=True)):
+        alone[name][kept[name]] = off[own, index]
     return alone
+
+
+def _beside(
+    name: str, names: Sequence[str], rows: Mapping[str, np.ndarray], kept: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """The visits of each reflector that lie nearest to those of one, (v, k) int."""
+    seen = [np.flatnonzero(kept[one]) for one in names]
+    own = rows[name][kept[name]][:, None]
+    return np.column_stack(
+        [some[np.abs(own - rows[one][some]).argmin(axis=1)] for one, some in zip(names, seen, strict=True)]
+    )
 
 
 def _ways(place: np.ndarray) -> np.ndarray:
