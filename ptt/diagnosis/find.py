@@ -13,6 +13,7 @@ from ptt.diagnosis.first import search_first, sift, sift_again
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
+from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
@@ -128,8 +129,11 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
             scorer, system = with_detail(scorer, problem)
         scorer, system = with_other_meanings(scorer, fitted, problem)
         state = best_meanings(scorer, state)
+        starts = [state]
+        if scorer.system.clock.is_fault(state.memory.wander):  # no tracker's, so it may be the machine that it follows
+            starts.append(scorer.score(state.keys, WHITE, state.scales))
         if turn.number < TURNS - 1:  # what is said is what it is linearised at
-            state = refilled(scorer, improve(scorer, state))
+            state = refilled(scorer, max((improve(scorer, each) for each in starts), key=lambda end: end.total))
     return Found(
         fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
         asked.span, opening=turn.opening, seen=turn.seen,
@@ -162,8 +166,9 @@ def _turned(
     line = find_period(scorer, state, problem, turn.periods, waves)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
-    same = line is None and settled(state, system) and set(blocks) == set(turn.held)
-    noise = noise_again(problem, system, state)
+    stays = settled(state, system) and set(blocks) == set(turn.held)
+    same = line is None and stays
+    noise = noise_again(problem, system, state, settled=turn.number > 0 and stays)
     wide = noise.total > NARROWER * found.noise.total
     steady = turn.number > 0 and same and wide and bool((found.gross == gross).all())
     still = turn.number == 0 and same and not gross.any()

@@ -129,13 +129,14 @@ def wanders_beyond(system: System, state: State) -> bool:
     return bool(np.logical_and(*unlike).any())
 
 
-def noise_again(problem: Problem, system: System, state: State) -> Noise:
+def noise_again(problem: Problem, system: System, state: State, *, settled: bool = False) -> Noise:
     """How coordinates share the noise, told again by what a set of atoms leaves.
 
     Args:
         problem: the readings.
         system: the linearised problem.
         state: the set.
+        settled: it is the set that the problem was linearised at; else it may change, and half of the way is enough.
 
     Returns:
         The noise to whiten with; repeats keep theirs unless they are outdone.
@@ -145,6 +146,8 @@ def noise_again(problem: Problem, system: System, state: State) -> Noise:
         return left
     if given.source == "repeats":
         return left if outdone(given, left) else given
+    if settled:
+        return replace(system.noise, covariance=left.covariance)
     if given.source == ONE_FIGURE:  # it says how wide, not along which axis: that the rows tell, at once
         share = 0.5 * (1.0 + (system.noise.total / left.total) ** 2)
         return replace(system.noise, covariance=share * left.covariance)
