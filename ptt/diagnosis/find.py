@@ -1,25 +1,26 @@
 """Find: linearise, search, move the model to what was found, linearise there again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ptt.diagnosis.asked import Asked, open_turn
 from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, find_needless
-from ptt.diagnosis.first import search_first, sift, sift_again
+from ptt.diagnosis.first import search_first
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose
+from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
-from ptt.diagnosis.row_system import RowSystem, build_system
-from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.search import improve, is_told, plainest, refilled
 from ptt.diagnosis.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.span import Span
@@ -29,13 +30,10 @@ from ptt.diagnosis.turn import (
     first_turn,
     gross_beside,
     moments_of,
-    shapes_of,
     still_missed,
     unlike,
 )
 from ptt.effects import Effect, Library
-from ptt.fitting.linear import Linear, linear_columns
-from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -43,29 +41,6 @@ from ptt.run.problem import Problem
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
 NARROWER = 0.8  # of the noise that an explanation was found with: where it leaves less, it is asked for again with that
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What is to be explained, and with what.
-
-    Attributes:
-        model: as given.
-        problem: the readings.
-        known: effects by name.
-        tell: told what is being done.
-        steps: how many effects may be added.
-        span: of the run that the rows are a part of; None where they are all of it.
-        freedom: degrees of freedom behind the noise floor.
-    """
-
-    model: Model
-    problem: Problem
-    known: Library
-    tell: Tell
-    steps: int
-    span: Span | None
-    freedom: float
 
 
 def find(
@@ -86,7 +61,7 @@ def find(
     """
     noise, freedom = starting_noise(problem)
     asked = Asked(model, problem, known, tell, steps, span, freedom)
-    turn: Turn | None = first_turn(model, problem, noise)
+    turn: Turn | None = names_alone(asked, first_turn(model, problem, noise))
     while turn is not None:
         problem = without_opening(asked.problem, turn.opening)
         found, candidates = _searched(asked, turn, problem)
@@ -106,51 +81,28 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
     gross, noise = turn.gross, turn.noise
     fitted = fit_less(turn.model, problem, turn.carried, gross, noise)
     candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
-    linear = None
     if turn.number > 0 and turn.before is None:  # else it is what other rows said that would be compared
         gross = still_missed(fitted, problem, noise, gross)
-    if turn.number == 0:
-        linear = linear_columns(fitted, problem, candidates, noise)
-        gross = sift(linear, problem)
-    scorer = _open(asked, turn, problem, fitted, candidates, gross, linear)
+    scorer = open_turn(asked, turn, problem, fitted, candidates, gross)
     asked.tell(f"search {turn.number + 1}")
-    if turn.number == 0:
-        lone = sift_again(scorer, candidates, gross)
-        if not np.array_equal(lone, gross):
-            gross = lone
-            scorer = _open(asked, turn, problem, fitted, candidates, gross, linear)
     system = scorer.system
     assert isinstance(system, RowSystem)
-    if turn.kept is None:
-        scorer, system, state = search_first(scorer, system, candidates)
-    else:
-        state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
-        if follows_travel(state, system, problem):
-            scorer, system = with_detail(scorer, problem)
-        scorer, system = with_other_meanings(scorer, fitted, problem)
-        state = best_meanings(scorer, state)
+    state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
+    if follows_travel(state, system, problem):
+        scorer, system = with_detail(scorer, problem)
+    scorer, system = with_other_meanings(scorer, fitted, problem)
+    state = best_meanings(scorer, state)
+    if turn.number == 0:
+        scorer, system, state = search_first(scorer, state, candidates, problem)
+    elif turn.number < TURNS - 1:  # what is said is what it is linearised at
         starts = [state]
         if scorer.system.clock.is_fault(state.memory.wander):  # no tracker's, so it may be the machine that it follows
             starts.append(scorer.score(state.keys, WHITE, state.scales))
-        if turn.number < TURNS - 1:  # what is said is what it is linearised at
-            state = refilled(scorer, max((improve(scorer, each) for each in starts), key=lambda end: end.total))
+        state = refilled(scorer, max((improve(scorer, each) for each in starts), key=lambda end: end.total))
     return Found(
         fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
         asked.span, opening=turn.opening, seen=turn.seen,
     ), candidates  # fmt: skip
-
-
-def _open(
-    asked: Asked, turn: Turn, problem: Problem, fitted: FitResult, candidates: Sequence[Effect], gross: np.ndarray,
-    linear: Linear | None,
-) -> Scorer:  # fmt: skip
-    """All effects and blocks beside a fit, nothing scored yet."""
-    rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
-    shapes = {effect.key: shapes_of(effect, problem.view, turn.moments) for effect in candidates}
-    system = build_system(
-        fitted, problem, candidates, turn.noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear
-    )
-    return Scorer(system, asked.model.keys, asked.steps, turn.barred)
 
 
 def _turned(

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.atoms import is_effect, is_sudden
+from ptt.diagnosis.atoms import is_any, is_block, is_effect, is_sudden
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose
+from ptt.diagnosis.noise import stated_noise, visit_left, wanders_beyond
+from ptt.diagnosis.rest import EXCESS
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import best_of, climb, ends_of
+from ptt.diagnosis.search import best_of, climb, ends_of, improve, refilled
 from ptt.diagnosis.shapes import with_moments
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import best_moments, gross_beside, in_company
@@ -18,6 +20,7 @@ from ptt.effects import Effect
 from ptt.fitting.linear import Linear, few_shapes
 from ptt.run.problem import Problem
 
+UNKNOWN_FIRST = (is_block, is_any)  # what a search from nothing begins with; what names alone explain is known by then
 NEIGHBOURS = (1, 1, 0, 1, 1)  # rows before and after one
 
 
@@ -45,7 +48,7 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
     system, nothing = scorer.system, scorer.score((), WHITE)
     assert isinstance(system, RowSystem)
     named = climb(scorer, nothing, is_effect)
-    scorer, system, lasting = _dated(scorer, system, named, candidates)
+    scorer, system, lasting = dated(scorer, named, candidates)
     if lasting is not None:  # else rows between a moment that is tried and the true one would look like that
         named = climb(scorer, scorer.score(lasting, WHITE), is_effect)
     far = gross_beside(system, scorer.score(named.keys, WHITE), gross) & ~gross
@@ -53,39 +56,67 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
     return gross if (far & company).any() else gross | far
 
 
-def search_first(scorer: Scorer, system: RowSystem, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
-    """The best set, what is sudden in it placed to the row before any swap.
+def search_first(
+    scorer: Scorer, state: State, candidates: Sequence[Effect], problem: Problem
+) -> tuple[Scorer, RowSystem, State]:
+    """The best set beside what names alone explain; where they do not suffice, unknowns come first as well.
 
-    Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
-    stay.
+    What is sudden is placed to the row before any swap: between the moments that are tried at first lie rows enough for
+    curves that make good for them, and those would stay.
 
     Args:
         scorer: of the system.
-        system: linearised.
+        state: what names alone explain.
         candidates: effects that may be missing.
+        problem: the readings.
 
     Returns:
         A scorer that knows the moments, its system and the set.
     """
-    ends = ends_of(scorer)
-    first = max(ends, key=lambda end: (_searches_moments(system, end), end.total))
-    scorer, system, lasting = _dated(scorer, system, first, candidates)
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    best = climb(scorer, state)
+    if names_suffice(scorer, best, problem):
+        best = refilled(scorer, improve(scorer, best))
+        if names_suffice(scorer, best, problem):
+            return scorer, system, best
+    ends = ends_of(scorer, openings=UNKNOWN_FIRST)
+    first = max(ends, key=lambda end: (_searches_moments(scorer, end), end.total))
+    scorer, system, lasting = dated(scorer, first, candidates)
     if lasting is not None:
-        ends += ends_of(scorer, lasting)
-    return scorer, system, best_of(scorer, ends)
+        ends += ends_of(scorer, lasting, UNKNOWN_FIRST)
+    return scorer, system, best_of(scorer, [best, *ends])
 
 
-def _dated(
-    scorer: Scorer, system: RowSystem, state: State, candidates: Sequence[Effect]
-) -> tuple[Scorer, RowSystem, list[str] | None]:
+def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:
+    """Whether names alone say all: no unknown, no wander beyond a tracker's, no more left than is stated.
+
+    Args:
+        scorer: of the system.
+        state: the set.
+        problem: the readings.
+    """
+    system = scorer.system
+    if any(system.atoms[key].block is not None for key in state.keys) or system.errs_by_pose(state.memory):
+        return False
+    if wanders_beyond(system, state):
+        return False
+    stated = stated_noise(problem, system, state)
+    return stated is None or visit_left(system, state).total <= EXCESS * stated.total
+
+
+def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, list[str] | None]:
     """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
-    if not _searches_moments(system, state):
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    if not _searches_moments(scorer, state):
         return scorer, system, None
     scorer, system = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
     lasting = [key for key in state.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
     return scorer, system, lasting
 
 
-def _searches_moments(system: RowSystem, state: State) -> bool:
+def _searches_moments(scorer: Scorer, state: State) -> bool:
     """Whether a set has something sudden whose moment was searched."""
+    system = scorer.system
     return any(is_sudden(system.atoms[key]) and system.atoms[key].shape is not None for key in state.keys)

@@ -225,6 +225,8 @@ def build_system(
     shapes: Shapes | None = None,
     span: Span | None = None,
     linear: Linear | None = None,
+    *,
+    unknown: bool = True,
 ) -> RowSystem:
     """Linearise around a model, with all effects and all blocks beside it.
 
@@ -239,13 +241,14 @@ def build_system(
         shapes: of candidates by key; None asks each.
         span: of the run that the problem is a part of; None for all of it.
         linear: all effects in these shapes, where they are linearised there already.
+        unknown: with blocks; else effects alone.
 
     Returns:
         The system.
     """
     linear = straightened(linear or linear_columns(fitted, problem, candidates, noise, shapes), fitted, problem)
     assert linear.at is not None
-    blocks = unknown_blocks(problem, linear.at.chain, periods, span)
+    blocks = unknown_blocks(problem, linear.at.chain, periods, span) if unknown else ()
     columns = _side_by_side(linear.columns, blocks, noise, rows)
     atoms = atoms_of(linear, fitted, problem, candidates)
     atoms |= atoms_of_blocks(blocks, linear.columns.shape[2], odds_of_block(len(blocks)))

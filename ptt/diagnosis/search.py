@@ -10,6 +10,7 @@ from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.state import State
 
 ROUNDS = 16
+OPENINGS: tuple[Allowed, ...] = (is_effect, is_block, is_any)  # what may be added before all else
 LEAST = 0.3  # nats that a move has to gain
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less, and gone past if they lose less
 PAST = 2  # swaps that lose a little from which plain moves are tried
@@ -24,7 +25,7 @@ def search(scorer: Scorer) -> State:
     return best_of(scorer, ends_of(scorer))
 
 
-def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
+def ends_of(scorer: Scorer, start: Sequence[str] = (), openings: Sequence[Allowed] = OPENINGS) -> list[State]:
     """The sets that adding and dropping lead to.
 
     What effects explain by themselves, blocks are added to, and the other way round; both at once; and what the noise
@@ -33,12 +34,13 @@ def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
     Args:
         scorer: of the system.
         start: atoms to start from.
+        openings: what may be added before all else.
 
     Returns:
         The ends of the ways.
     """
     first = scorer.score(start, WHITE)
-    ends = [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, is_any)]
+    ends = [climb(scorer, climb(scorer, first, opening)) for opening in openings]
     alone = scorer.score(start, scorer.best_memory(first)[0])
     return [*ends, climb(scorer, alone)] if alone.total > max(end.total for end in ends) - HOPEFUL else ends
 
