@@ -79,6 +79,9 @@ def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, 
     from ptt.door.model import load
 
     described = describe(load(path, effects=effects or ()))
+    if drawing is None and described.file.machine.kind == "serial":  # an arm is told, not drawn
+        show(described.to_dict(), str(described), json)
+        return
     drawing = drawing or Path(f"{(path / 'machine' if path.is_dir() else path).with_suffix('')}_drawing.png")
     _draw(described.file, drawing)
     data = described.to_dict() | {"drawing": str(drawing)}

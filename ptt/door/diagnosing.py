@@ -175,13 +175,9 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
     lines = [f"verdict: {result.verdict}", "", result.words, ""]
     lines += [*_candidates(result), ""] if result.candidates else []
     lines += [*_dependences(result), ""] if result.depends_on else []
-    if result.verdict == "unknown" and any(is_variable(item.on) for item in result.depends_on[:1]):
-        lines += [
-            "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json",
-            "",
-        ]
     if result.measure_next:
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
+    lines += [*_next(result), ""] if result.verdict != "nothing-missing" else []
     if result.not_testable:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
@@ -200,6 +196,24 @@ def _aside(rows: int) -> str:
         return ""
     which = "one row" if rows == 1 else f"{rows} rows"
     return f"; {which} left aside, at which nobody knows from which side the machine came"
+
+
+def _next(result: "Diagnosis") -> list[str]:
+    """What to do with the verdict."""
+    lines, names = [], " ".join(group[0] for group in result.suggested)
+    if names:
+        lines.append(f"next: ptt add RUN.csv {names} --model M.toml --out M2.toml")
+    if result.verdict == "unknown" and result.depends_on:
+        first = result.depends_on[0]
+        lines.append(
+            f"look for the cause at {first.acts_on or first.residual}; more poses over the range of {first.on}, each from "
+            "both sides, show it better"
+        )
+        if is_variable(first.on):
+            lines.append(
+                "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json"
+            )
+    return lines
 
 
 def _candidates(result: "Diagnosis") -> list[str]:

@@ -79,12 +79,27 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         low, high = place or (at[0], at[-1])
     except (KeyError, TypeError, ValueError, IndexError):
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
+    if not along:
+        shape, along, (low, high) = _with_size(dependence, shape, (low, high))
     shift = REFERENCE_C if (along or on) == "temperature" else 0.0
     if not low < high or (shape == "period" and not period > 0.0):
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX)
     between = low - shift, high - shift
     return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
             "between": between, "acts_on": acts_on}  # fmt: skip
+
+
+def _with_size(
+    dependence: Mapping[str, Any], shape: str, between: tuple[float, float]
+) -> tuple[str, str, tuple[float, float]]:
+    """Shape, second variable and ends of what a side of arrival loses more of at one end: its size says so first."""
+    size = dependence.get("size")
+    told = size if isinstance(size, Mapping) and size.get("kind") == "varying" else {}
+    along, ends = str(told.get("along") or ""), (told.get("low"), told.get("high"))
+    numbers = [float(end) for end in ends if isinstance(end, int | float)]
+    if not is_variable(along) or along == dependence.get("on") or len(numbers) < 2 or numbers[0] == numbers[1]:
+        return shape, "", between
+    return "varying", along, (min(numbers), max(numbers))
 
 
 def is_variable(name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Rows that are not in travel order: time that runs back, rows sorted by their names' letters, readings shuffled."""
+"""Rows that are not in travel order: time that runs back, rows sorted by the letters of names or by a coordinate."""
 
 import re
 
@@ -6,10 +6,13 @@ import numpy as np
 
 from ptt.run.table import take_rows
 from ptt.setup.result import Finding
+from ptt.setup.rows import places
 from ptt.setup.setup import Setup
 
 DAY = 86400.0
 FEWEST = 11  # names: from ten on, the order of letters differs from that of numbers
+POSES = 30  # one after the other along an axis, which no chance does
+LEAP = 0.15  # of the range of the other axes between poses: half of what poses in any order leap by at the median
 
 
 def find_disorder(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -21,7 +24,7 @@ def find_disorder(setup: Setup) -> tuple[list[Finding], Setup]:
     Returns:
         At most one finding, and the files with the rows in order.
     """
-    return _by_time(setup) or _by_name(setup) or ([], setup)
+    return _by_time(setup) or _by_name(setup) or _by_place(setup) or ([], setup)
 
 
 def _by_time(setup: Setup) -> tuple[list[Finding], Setup] | None:
@@ -60,3 +63,26 @@ def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
     order = np.argsort(numbers, kind="stable")
     finding = Finding("row-order", words, "sort the rows by the number in their name", None, None, True, table.source)
     return [finding], Setup(setup.file, take_rows(table, order))
+
+
+def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
+    """Rows that rise along one axis while the tool leaps along the others: nobody drives like that, tables are so."""
+    if setup.table.time_s is not None:
+        return None
+    place = places(setup)
+    place = place[np.isfinite(place).all(axis=1)]
+    place = place[np.append(True, np.abs(np.diff(place, axis=0)).max(axis=1, initial=0.0) > 0.0)] if len(place) else place
+    if len(place) < POSES:
+        return None
+    steps, reach = np.diff(place, axis=0), np.ptp(place, axis=0)
+    for axis, letter in enumerate("xyz"):
+        own, others = steps[:, axis], np.delete(np.arange(3), axis)
+        one_way = bool((own >= 0.0).all() or (own <= 0.0).all()) and len(np.unique(place[:, axis])) > 0.5 * len(place)
+        if one_way and (np.median(np.abs(steps[:, others]), axis=0) > LEAP * reach[others]).all() and reach.all():
+            words = (
+                f"the rows are sorted by {letter}, and leap along the other axes: if that is not how the machine drove, "
+                "no play, lag or drift can be told"
+            )
+            fix = "give the rows in the order of measuring, or a column time_s"
+            return [Finding("row-order", words, fix, None, None, False, setup.table.source)], setup
+    return None
