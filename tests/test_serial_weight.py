@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from ptt.effects.registry import library, make_effect
+from ptt.effects.self_weight import lines
 from ptt.errors import MachineError
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine, parse_machine
@@ -191,3 +192,53 @@ def test_stated_errors_hold_the_true_amplitudes() -> None:
         pulls.append(((term.theta.numpy() - true) / term.std.numpy())[term.measured.numpy()])
     every = np.abs(np.concatenate(pulls))
     assert len(every) > 100 and every.max() < 5.0 and (every < 2.0).mean() > 0.9, (len(every), every.max())
+
+
+MOUNT = """
+[machine]
+kind = "serial"
+convention = "CONVENTION"
+tool_mm = [1000.0, 0.0, 0.0]
+joint = JOINTS
+[tracker]
+frame = "trusted"
+sigma_mm = 0.03
+"""
+AXES = {"standard": "[{ alpha_deg = 90 }, {}]", "modified": "[{}, { alpha_deg = 90 }]"}
+
+
+@pytest.mark.parametrize("convention", list(AXES))
+def test_a_tube_that_sags_is_no_tube_that_is_out_of_balance(convention: str) -> None:
+    """Over the altitudes of a sky cosine, sine and an offset look alike: a tube's mass lies along it."""
+    file = parse_machine(MOUNT.replace("CONVENTION", convention).replace("JOINTS", AXES[convention]))
+    offset, sag, found = -8e-5, 5e-5, []
+    low, high = np.radians([[-180.0, 25.0], [180.0, 85.0]])
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        q = random.uniform(low, high, (200, 2))
+        stands = q + np.column_stack([np.zeros(200), offset - sag * np.cos(q[:, 1])])
+        read = build_view(file, make_table(None, stands)).p.numpy() + random.normal(0.0, 0.03, (200, 3))
+        model = Model(file) + make_effect(library(), "homing-offset") + make_effect(library(), "self-weight")
+        terms = fit(model, build_problem(file, make_table(None, q, read))).model.terms
+        names = [name for term in terms for name in parameter_names(term.effect, "serial", 2)]
+        value = dict(zip(names, np.concatenate([term.theta.numpy() for term in terms]), strict=True))
+        found.append([value["offset_rad 2"] - offset, value["across_rad 2.2"], abs(value["along_rad 2.2"]) - sag])
+    error = np.sqrt(np.square(found).mean(axis=0)) / sag
+    assert (error < [0.3, 0.15, 0.35]).all(), error  # alike in size, they would be off by 0.8, 0.6 and 0.5
+
+
+def test_the_drawing_tells_along_which_line_the_mass_of_a_link_lies() -> None:
+    """By the far end of each link; what hangs along the next axis counts with the link before it."""
+    for convention in ("standard", "modified"):
+        file = arm("kuka_iiwa", convention=convention)
+        mechanism = build_view(file, make_table(None, np.zeros((4, 7)))).mechanism
+        q = torch.tensor(np.random.default_rng(4).uniform(-np.pi, np.pi, (20, 7)))
+        half = torch.pi * torch.cartesian_prod(*[torch.arange(2, dtype=torch.float64)] * 7)
+        q = (q[:, None] + half).reshape(-1, 7)
+        chain, tip = mechanism.walk(q), mechanism.forward(q)
+        for link, line in zip(chain, lines(mechanism), strict=True):
+            away = tip - link.before_z.origin
+            across = torch.linalg.cross(link.before_z.z.expand_as(away), link.end.x.expand_as(away))
+            seen = [float((away * way).sum(dim=-1).mean()) for way in (link.end.x, across)]
+            # half turns of the joints behind take out all but their axes
+            torch.testing.assert_close(torch.tensor(seen, dtype=torch.float64), line, atol=1e-6, rtol=0.0)

@@ -11,6 +11,7 @@ from ptt.effects.card import Card
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.mechanisms.derivatives import by_parameters
+from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
@@ -147,6 +148,17 @@ class Effect:
         """
         raise NotImplementedError
 
+    def proportions(self, mechanism: Mechanism) -> Tensor | None:
+        """How large each value usually is beside the usual size of its parameter.
+
+        Args:
+            mechanism: the nominal mechanism.
+
+        Returns:
+            (P,) of all parameters in declared order; None where the drawing says nothing of it.
+        """
+        return None
+
     def shift(self, theta: Tensor, view: View) -> Tensor:
         """Additive shift at the stage's output.
 
@@ -267,6 +279,23 @@ def shape_of(effect: Effect, theta: Tensor, joints: int) -> dict[str, Tensor]:
     """
     parts = torch.split(theta, list(sizes(effect, joints)))
     return {p.stem: part for p, part in zip(effect.parameters, parts, strict=True) if p.role != "linear"}
+
+
+def usual_values(effect: Effect, view: View) -> Tensor:
+    """Usual size of each value of an effect on a machine.
+
+    Args:
+        effect: the effect.
+        view: of the machine.
+
+    Returns:
+        (P,) of all parameters in declared order, in their units.
+    """
+    kind, joints = family(view), view.joints
+    parts = [torch.full((p.size(joints),), p.on(kind).usual, dtype=torch.float64) for p in effect.parameters]
+    usual = torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+    beside = effect.proportions(view.mechanism)
+    return usual if beside is None else usual * beside
 
 
 def flatten(effect: Effect, shape: Mapping[str, Tensor], joints: int) -> Tensor:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.effects.base import usual_values
 from ptt.effects.parameter import Parameter
 from ptt.model.model import Model, Term, parameter_names
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
@@ -32,8 +33,8 @@ class Layout:
         upper: (u,) bound in units of scale.
         held: (u,) bool, kept near zero at its scale by definition of the effect and of those beside it.
         owner: (u,) int, index of the term; FRAME or MOUNT for those.
-        group: (u,) int, unknowns of one parameter (slopes and levels apart), which share how large they may be; -1 for
-            frames and mounts.
+        group: (u,) int, unknowns of one parameter (slopes and levels apart) and of those joined to it, which share how
+            large they may be; -1 for frames and mounts.
         kinds: of each group: 'free', 'held' as above, or 'searched'.
         names: one for each unknown.
         frames: number of frames.
@@ -105,7 +106,7 @@ def lay_out(model: Model, problem: Problem, terms: Sequence[Term]) -> Layout:
     kinds: list[str] = []
     free = []
     for index, term in enumerate(terms):
-        own, flags = _of_term(term, index, model.file.machine.kind, problem.view.joints, fitted, kinds)
+        own, flags = _of_term(term, index, model.file.machine.kind, problem.view, fitted, kinds)
         unknowns += own
         free.append(flags)
     runs = problem.table.run_label
@@ -138,28 +139,30 @@ class _Unknown(NamedTuple):
 
 
 def _of_term(
-    term: Term, index: int, kind: str, joints: int, fitted: set[str], kinds: list[str]
+    term: Term, index: int, kind: str, view: View, fitted: set[str], kinds: list[str]
 ) -> tuple[list[_Unknown], np.ndarray]:
     """Unknowns of one term, and which of its values they are, (P,) bool; `kinds` grows by its groups."""
     unknowns, flags = [], []
+    joints, usual = view.joints, iter(usual_values(term.effect, view).tolist())
     local = iter(parameter_names(term.effect, kind, joints))
     for parameter in (p.on(kind) for p in term.effect.parameters):
-        size, usual = parameter.size(joints), parameter.usual
-        names = list(islice(local, size))
+        size = parameter.size(joints)
+        names, sizes = list(islice(local, size)), list(islice(usual, size))
         open_ = parameter.role != "given" and parameter.stem not in term.fixed
         flags += [open_] * size
         if not open_:
             continue
         parts = _kinds(parameter, size, fitted)
         groups = list(dict.fromkeys(parts))
+        first = len(kinds) - parameter.joined
         unknowns += [
             _Unknown(
-                f"{term.effect.key} {name}", usual, index, len(kinds) + groups.index(part),
-                parameter.lower / usual, parameter.upper / usual, part[0] == "held",
+                f"{term.effect.key} {name}", own, index, first + groups.index(part),
+                parameter.lower / own, parameter.upper / own, part[0] == "held",
             )
-            for name, part in zip(names, parts, strict=True)
+            for name, own, part in zip(names, sizes, parts, strict=True)
         ]  # fmt: skip
-        kinds += [own for own, _ in groups]
+        kinds += [own for own, _ in groups[len(kinds) - first :]]
     return unknowns, np.array(flags, dtype=bool)
 
 

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
+from ptt.effects.base import linear_size, usual_values
 from ptt.effects.sudden import ALWAYS, Sudden, run_clock
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.sums import Sums, accumulate
@@ -253,9 +254,7 @@ def with_base(sums: Sums, linear: Linear) -> Sums:
 
 def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:
     """Usual size of each linear value of an effect, (P,)."""
-    kind, joints = problem.file.machine.kind, problem.view.joints
-    parameters = [parameter for parameter in effect.parameters if parameter.role == "linear"]
-    return np.concatenate([np.zeros(0), *(np.full(item.size(joints), item.on(kind).usual) for item in parameters)])
+    return usual_values(effect, problem.view)[: linear_size(effect, problem.view.joints)].numpy()
 
 
 def detailed_columns(at: Place, effect: Effect, shape: Shape) -> tuple[np.ndarray, np.ndarray]:

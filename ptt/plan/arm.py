@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from ptt.effects import Library
+from ptt.effects.base import linear_size, usual_values
 from ptt.errors import InputError
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.model.model import Model
@@ -102,11 +103,11 @@ def _wanted(model: Model, known: Library) -> list[str]:
 def _columns(model: Model, table: Table, known: Library, sigma: float) -> tuple[np.ndarray, int]:
     """Derivatives (n, 3, P) in usual sizes and units of noise, frame and mount last; how many are the machine's."""
     view, _ = see_plan(model, table)
-    kind, parts = model.file.machine.kind, []
+    parts = []
     for name in _wanted(model, known):
         effect = known[name]()
-        usual = [p.on(kind).usual for p in effect.parameters if p.role == "linear" for _ in range(p.size(view.joints))]
-        parts.append(columns_of(model, effect, view, sigma) * np.array(usual))
+        usual = usual_values(effect, view)[: linear_size(effect, view.joints)]
+        parts.append(columns_of(model, effect, view, sigma) * usual.numpy())
     nuisance = beside(model, view, np.ones(view.rows, dtype=bool), sigma)[: 3 * view.rows].reshape(view.rows, 3, -1)
     terms = sum(len(term.theta) for term in model.terms)
     parts.append(nuisance)

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect, Library
+from ptt.effects.base import usual_values
 from ptt.effects.metrology import TrackerFrame, rigid_basis
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.result import PRIOR_SHARE
@@ -209,8 +210,8 @@ def _read_beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np
     terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
     at = linearise(terms, view)
     kind = model.file.machine.kind
-    usual = [p.on(kind).usual for effect, _ in terms for p in effect.parameters for _ in range(p.size(view.joints))]
-    parts: list[Tensor] = [at.jacobian * torch.tensor(usual, dtype=torch.float64)]
+    usual = torch.cat([torch.zeros(0), *(usual_values(effect, view) for effect, _ in terms)])
+    parts: list[Tensor] = [at.jacobian * usual]
     if kind == "serial" and model.file.tracker.tool != "trusted":
         parts.append(at.by_mount * MOUNT_USUAL)
     if model.file.tracker.frame != "trusted":
