@@ -26,7 +26,7 @@ import klipper
 import numpy as np
 import torch
 import ur10 as ur10_bench
-from real_data import ARCSEC, STAR_MM, here, humanoid, open_set, other_arm, telescope, ur10
+from real_data import ARCSEC, STAR_MM, here, humanoid, open_set, other_arm, plain_telescope, telescope, ur10
 
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
@@ -231,6 +231,10 @@ def diagnose_all(stride: int) -> list[Row]:
     cases: dict[str, Callable[[], Problem]] = {}
     if here("rts2_pointing"):
         cases["telescope"] = lambda: open_set(*telescope())
+        cases |= {
+            f"two axes, {frame}": lambda frame=frame: open_set(*plain_telescope(frame))
+            for frame in ("trusted", "fitted")
+        }
     if here("dlr_justin"):
         cases |= {f"Justin {side}": lambda side=side: open_set(*humanoid(side)) for side in SIDES}
     if here("ur10_ipa"):

@@ -52,22 +52,47 @@ def telescope() -> tuple[MachineFile, Table]:
     Returns:
         Machine and table: q2 = -azimuth, q3 = altitude, as the mount says.
     """
-    rows = pd.read_csv(DATA / "rts2_pointing" / "altaz.csv")
-    azimuth, altitude = np.radians(rows["az_deg"]), np.radians(rows["alt_deg"])
-    star_az = azimuth - np.radians(rows["alt_err_deg"])
-    star_alt = altitude - np.radians(rows["az_err_deg"])
-    direction = np.column_stack(
-        [np.cos(star_alt) * np.cos(star_az), -np.cos(star_alt) * np.sin(star_az), np.sin(star_alt)]
-    )
-    seconds = (rows["jd"] - rows["jd"].iloc[0]).to_numpy() * 86400.0
+    azimuth, altitude, direction, seconds = _sky()
     machine = parse_machine(
         '[machine]\nkind = "serial"\nname = "telescope"\nconvention = "standard"\n'
         f"tool_mm = [{STAR_MM}, 0, 0]\njoint = [{{}}, {{ alpha_deg = 90 }}, {{}}]\n"
         f'[tracker]\nframe = "trusted"\nsigma_mm = {STAR_MM * SKY_SCATTER}\n',
         "telescope",
     )
-    commands = np.column_stack([np.zeros(len(rows)), -azimuth, altitude])
+    commands = np.column_stack([np.zeros(len(seconds)), -azimuth, altitude])
     return machine, make_table(None, commands, direction * STAR_MM, time_s=seconds)
+
+
+def plain_telescope(frame: str, timed: bool = True) -> tuple[MachineFile, Table]:
+    """The same as one sets it up who knows but the two axes: stars 1 m away, no foot, no noise stated.
+
+    Args:
+        frame: of the tracker, 'trusted' or 'fitted'.
+        timed: whether the rows say when.
+
+    Returns:
+        Machine and table: q1 = -azimuth, q2 = altitude, as the mount says.
+    """
+    azimuth, altitude, direction, seconds = _sky()
+    machine = parse_machine(
+        '[machine]\nkind = "serial"\nname = "telescope"\nconvention = "standard"\n'
+        f'tool_mm = [1000, 0, 0]\njoint = [{{ alpha_deg = 90 }}, {{}}]\n[tracker]\nframe = "{frame}"\n',
+        "telescope",
+    )
+    commands = np.column_stack([-azimuth, altitude])
+    return machine, make_table(None, commands, direction * 1e3, time_s=seconds if timed else None)
+
+
+def _sky() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Azimuth and altitude as the mount says (rad), where the stars stand (n, 3), and seconds since the first."""
+    rows = pd.read_csv(DATA / "rts2_pointing" / "altaz.csv")
+    azimuth, altitude = np.radians(rows["az_deg"].to_numpy()), np.radians(rows["alt_deg"].to_numpy())
+    star_az = azimuth - np.radians(rows["alt_err_deg"].to_numpy())
+    star_alt = altitude - np.radians(rows["az_err_deg"].to_numpy())
+    direction = np.column_stack(
+        [np.cos(star_alt) * np.cos(star_az), -np.cos(star_alt) * np.sin(star_az), np.sin(star_alt)]
+    )
+    return azimuth, altitude, direction, (rows["jd"] - rows["jd"].iloc[0]).to_numpy() * 86400.0
 
 
 def humanoid(side: str) -> tuple[MachineFile, Table]:

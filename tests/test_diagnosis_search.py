@@ -179,10 +179,18 @@ def gaining(more):
 
 
 @pytest.mark.parametrize(
-    ("instead", "more", "sure"), [(97.0, 9.0, None), (80.0, 9.0, 0.853), (40.0, 9.0, 0.995), (40.0, 0.5, None)]
+    ("instead", "more", "sure"),
+    [
+        (97.0, 5.0, None),
+        (80.0, 5.0, 0.853),
+        (40.0, 9.0, 0.995),
+        (40.0, 0.5, None),
+        (97.0, 9.0, 0.566),
+        (103.0, 9.0, None),
+    ],
 )
 def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(monkeypatch, instead, more, sure):
-    """And it foretells hidden readings by more than chance lets it do."""
+    """And it foretells hidden readings by more than chance lets it do; one that takes most may be near."""
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
     monkeypatch.setattr(steps, "hide", lambda *_: gaining(more))

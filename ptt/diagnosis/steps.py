@@ -17,6 +17,9 @@ from ptt.diagnosis.state import State
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
 ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
+LEADING = (
+    2.0 / 3.0
+)  # of what hidden readings show, that an effect has to take alone to be more than a block's leftovers
 HALF = 0.5  # of what hidden readings show that a name has to take where the whole set does not foretell them
 TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
 LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
@@ -82,6 +85,10 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
     likely = [key for key in clear if not odd or ahead[key] > TIE]
+    if odd:
+        leading = [key for key in worth if key not in likely and worth[key] > 0.0 and _leads(scorer, key)]
+        ahead |= {key: state.total - _with_unknown(scorer, state, key) for key in leading if key not in ahead}
+        likely += [key for key in leading if ahead[key] > 0.0]
     every = loose(scorer, state)
     beside = {key: _beside(scorer, every, key) for key in likely}
     trials = {key: hide(scorer, beside[key], key) for key in likely}
@@ -105,6 +112,15 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         before = after
     unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE)
     return Named(tuple(steps), unproven, faithful, doubt)
+
+
+def _leads(scorer: Scorer, key: str) -> bool:
+    """Whether an effect alone foretells most of what hidden readings show.
+
+    Blocks that bend to anything can do the work of such a one within a few nats, once it is out. No form of theirs that
+    is only approximate leaves as much over.
+    """
+    return hide(scorer, (key,), key).speaks(share=LEADING)
 
 
 def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
