@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_block, is_metrology
+from ptt.diagnosis.atoms import Atom, is_block, is_metrology, is_sudden
 from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.hidden import held_out, hide, left_of
 from ptt.diagnosis.laws import is_broad
@@ -23,6 +23,7 @@ LEADING = (
 HALF = 0.5  # of what hidden readings show that a name has to take where the whole set does not foretell them
 TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
 LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
+OFTEN = 3  # events of one kind that may be the stages of one change
 MOST_TIES, MOST_LOOKED_AT = 4, 6
 MOST_UNKNOWN = 2  # unknowns that are tried in an effect's place: those that the screen puts first
 
@@ -100,6 +101,8 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         doubtful = [key for key in clear if key not in likely and ahead[key] > 0.0]
         more = _delivered(scorer, [*speaking, *doubtful], 0.0 if faithful else HALF)
         named = more if set(speaking) <= set(more) else named
+    if odd:
+        named = _without_stages(scorer, every, named)
     order, others = _in_order(scorer, named), {key: ties(scorer, state, key) for key in named}
     doubt = tool_doubt(scorer, state)  # what is tied is scored by now
     if odd and np.hypot(held_out(scorer, tuple(order)), doubt) >= held_out(scorer, ()):
@@ -146,6 +149,18 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
             break
         named = [key for key in named if key != max(vain, key=lambda key: held_out(scorer, (key,)))]
     return named
+
+
+def _without_stages(scorer: Scorer, every: Sequence[str], named: list[str]) -> list[str]:
+    """The same without what happened so often beside an unknown that it may as well be stages of what went on and on.
+
+    Where not each of them is borne out, those that are say no more than that something changed.
+    """
+    atoms, stages = scorer.system.atoms, set[str]()
+    for kind in {type(atoms[key].effect) for key in named if is_sudden(atoms[key])}:
+        alike = {key for key in every if type(atoms[key].effect) is kind}
+        stages |= alike if len(alike) >= OFTEN and not alike <= set(named) else set()
+    return [key for key in named if key not in stages]
 
 
 def _beside(scorer: Scorer, keys: Sequence[str], key: str) -> list[str]:
