@@ -1,5 +1,6 @@
 """Names alone: what effects explain without any unknown, the model moved to them until they stay."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,14 +10,17 @@ from ptt.diagnosis.atoms import is_effect
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.first import dated, sift, sift_again
 from ptt.diagnosis.found import Found, fit_less, moved
+from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.opening import without_opening
 from ptt.diagnosis.row_system import RowSystem
-from ptt.diagnosis.search import climb
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.search import climb, is_plain
+from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import Turn, moments_of, unlike
 from ptt.fitting.linear import linear_columns
 
-ROUNDS = 3  # of linearising with names alone: what these do not say, turns beside unknowns may
+ROUNDS = 2  # of linearising with names alone: what these do not say, turns beside unknowns may
 
 
 def names_alone(asked: Asked, turn: Turn) -> Turn:
@@ -47,11 +51,14 @@ def names_alone(asked: Asked, turn: Turn) -> Turn:
             if not np.array_equal(lone, turn.gross):
                 turn = replace(turn, gross=lone)
                 scorer = open_turn(asked, turn, problem, fitted, candidates, lone, linear, unknown=False)
-        state = climb(scorer, scorer.score([key for key in kept if key in scorer.system.atoms], WHITE), is_effect)
+        start = scorer.score([key for key in kept if key in scorer.system.atoms], WHITE)
+        # Plain ones first as well: of few rows curves bend to whatever waves there are.
+        scorer, plain, waves = with_harmonics(scorer, climb(scorer, start, is_plain), problem, turn.seen)
+        turn = replace(turn, seen=(*turn.seen, *waves))
+        state = _best(scorer, (plain, start))
         scorer, _, lasting = dated(scorer, state, candidates)
         if lasting is not None:
-            ends = [climb(scorer, scorer.score(keys, WHITE), is_effect) for keys in (lasting, state.keys)]
-            state = max(ends, key=lambda end: end.total)
+            state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)])
         assert isinstance(scorer.system, RowSystem)
         found = Found(
             fitted, scorer.system, scorer, state, turn.noise, turn.carried, turn.gross, untestable, turn.periods,
@@ -65,3 +72,8 @@ def names_alone(asked: Asked, turn: Turn) -> Turn:
             break
         kept = current.keys
     return turn
+
+
+def _best(scorer: Scorer, starts: Sequence[State]) -> State:
+    """The best set of effects that adding and dropping lead to."""
+    return max((climb(scorer, start, is_effect) for start in starts), key=lambda end: end.total)

@@ -97,9 +97,9 @@ def _instead_of(scorer: Scorer, best: State, key: str) -> State:
     Swaps one for one never find those: none of them alone is worth as much.
     """
     fewer = scorer.score(without(best, key), best.memory, best.scales)
-    if not worth_a_try(scorer, fewer, _is_plain):
+    if not worth_a_try(scorer, fewer, is_plain):
         return best
-    plain = improve(scorer, fewer, _is_plain, swaps=False)
+    plain = improve(scorer, fewer, is_plain, swaps=False)
     if set(plain.keys) <= set(fewer.keys):  # none takes its place: what another curve can do, a swap has tried
         return best
     other = improve(scorer, plain, swaps=False)
@@ -112,7 +112,7 @@ def _beside(scorer: Scorer, best: State, key: str) -> State:
     The screen holds the curve as wide as it is. That the rest of it is narrower once its slope has a name, only an
     exact score tells.
     """
-    near = [gain for gain in scorer.screen(best, _is_plain) if gain.nats > SEEN - NEAR]
+    near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN - NEAR]
     tried = [added(scorer, best, gain) for gain in near[:TRIED]]
     lenders = _lenders(scorer, best, key)
     if lenders:
@@ -145,7 +145,8 @@ def _asked_of_tracker(scorer: Scorer, best: State) -> State:
     return best
 
 
-def _is_plain(atom: Atom) -> bool:
+def is_plain(atom: Atom) -> bool:
+    """Whether an atom is an effect of a few values, no curve that bends to anything."""
     return atom.effect is not None and len(atom.columns) <= FEW
 
 

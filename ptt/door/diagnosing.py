@@ -206,8 +206,8 @@ def _next(result: "Diagnosis") -> list[str]:
     if result.verdict == "unknown" and result.depends_on:
         first = result.depends_on[0]
         lines.append(
-            f"look for the cause at {first.acts_on or first.residual}; more poses over the range of {first.on}, each from "
-            "both sides, show it better"
+            f"look for the cause at {first.acts_on or first.residual}; more poses over the range of {first.on}, each "
+            "from both sides, show it better"
         )
         if is_variable(first.on):
             lines.append(

@@ -71,7 +71,7 @@ def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
         return None
     place = places(setup)
     place = place[np.isfinite(place).all(axis=1)]
-    place = place[np.append(True, np.abs(np.diff(place, axis=0)).max(axis=1, initial=0.0) > 0.0)] if len(place) else place
+    place = place[np.append(True, (np.diff(place, axis=0) != 0.0).any(axis=1))[: len(place)]]  # repeats once
     if len(place) < POSES:
         return None
     steps, reach = np.diff(place, axis=0), np.ptp(place, axis=0)
@@ -80,8 +80,8 @@ def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
         one_way = bool((own >= 0.0).all() or (own <= 0.0).all()) and len(np.unique(place[:, axis])) > 0.5 * len(place)
         if one_way and (np.median(np.abs(steps[:, others]), axis=0) > LEAP * reach[others]).all() and reach.all():
             words = (
-                f"the rows are sorted by {letter}, and leap along the other axes: if that is not how the machine drove, "
-                "no play, lag or drift can be told"
+                f"the rows are sorted by {letter}, and leap along the other axes: if that is not how the machine "
+                "drove, no play, lag or drift can be told"
             )
             fix = "give the rows in the order of measuring, or a column time_s"
             return [Finding("row-order", words, fix, None, None, False, setup.table.source)], setup
