@@ -48,3 +48,25 @@ def test_what_one_joint_does_now_and_then_is_no_gross_error(seed: int, reach: fl
     found = told_of(seed, "by slider 2", reach)
     assert found.verdict == "unknown"
     assert "along the way of slider 2" in found.words or any("slider 2" in each.residual for each in found.depends_on)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_sticks_after_each_reversal_of_all_joints_is_no_gross_error(seed: int) -> None:
+    """Columns driven up and down: each joint is off by a tenth, the way it goes, from 4 to 14 mm past a reversal."""
+    file, random = bench(), np.random.default_rng(seed)
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": NOISE}))
+    robot, up = build_mechanism(file.machine), np.linspace(-45.0, 45.0, 9)
+    columns = random.uniform(-35.0, 35.0, (15, 2))
+    target = np.array([[*column, z] for column in columns for z in (*up, *up[::-1])])
+    sent = robot.inverse(torch.as_tensor(target)).numpy()
+    steps = np.diff(sent, axis=0, prepend=2.0 * sent[:1] - sent[1:2])
+    way, past = np.sign(steps[0]), np.full(3, 50.0)
+    error = np.zeros_like(sent)
+    for row, step in enumerate(steps):
+        turned = (step != 0.0) & (np.sign(step) != way)
+        past = np.where(turned, np.abs(step), past + np.abs(step))
+        way = np.where(turned, np.sign(step), way)
+        error[row] = 0.1 * way * ((past > 4.0) & (past < 14.0))
+    read = robot.forward(torch.as_tensor(sent + error)).numpy() + random.normal(0.0, NOISE, target.shape)
+    found = diagnose(Model(file), build_problem(file, replace(make_table(target, sent), measured=read)))
+    assert found.verdict == "unknown"

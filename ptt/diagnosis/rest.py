@@ -101,7 +101,7 @@ def with_objections(
         left: what the explanation leaves.
         stated: the noise as stated; None where nobody did.
         beyond: names of effects with whose values the machine could not stand where it was commanded to.
-        aside: the joint along whose way the readings that were set aside are off; None where they are to every side.
+        aside: what the readings that were set aside have in common, in words; None for nothing.
 
     Returns:
         The rest with those reasons.
@@ -114,7 +114,7 @@ def with_objections(
     if beyond:
         reasons.append(f"the readings ask for values of {listed(beyond)} with which the machine could not stand there")
     if aside:
-        reasons.append(f"the readings set aside are all off along the way of {aside}: no gross errors do that")
+        reasons.append(f"the readings set aside {aside}: no gross errors do that")
     if stated is not None and left.total > EXCESS * stated.total:
         times = f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left"
         reasons.append(f"{times}: it understates the scatter of a reading, or the rest follows nothing recorded here")

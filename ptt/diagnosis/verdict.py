@@ -7,7 +7,7 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
-from ptt.diagnosis.aside import way_in_common
+from ptt.diagnosis.aside import against_gross
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.exchange import Exchange, exchanges
@@ -189,7 +189,7 @@ def _objected(rest: Rest, found: Found, told: Named, problem: Problem, beyond: t
     system, state = found.system, found.state
     unproven = tuple(system.atoms[key].name for key in told.unproven)
     left, stated = visit_left(system, state), stated_noise(problem, system, state)
-    return with_objections(rest, told.faithful, unproven, left, stated, beyond, way_in_common(found, problem))
+    return with_objections(rest, told.faithful, unproven, left, stated, beyond, against_gross(found, problem))
 
 
 def _depends_on(
