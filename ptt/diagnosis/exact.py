@@ -8,7 +8,8 @@ import torch
 from ptt.diagnosis.atoms import is_effect
 from ptt.diagnosis.found import Found, fit_less, is_better, moved, scorer_at
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import loose
+from ptt.diagnosis.moves import SEEN, added, loose, without
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import HOPEFUL, improve, plainest, refilled
 from ptt.diagnosis.state import State
 from ptt.effects import Effect, Library
@@ -67,9 +68,10 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
         The better explanation.
     """
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
-    if state.memory.pose == 0.0 and all(atoms[key].effect is not None for key in state.keys):
-        return found
     kept = [key for key in state.keys if atoms[key].effect is not None]
+    if state.memory.pose == 0.0 and len(kept) == len(state.keys):
+        there = [_at_names(found, way, model, problem, known, freedom, steps) for way in _bent(scorer, state)]
+        return max((one for one in there if one is not None and is_better(one, found)), key=_total, default=found)
     alone = scorer.score(kept, WHITE)
     more = improve(scorer, alone, is_effect, swaps=False)
     bent = [key for key in kept if bends(atoms[key].effect)]
@@ -79,8 +81,26 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     ways += [scorer.score([key for key in kept if key not in stood_in], WHITE)] if bent and stood_in else []
     ways += [more] if any(key not in kept and bends(atoms[key].effect) for key in more.keys) else []
     there = [_at_names(found, named, model, problem, known, freedom, steps) for named in ways]
-    best = max((one for one in there if one is not None), key=lambda one: one.state.total, default=found)
+    best = max((one for one in there if one is not None), key=_total, default=found)
     return best if is_better(best, found) else found
+
+
+def _total(found: Found) -> float:
+    return found.state.total
+
+
+def _bent(scorer: Scorer, state: State) -> list[State]:
+    """A set with a law that bends in the place of what reverses gradually, where it has none that does.
+
+    Along the tangent of play that its rows have not taken up yet, wind-up says more.
+    """
+    atoms = scorer.system.atoms
+    gradual = [key for key in loose(scorer, state) if _reverses(atoms[key].effect) and not bends(atoms[key].effect)]
+    if not gradual or any(bends(atoms[key].effect) for key in state.keys):
+        return []
+    rest = scorer.score(without(state, *gradual), state.memory, state.scales)
+    found = scorer.screen(rest, lambda atom: _reverses(atom.effect) and bends(atom.effect))[:1]
+    return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN]
 
 
 def _at_names(

@@ -10,7 +10,7 @@ from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, find_needless
-from ptt.diagnosis.first import search_first
+from ptt.diagnosis.first import beside_names, names_suffice, search_first
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
@@ -21,9 +21,11 @@ from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import improve, is_told, plainest, refilled
 from ptt.diagnosis.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.span import Span
+from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import (
     Turn,
     best_moments,
@@ -61,18 +63,29 @@ def find(
     """
     noise, freedom = starting_noise(problem)
     asked = Asked(model, problem, known, tell, steps, span, freedom)
-    turn: Turn | None = names_alone(asked, first_turn(model, problem, noise))
-    while turn is not None:
-        problem = without_opening(asked.problem, turn.opening)
-        found, candidates = _searched(asked, turn, problem)
-        if turn.before is not None and is_better(turn.before, found):  # curves that bend further did the work
-            found = turn.before
-            break
-        found, turn = _turned(asked, turn, found, problem, candidates)
+    first, named = names_alone(asked, first_turn(model, problem, noise))
+    found, problem = _followed(asked, named)
+    if not names_suffice(found.scorer, found.state, problem):
+        found.system.forget()
+        found, problem = _followed(asked, first)
     found = by_names(found, model, problem, known, freedom, steps)
     if span is not None:  # what explains a part has to be worked out for all of the run
         return found
     return _lawful(found, model, problem, known, freedom, steps)
+
+
+def _followed(asked: Asked, turn: Turn | None) -> tuple[Found, Problem]:
+    """Where turns lead, and the readings without those that open a run; names that do not suffice lead nowhere."""
+    assert turn is not None
+    while turn is not None:
+        problem = without_opening(asked.problem, turn.opening)
+        found, candidates = _searched(asked, turn, problem)
+        if turn.before is not None and is_better(turn.before, found):  # curves that bend further did the work
+            return turn.before, problem
+        if turn.number == 0 and turn.kept is not None and not names_suffice(found.scorer, found.state, problem):
+            return found, problem
+        found, turn = _turned(asked, turn, found, problem, candidates)
+    return found, problem
 
 
 def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[Effect]]:
@@ -87,22 +100,30 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
     asked.tell(f"search {turn.number + 1}")
     system = scorer.system
     assert isinstance(system, RowSystem)
-    state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
-    if follows_travel(state, system, problem):
-        scorer, system = with_detail(scorer, problem)
-    scorer, system = with_other_meanings(scorer, fitted, problem)
-    state = best_meanings(scorer, state)
-    if turn.number == 0:
-        scorer, system, state = search_first(scorer, state, candidates, problem)
-    elif turn.number < TURNS - 1:  # what is said is what it is linearised at
-        starts = [state]
-        if scorer.system.clock.is_fault(state.memory.wander):  # no tracker's, so it may be the machine that it follows
-            starts.append(scorer.score(state.keys, WHITE, state.scales))
-        state = refilled(scorer, max((improve(scorer, each) for each in starts), key=lambda end: end.total))
+    if turn.kept is None:
+        scorer, system, state = search_first(scorer, candidates)
+    else:
+        state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
+        if follows_travel(state, system, problem):
+            scorer, system = with_detail(scorer, problem)
+        scorer, system = with_other_meanings(scorer, fitted, problem)
+        state = best_meanings(scorer, state)
+        if turn.number == 0:
+            state = beside_names(scorer, state, problem)
+        elif turn.number < TURNS - 1:  # what is said is what it is linearised at
+            state = refilled(scorer, _improved(scorer, state))
     return Found(
         fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
         asked.span, opening=turn.opening, seen=turn.seen,
     ), candidates  # fmt: skip
+
+
+def _improved(scorer: Scorer, state: State) -> State:
+    """The best set that moves lead to; where the noise remembers more than a tracker's does, also without that."""
+    starts = [state]
+    if scorer.system.clock.is_fault(state.memory.wander):  # it may be the machine that it follows
+        starts.append(scorer.score(state.keys, WHITE, state.scales))
+    return max((improve(scorer, each) for each in starts), key=lambda end: end.total)
 
 
 def _turned(

@@ -4,15 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.atoms import is_any, is_block, is_effect, is_sudden
+from ptt.diagnosis.atoms import is_effect, is_sudden
 from ptt.diagnosis.gross import gross_errors, places_of
+from ptt.diagnosis.memories import FAR_BEHIND
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import loose
+from ptt.diagnosis.moves import loose, remember_instead
 from ptt.diagnosis.noise import stated_noise, visit_left, wanders_beyond
 from ptt.diagnosis.rest import EXCESS
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import best_of, climb, ends_of, improve, refilled
+from ptt.diagnosis.search import best_of, climb, ends_of, remembering
 from ptt.diagnosis.shapes import with_moments
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import best_moments, gross_beside, in_company
@@ -20,7 +21,6 @@ from ptt.effects import Effect
 from ptt.fitting.linear import Linear, few_shapes
 from ptt.run.problem import Problem
 
-UNKNOWN_FIRST = (is_block, is_any)  # what a search from nothing begins with; what names alone explain is known by then
 NEIGHBOURS = (1, 1, 0, 1, 1)  # rows before and after one
 
 
@@ -56,36 +56,45 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
     return gross if (far & company).any() else gross | far
 
 
-def search_first(
-    scorer: Scorer, state: State, candidates: Sequence[Effect], problem: Problem
-) -> tuple[Scorer, RowSystem, State]:
-    """The best set beside what names alone explain; where they do not suffice, unknowns come first as well.
+def search_first(scorer: Scorer, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
+    """The best set from nothing, what is sudden in it placed to the row before any swap.
 
-    What is sudden is placed to the row before any swap: between the moments that are tried at first lie rows enough for
-    curves that make good for them, and those would stay.
+    Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
+    stay.
 
     Args:
         scorer: of the system.
-        state: what names alone explain.
         candidates: effects that may be missing.
-        problem: the readings.
 
     Returns:
         A scorer that knows the moments, its system and the set.
     """
-    system = scorer.system
-    assert isinstance(system, RowSystem)
-    best = climb(scorer, state)
-    if names_suffice(scorer, best, problem):
-        best = refilled(scorer, improve(scorer, best))
-        if names_suffice(scorer, best, problem):
-            return scorer, system, best
-    ends = ends_of(scorer, openings=UNKNOWN_FIRST)
+    ends = ends_of(scorer)
     first = max(ends, key=lambda end: (_searches_moments(scorer, end), end.total))
     scorer, system, lasting = dated(scorer, first, candidates)
     if lasting is not None:
-        ends += ends_of(scorer, lasting, UNKNOWN_FIRST)
-    return scorer, system, best_of(scorer, [best, *ends])
+        ends += ends_of(scorer, lasting)
+    return scorer, system, best_of(scorer, ends)
+
+
+def beside_names(scorer: Scorer, state: State, problem: Problem) -> State:
+    """What all atoms add to names, or the noise remembers in their place; as soon as they do not suffice, that.
+
+    Args:
+        scorer: of a system that is linearised at the names.
+        state: the names.
+        problem: the readings.
+
+    Returns:
+        The set.
+    """
+    best = climb(scorer, state)
+    if not names_suffice(scorer, best, problem):
+        return best
+    # Names came before memories of the noise: each that is not worth all too much may stand in one's place.
+    weak = [key for key in loose(scorer, best) if best.worth(key) < FAR_BEHIND]
+    others = [climb(scorer, remember_instead(scorer, best, key)) for key in weak]
+    return best_of(scorer, [best, *remembering(scorer, best.total), *(end for end in others if end.total > best.total)])
 
 
 def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:

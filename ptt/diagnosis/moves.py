@@ -83,11 +83,16 @@ def _least(state: State, moves: Sequence[State]) -> float:
     return max([state.total, *(other.total for other in moves)]) - FAR
 
 
-def _remembering(scorer: Scorer, state: State, key: str) -> State:
+def remember_instead(scorer: Scorer, state: State, key: str) -> State:
     """Another memory of the noise in place of an atom that changes in the course of the run.
 
     A wander beside a jump that imitates it says little more, and the jump without it too much: one has to go for the
     other.
+
+    Args:
+        scorer: of the system.
+        state: a set.
+        key: of the atom that goes.
     """
     return _again_remembering(scorer, scorer.score(without(state, key), state.memory, state.scales))
 
@@ -129,7 +134,7 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
         less.append((moves[-1], None))
         moves += _less_remembering(scorer, moves[-1], allowed)
     else:
-        moves += [_remembering(scorer, state, key) for key in may_go if _wanders(scorer.system.atoms[key])]
+        moves += [remember_instead(scorer, state, key) for key in may_go if _wanders(scorer.system.atoms[key])]
     for fewer, few in less:
         moves += _swapped(scorer, state, fewer, partial(_is_among, few, allowed))
     return moves

@@ -15,15 +15,16 @@ from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.opening import without_opening
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.search import climb, is_plain
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import Turn, moments_of, unlike
 from ptt.fitting.linear import linear_columns
 
-ROUNDS = 2  # of linearising with names alone: what these do not say, turns beside unknowns may
+ROUNDS = 3  # of linearising with names alone: what these do not say, turns beside unknowns may
 
 
-def names_alone(asked: Asked, turn: Turn) -> Turn:
+def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
     """Move the model to what names explain without any unknown, as far as they stay.
 
     Where the drawing is far off, unknowns take at its tangent what names do once the model has come nearer, and stay.
@@ -31,11 +32,13 @@ def names_alone(asked: Asked, turn: Turn) -> Turn:
 
     Args:
         asked: what is to be explained.
-        turn: the first.
+        first: the first turn.
 
     Returns:
-        The turn that asks for unknowns beside them.
+        The first turn less rows that are gross errors, for a search from nothing; and the one that asks for unknowns
+        beside names.
     """
+    turn = first
     problem = without_opening(asked.problem, turn.opening)
     kept: tuple[str, ...] = ()
     for number in range(ROUNDS):
@@ -52,13 +55,17 @@ def names_alone(asked: Asked, turn: Turn) -> Turn:
                 turn = replace(turn, gross=lone)
                 scorer = open_turn(asked, turn, problem, fitted, candidates, lone, linear, unknown=False)
         start = scorer.score([key for key in kept if key in scorer.system.atoms], WHITE)
-        # Plain ones first as well: of few rows curves bend to whatever waves there are.
         scorer, plain, waves = with_harmonics(scorer, climb(scorer, start, is_plain), problem, turn.seen)
         turn = replace(turn, seen=(*turn.seen, *waves))
-        state = _best(scorer, (plain, start))
+        # Curves wait until the model stands at what plain ones say: of few rows they bend to whatever waves there are,
+        # and beside a slip and a knock that stand in each other's place to what that leaves.
+        allowed, starts = (
+            (is_plain, [plain]) if number == 0 and plain.keys != start.keys else (is_effect, [plain, start])
+        )
+        state = _best(scorer, starts, allowed)
         scorer, _, lasting = dated(scorer, state, candidates)
         if lasting is not None:
-            state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)])
+            state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)], allowed)
         assert isinstance(scorer.system, RowSystem)
         found = Found(
             fitted, scorer.system, scorer, state, turn.noise, turn.carried, turn.gross, untestable, turn.periods,
@@ -66,14 +73,14 @@ def names_alone(asked: Asked, turn: Turn) -> Turn:
         )  # fmt: skip
         current = moved(found, asked.model, problem)
         moments = unlike([*turn.moments, *moments_of(current)])
-        stays = set(current.keys) == set(kept)
+        stays = set(current.keys) == set(kept) and allowed is is_effect
         turn = replace(turn, model=current, kept=current.keys, memory=state.memory, moments=moments)
         if stays:
             break
         kept = current.keys
-    return turn
+    return replace(first, gross=turn.gross), turn
 
 
-def _best(scorer: Scorer, starts: Sequence[State]) -> State:
-    """The best set of effects that adding and dropping lead to."""
-    return max((climb(scorer, start, is_effect) for start in starts), key=lambda end: end.total)
+def _best(scorer: Scorer, starts: Sequence[State], allowed: Allowed) -> State:
+    """The best set that adding and dropping lead to."""
+    return max((climb(scorer, start, allowed) for start in starts), key=lambda end: end.total)

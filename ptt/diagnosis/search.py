@@ -10,7 +10,6 @@ from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.state import State
 
 ROUNDS = 16
-OPENINGS: tuple[Allowed, ...] = (is_effect, is_block, is_any)  # what may be added before all else
 LEAST = 0.3  # nats that a move has to gain
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less, and gone past if they lose less
 PAST = 2  # swaps that lose a little from which plain moves are tried
@@ -25,7 +24,7 @@ def search(scorer: Scorer) -> State:
     return best_of(scorer, ends_of(scorer))
 
 
-def ends_of(scorer: Scorer, start: Sequence[str] = (), openings: Sequence[Allowed] = OPENINGS) -> list[State]:
+def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
     """The sets that adding and dropping lead to.
 
     What effects explain by themselves, blocks are added to, and the other way round; both at once; and what the noise
@@ -34,15 +33,25 @@ def ends_of(scorer: Scorer, start: Sequence[str] = (), openings: Sequence[Allowe
     Args:
         scorer: of the system.
         start: atoms to start from.
-        openings: what may be added before all else.
 
     Returns:
         The ends of the ways.
     """
     first = scorer.score(start, WHITE)
-    ends = [climb(scorer, climb(scorer, first, opening)) for opening in openings]
-    alone = scorer.score(start, scorer.best_memory(first)[0])
-    return [*ends, climb(scorer, alone)] if alone.total > max(end.total for end in ends) - HOPEFUL else ends
+    ends = [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, is_any)]
+    return [*ends, *remembering(scorer, max(end.total for end in ends), start)]
+
+
+def remembering(scorer: Scorer, best: float, start: Sequence[str] = ()) -> list[State]:
+    """The set that what the noise remembers by itself leads to; none where that is far behind the best so far.
+
+    Args:
+        scorer: of the system.
+        best: total of the best set so far.
+        start: atoms to start from.
+    """
+    alone = scorer.score(start, scorer.best_memory(scorer.score(start, WHITE))[0])
+    return [climb(scorer, alone)] if alone.total > best - HOPEFUL else []
 
 
 def best_of(scorer: Scorer, ends: Sequence[State]) -> State:
@@ -130,19 +139,23 @@ def _lenders(scorer: Scorer, state: State, key: str) -> list[str]:
 
 
 def _asked_of_tracker(scorer: Scorer, best: State) -> State:
-    """Take each effect of the machine out in turn for all that the tracker may have done instead.
+    """Take each effect of the machine out in turn for all that the tracker may have done instead, and the other way.
 
-    A machine that is corrected for what the tracker did is worse off than before, and it may have done two things at
-    once, which no swap one for one finds.
+    A machine that is corrected for what the tracker did is worse off than before, and so is one that is not for what
+    it did itself. Either may have done two things at once, which no swap one for one finds.
     """
     for key in loose(scorer, best):
-        effect = scorer.system.atoms[key].effect
-        if key in best.keys and effect is not None and effect.stage != "metrology":
+        atom = scorer.system.atoms[key]
+        if key in best.keys and atom.effect is not None:
             fewer = scorer.score(without(best, key), best.memory, best.scales)
-            other = improve(scorer, fewer, is_metrology, swaps=False)
+            other = improve(scorer, fewer, _is_of_machine if is_metrology(atom) else is_metrology, swaps=False)
             if other.total > best.total + LEAST:
                 best = improve(scorer, other)
     return best
+
+
+def _is_of_machine(atom: Atom) -> bool:
+    return is_plain(atom) and not is_metrology(atom)
 
 
 def is_plain(atom: Atom) -> bool:

@@ -38,7 +38,7 @@ class Turn:
         gross: rows left out as gross errors, (n,) bool.
         carried: what blocks put into the readings, (n, 3) mm.
         opening: rows left out because they tell from where the joints came to the run, (n,) bool.
-        kept: atoms that the search starts from.
+        kept: atoms that the search starts from; None for a search from nothing.
         memory: of the noise.
         held: blocks that were carried along.
         periods: joint and length of those that were seen.
@@ -54,7 +54,7 @@ class Turn:
     gross: np.ndarray
     carried: np.ndarray
     opening: np.ndarray
-    kept: tuple[str, ...] = ()
+    kept: tuple[str, ...] | None = None
     memory: Memory = WHITE
     held: tuple[str, ...] = ()
     periods: tuple[tuple[int, float], ...] = ()
