@@ -143,7 +143,10 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         )
         fix = f"take ({off}) mm off x_meas, y_meas, z_meas of rows {first} to {last}, or empty those"
         if _is_whole_runs(setup.table.run, rows, known):
-            fix += '; where the tracker was set up anew for a run, frame = "fitted-per-run" in the machine file instead'
+            fix = (
+                'where the tracker was set up anew for a run: frame = "fitted-per-run" under [tracker] of the machine '
+                f"file; else {fix}"
+            )
         findings.append(Finding("wrong-reflector", words, fix, None, None, True, setup.table.source))
     if not 0 < len(shifts) <= MOST_REFLECTORS:
         return [], setup
