@@ -17,9 +17,7 @@ from ptt.diagnosis.state import State
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
 ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
-LEADING = (
-    2.0 / 3.0
-)  # of what hidden readings show, that an effect has to take alone to be more than a block's leftovers
+LEADING = 2.0 / 3.0  # of what hidden readings show, that an effect alone has to take: no leftovers of a block do
 HALF = 0.5  # of what hidden readings show that a name has to take where the whole set does not foretell them
 TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
 LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
