@@ -1,7 +1,7 @@
 """Names alone: what effects explain without any unknown, the model moved to them until they stay."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,15 +13,28 @@ from ptt.diagnosis.found import Found, fit_less, moved
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.opening import without_opening
-from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.search import climb, is_plain
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import Turn, moments_of, unlike
+from ptt.effects import Effect
 from ptt.fitting.linear import linear_columns
+from ptt.fitting.result import FitResult
+from ptt.run.problem import Problem
 
 ROUNDS = 3  # of linearising with names alone: what these do not say, turns beside unknowns may
+
+
+@dataclass(frozen=True)
+class _Round:
+    """A turn with all effects beside its fit, nothing scored yet."""
+
+    turn: Turn
+    fitted: FitResult
+    candidates: list[Effect]
+    untestable: dict[str, str]
+    scorer: Scorer
 
 
 def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
@@ -38,47 +51,61 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
         The first turn less rows that are gross errors, for a search from nothing; and the one that asks for unknowns
         beside names.
     """
-    turn = first
-    problem = without_opening(asked.problem, turn.opening)
-    kept: tuple[str, ...] = ()
+    turn, problem = replace(first, kept=()), without_opening(asked.problem, first.opening)
     for number in range(ROUNDS):
-        fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
-        candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
-        linear = None
-        if number == 0:
-            linear = linear_columns(fitted, problem, candidates, turn.noise)
-            turn = replace(turn, gross=sift(linear, problem))
-        scorer = open_turn(asked, turn, problem, fitted, candidates, turn.gross, linear, unknown=False)
-        if number == 0:
-            lone = sift_again(scorer, candidates, turn.gross)
-            if not np.array_equal(lone, turn.gross):
-                turn = replace(turn, gross=lone)
-                scorer = open_turn(asked, turn, problem, fitted, candidates, lone, linear, unknown=False)
-        start = scorer.score([key for key in kept if key in scorer.system.atoms], WHITE)
-        scorer, plain, waves = with_harmonics(scorer, climb(scorer, start, is_plain), problem, turn.seen)
-        turn = replace(turn, seen=(*turn.seen, *waves))
-        # Curves wait until the model stands at what plain ones say: of few rows they bend to whatever waves there are,
-        # and beside a slip and a knock that stand in each other's place to what that leaves.
-        allowed, starts = (
-            (is_plain, [plain]) if number == 0 and plain.keys != start.keys else (is_effect, [plain, start])
-        )
-        state = _best(scorer, starts, allowed)
-        scorer, _, lasting = dated(scorer, state, candidates)
-        if lasting is not None:
-            state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)], allowed)
-        assert isinstance(scorer.system, RowSystem)
-        found = Found(
-            fitted, scorer.system, scorer, state, turn.noise, turn.carried, turn.gross, untestable, turn.periods,
-            asked.span, opening=turn.opening, seen=turn.seen,
+        opened = _opened(asked, turn, problem) if number else _sifted(asked, turn, problem)
+        found, curves = _named(asked, opened, problem, plain_first=number == 0)
+        current, moments = moved(found, asked.model, problem), opened.turn.moments
+        stays = curves and set(current.keys) == set(turn.kept or ())
+        turn = replace(
+            opened.turn, model=current, kept=current.keys, memory=found.state.memory, seen=found.seen,
+            moments=unlike([*moments, *moments_of(current)]),
         )  # fmt: skip
-        current = moved(found, asked.model, problem)
-        moments = unlike([*turn.moments, *moments_of(current)])
-        stays = set(current.keys) == set(kept) and allowed is is_effect
-        turn = replace(turn, model=current, kept=current.keys, memory=state.memory, moments=moments)
         if stays:
             break
-        kept = current.keys
     return replace(first, gross=turn.gross), turn
+
+
+def _opened(asked: Asked, turn: Turn, problem: Problem) -> _Round:
+    """All effects beside the fit of a turn."""
+    fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
+    candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
+    scorer = open_turn(asked, turn, problem, fitted, candidates, turn.gross, unknown=False)
+    return _Round(turn, fitted, candidates, untestable, scorer)
+
+
+def _sifted(asked: Asked, turn: Turn, problem: Problem) -> _Round:
+    """The same of a first turn, without lone rows that no name can reach."""
+    fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
+    candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
+    linear = linear_columns(fitted, problem, candidates, turn.noise)
+    gross = sift(linear, problem)
+    scorer = open_turn(asked, turn, problem, fitted, candidates, gross, linear, unknown=False)
+    more = sift_again(scorer, candidates, gross)
+    if not np.array_equal(more, gross):
+        scorer = open_turn(asked, turn, problem, fitted, candidates, more, linear, unknown=False)
+    return _Round(replace(turn, gross=more), fitted, candidates, untestable, scorer)
+
+
+def _named(asked: Asked, opened: _Round, problem: Problem, *, plain_first: bool) -> tuple[Found, bool]:
+    """What names say beside a fit, and whether curves were asked as well.
+
+    Curves wait until the model stands at what plain ones say: of few rows they bend to whatever waves there are, and
+    beside a slip and a knock that stand in each other's place to what that leaves.
+    """
+    turn, scorer = opened.turn, opened.scorer
+    start = scorer.score([key for key in turn.kept or () if key in scorer.system.atoms], WHITE)
+    scorer, plain, waves = with_harmonics(scorer, climb(scorer, start, is_plain), problem, turn.seen)
+    curves = not plain_first or plain.keys == start.keys
+    allowed, starts = (is_effect, [plain, start]) if curves else (is_plain, [plain])
+    state = _best(scorer, starts, allowed)
+    scorer, system, lasting = dated(scorer, state, opened.candidates)
+    if lasting is not None:
+        state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)], allowed)
+    return Found(
+        opened.fitted, system, scorer, state, turn.noise, turn.carried, turn.gross, opened.untestable, turn.periods,
+        asked.span, opening=turn.opening, seen=(*turn.seen, *waves),
+    ), curves  # fmt: skip
 
 
 def _best(scorer: Scorer, starts: Sequence[State], allowed: Allowed) -> State:
