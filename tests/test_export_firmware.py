@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from ptt.commands.main import run
-from ptt.correct.exports.format import Options
+from ptt.correct.exports.format import ErrorLeft, Options, said_held
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
@@ -139,6 +139,34 @@ def test_what_a_format_cannot_hold_is_counted(name: str, tmp_path: Path) -> None
     assert ("backlash" in result.holds) == (name == "linuxcnc")
     assert ("lead-scale" in result.holds) == (name in ("linuxcnc", "siemens"))
     assert "homing-offset" in result.holds
+
+
+@pytest.mark.parametrize(("name", "word"), [*zip(DELTAS, ("rotation_distance", "M92", "M92"), strict=True)])
+def test_a_file_says_what_it_holds_and_what_to_do_with_it(name: str, word: str, tmp_path: Path) -> None:
+    """Figures of the file that are no drawing's are not called so, and the setting that sets scales right is named."""
+    result = export(name, compensator(FILE, **ALL), tmp_path / "out")
+    head = (tmp_path / "out").read_text()
+    assert all(note in head for note in result.notes) and "no effect" not in head
+    (scale,) = (item.why for item in result.cannot_hold if item.effect == "lead-scale")
+    assert word in scale and scale.index("1.000100, 0.999940, 1.000030") < scale.index("measure again")
+    assert any(word in note and "stays" in note for note in result.notes)
+    assert any("ptt program" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("name", DELTAS)
+def test_a_file_that_corrects_nothing_says_so(name: str, tmp_path: Path) -> None:
+    result = export(name, compensator(FILE, backlash={"gap_mm": GAPS}), tmp_path / "out")
+    words = said_held(result.holds, [item.effect for item in result.cannot_hold], result.error_um)
+    assert words == "no effect of the model; it moves the machine as the drawing does"
+    (note,) = result.notes
+    assert note.startswith("this file puts next to nothing right") and "ptt program" in note
+    assert note in (tmp_path / "out").read_text()
+
+
+def test_figures_that_take_a_part_are_no_drawing() -> None:
+    assert said_held((), (), ErrorLeft(5.0, 5.0, 5.0)) == "the drawing, for the model has no effects"
+    assert said_held((), ("lead-scale",), ErrorLeft(90.0, 9.0, 1.0)).startswith("no effect whole")
+    assert said_held(("backlash",), ("lead-scale",), ErrorLeft(90.0, 9.0, 1.0)) == "backlash"
 
 
 def test_no_other_figures_of_klipper_miss_less(tmp_path: Path) -> None:

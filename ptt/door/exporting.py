@@ -6,8 +6,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from ptt.correct.exports.format import ErrorLeft, Format, Options, said_held
 from ptt.correct.exports.format import Exported as Written
-from ptt.correct.exports.format import Format, Options
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import load_compensator
 from ptt.door.handed import RowsLike
@@ -139,10 +139,12 @@ def _refuse_own(out: Path, model: Path) -> None:
 def _text(data: dict[str, Any]) -> str:
     left = data["error_um"]
     lines = [f"{data['format']}: {', '.join(data['written'])}"]
-    lines.append(f"  holds: {', '.join(data['holds']) or 'the drawing alone: the model has no effects'}")
+    lines.append(
+        f"  holds: {said_held(data['holds'], [each['effect'] for each in data['cannot_hold']], ErrorLeft(**left))}"
+    )
     lines += [f"  cannot hold {item['effect']}: {item['why']}" for item in data["cannot_hold"]]
     lines.append(
-        f"  over the workspace the machine would miss by {left['drawing']:.1f} um with the drawing, "
-        f"{left['format']:.1f} um with this, {left['model']:.1f} um with the whole model (rms)"
+        f"  over the workspace the machine would miss by {left['drawing']:.1f} um rms with commands of the drawing, "
+        f"{left['format']:.1f} um with this file, {left['model']:.1f} um with the whole model"
     )
     return "\n".join(lines + [f"  {line}" for line in data["notes"]])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.correct.exports.delta import Delta, fit_delta, require_anticlockwise
-from ptt.correct.exports.format import ErrorLeft, Exported, Options
+from ptt.correct.exports.format import MORE, ErrorLeft, Exported, Options, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 SHAPE = "all towers stand upright at one radius, and their sliders have no tables"
 WORSE = 1.0  # um: less than this is no reason to refuse a format that says a little less than the drawing
-HINTS = {"lead-scale": "divide each slider's steps per mm by 1 + its scale instead, and export again without it"}
+GAIN = 1.2  # times what the whole model leaves, and
+LEAST = 1.0  # um beyond it, that are worth another way
+MEASURE = "then home, measure again and see `ptt evaluate BEFORE.csv AFTER.csv`"
 
 Printed = Callable[[Delta, Ground], tuple[list[str], Delta]]
 
@@ -33,6 +35,8 @@ class Firmware:
         name: of the firmware.
         comment: what begins a comment.
         lines: delta -> the lines of the file, and the delta that they stand for, figures rounded.
+        load: what to do with the file.
+        scale: how to set right that a slider goes too far by the factors that follow.
         tilted: whether it has a tilt of the bed.
         anticlockwise: whether its towers must go round anticlockwise.
     """
@@ -40,6 +44,8 @@ class Firmware:
     name: str
     comment: str
     lines: Printed
+    load: str
+    scale: str
     tilted: bool = False
     anticlockwise: bool = False
 
@@ -67,11 +73,42 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
     lines, printed = firmware.lines(delta, ground)
     left = error_left(ground, printed.sliders(ground.targets))
     refuse_worse(left, firmware.name, file.source)
-    why = cannot_hold(ground, tangent, SHAPE, hints=HINTS)
+    why = cannot_hold(ground, tangent, SHAPE, hints=_hints(ground, firmware))
     holds, cannot = holdings(ground, why)
-    told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
+    load = (f"{firmware.load}; {MEASURE}",) if left.format < MORE * left.drawing else ()
+    notes = (*load, *other_way(left))
+    told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot]), *notes]
     text = "\n".join([*(f"{firmware.comment} {line}" for line in told), *lines]) + "\n"
-    return Exported(write_all({out: text}), holds, cannot, left, network_note(ground))
+    return Exported(write_all({out: text}), holds, cannot, left, (*notes, *network_note(ground)))
+
+
+def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
+    """What the firmware's own settings can do about an effect that its delta has no place for."""
+    scale = [term.theta for term in ground.compensator.model.terms if term.effect.name == "lead-scale"]
+    factors = [f"{1.0 + float(value):.6f}" for value in sum(scale[1:], scale[0])] if scale else []
+    return (
+        {"lead-scale": f"first {firmware.scale} {', '.join(factors)}, home, measure again and fit anew"}
+        if scale
+        else {}
+    )
+
+
+def other_way(left: ErrorLeft) -> tuple[str, ...]:
+    """What to do where a file leaves much that the model could put right.
+
+    Args:
+        left: what it leaves.
+
+    Returns:
+        A line, or none.
+    """
+    if left.format < max(GAIN * left.model, left.model + LEAST):
+        return ()
+    little = "this file puts next to nothing right, so leave it; " if left.format >= MORE * left.drawing else ""
+    return (
+        f"{little}the whole model leaves {left.model:.1f} um: keep the drawing's figures in the controller, not those"
+        " of the file, and correct each program with `ptt program`, or send what `ptt predict` or --to c works out",
+    )
 
 
 def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[str]:
@@ -79,7 +116,8 @@ def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[s
     return [
         f"error over the workspace, rms: drawing {left.drawing:.1f} um, this file {left.format:.1f} um,"
         f" whole model {left.model:.1f} um",
-        f"holds {', '.join(holds) or 'no effect'}; cannot hold {', '.join(cannot) or 'none'}",
+        f"holds {said_held(holds, cannot, left)}",
+        *([f"cannot hold {', '.join(cannot)}"] if cannot else []),
     ]
 
 

@@ -1,7 +1,7 @@
 """What every export takes and gives back: options in; what was written, what it holds, what error it leaves."""
 
 import datetime
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,6 +41,29 @@ class ErrorLeft:
     drawing: float
     format: float
     model: float
+
+
+MORE = 0.95  # share of the drawing's error from which on a file corrects next to nothing
+
+
+def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft) -> str:
+    """What a file holds of its model, in words.
+
+    Args:
+        holds: keys of the effects that are in it.
+        cannot: keys of the others.
+        left: what it leaves.
+
+    Returns:
+        Their names; where it holds none of them whole, what it says then.
+    """
+    if holds:
+        return ", ".join(holds)
+    if not cannot:
+        return "the drawing, for the model has no effects"
+    if left.format < MORE * left.drawing:
+        return "no effect whole; its figures take over what they can of the others"
+    return "no effect of the model; it moves the machine as the drawing does"
 
 
 @dataclass(frozen=True)

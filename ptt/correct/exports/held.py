@@ -14,6 +14,8 @@ HELD = 0.05  # share of an effect's error that may be left of what counts as hel
 NOTHING = 1e-6  # um: less is rounding
 LOAD_KG = 1.0  # tried where no payload is stated: what it does to an effect's share does not depend on its size
 UNSTATED = "the format knows no payload, and none is stated here; --run RUN.csv judges at the loads of a run"
+SHOWN = 0.05  # um: less is printed as 0.0
+WHOLE = 0.95  # share of an effect's error that counts as all of it
 APART = "its tables' entries lie too far apart for it, or it is no matter of one axis' place"
 CONTEXTS = {
     "payload": "the format knows no payload",
@@ -121,7 +123,11 @@ def _reason(effect: Effect, moved: np.ndarray, left: np.ndarray, shape: str, kno
 
 def said_left(whole: float, left: float) -> str:
     """How much of an effect's error a format leaves, um rms, in words."""
-    return f"of its {whole:.1f} um {left:.1f} um are left"
+    if whole < SHOWN:
+        return "it makes no error where this is judged: at rest and the reference temperature, unless --run names a run"
+    if left > WHOLE * whole:
+        return f"all of its {whole:.1f} um are left"
+    return f"{left:.1f} um of its {whole:.1f} um are left, the rest is in the file"
 
 
 def rms_um(shift: np.ndarray) -> float:

@@ -20,11 +20,16 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 DIGITS = 6
+LOAD = (
+    "put these figures in place of those in printer.cfg; all else there stays (rotation_distance, pins, speeds), and"
+    " DELTA_CALIBRATE would undo them"
+)
+SCALE = "multiply rotation_distance of steppers a, b, c by"
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     """Write a piece of printer.cfg; a, b, c are sliders 1, 2, 3, end stops at the upper ends of their travel."""
-    return write_delta(compensator, out, options, Firmware("Klipper", "#", _lines, anticlockwise=True))
+    return write_delta(compensator, out, options, Firmware("Klipper", "#", _lines, LOAD, SCALE, anticlockwise=True))
 
 
 def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:

@@ -24,7 +24,7 @@ from ptt.correct.exports.axis_tables import (
     tabled,
 )
 from ptt.correct.exports.delta import Delta, drawn_delta, require_anticlockwise, require_upright, tool_by_slider
-from ptt.correct.exports.firmware import judged, refuse_worse
+from ptt.correct.exports.firmware import MEASURE, judged, other_way, refuse_worse
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
@@ -39,6 +39,10 @@ Array = np.ndarray
 TOWERS = np.array([90.0, 210.0, 330.0])  # deg, of joints 0, 1, 2
 MOST = 256  # EMCMOT_COMP_SIZE
 DIGITS = 6
+LOAD = (
+    "take the INI lines into the machine's own INI, the HAL file after lineardeltakins is loaded, the .comp files"
+    " beside the INI; all else stays (SCALE, limits)"
+)
 SHAPE = "all towers stand upright, evenly around, at one radius with rods of one length"
 BACKLASH = "LinuxCNC leaves BACKLASH aside where a joint has a COMP_FILE: what it compensated so far is in neither now"
 
@@ -89,7 +93,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     ini = out.with_suffix(".ini") if out.suffix == ".hal" else out
     ini = ini if out.suffix and not out.is_dir() else out / "lineardelta.ini"
-    notes = _notes(compensator, fit)
+    notes = (*_notes(compensator, fit), *other_way(left))
     written = write_all(_texts(ini, fit, told, notes))
     return Exported(written, holds, cannot, left, (*notes, *network_note(ground)))
 
@@ -155,7 +159,7 @@ def _joints(radius: float, rod: float, turn: float, p: Array) -> Array:
 
 
 def _notes(compensator: "Compensator", fit: Fit) -> tuple[str, ...]:
-    notes = []
+    notes = [f"{LOAD}; {MEASURE}"]
     if abs(fit.turn) > 1e-6:
         notes.append(
             "lineardeltakins has its towers at 90, 210 and 330 deg: turn every work offset by"

@@ -14,18 +14,19 @@ from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, write_delta
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.left import Ground
-from ptt.correct.exports.reprapfirmware import TOWERS, corrections
+from ptt.correct.exports.reprapfirmware import SCALE, TOWERS, corrections
 from ptt.machine import ThreePttSpec
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
+LOAD = "send both lines and keep them with M500; all else stays (M92, the steps per mm), and G33 would undo them"
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     """Write M665 and M666; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel."""
-    return write_delta(compensator, out, options, Firmware("Marlin", ";", _lines, anticlockwise=True))
+    return write_delta(compensator, out, options, Firmware("Marlin", ";", _lines, LOAD, SCALE, anticlockwise=True))
 
 
 def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:

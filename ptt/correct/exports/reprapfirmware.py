@@ -20,12 +20,17 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
+LOAD = (
+    "put both lines in place of M665 and M666 in config.g; all else stays (M92, the steps per mm), and auto calibration"
+    " (G32) or an older config-override.g would undo them"
+)
+SCALE = "divide the steps per mm of X, Y, Z (M92) by"  # of Marlin too
 TOWERS = np.array([210.0, 330.0, 90.0])  # deg, of X, Y, Z; so for Marlin too
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     """Write M665 and M666 for config.g; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel."""
-    return write_delta(compensator, out, options, Firmware("RepRapFirmware", ";", _lines, tilted=True))
+    return write_delta(compensator, out, options, Firmware("RepRapFirmware", ";", _lines, LOAD, SCALE, tilted=True))
 
 
 def corrections(azimuth: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ from ptt.correct.exports.axis_tables import (
     tabled,
 )
 from ptt.correct.exports.delta import tool_by_slider
-from ptt.correct.exports.firmware import judged
+from ptt.correct.exports.firmware import MEASURE, judged, other_way
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
@@ -60,8 +60,11 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     holds, cannot = holdings(ground, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     written = write_all({out: "\n".join(_lines(tables, unit, told)) + "\n"})
-    note = f"MD38000 $MA_MM_ENC_COMP_MAX_POINTS must be {len(at)} or more; load with MD32700 ENC_COMP_ENABLE[0] = 0"
-    return Exported(written, holds, cannot, left, (note, *network_note(ground)))
+    load = (
+        f"MD38000 $MA_MM_ENC_COMP_MAX_POINTS must be {len(at)} or more; load with MD32700 ENC_COMP_ENABLE[0] = 0, then"
+        f" set that to 1; {MEASURE}"
+    )
+    return Exported(written, holds, cannot, left, (load, *other_way(left), *network_note(ground)))
 
 
 def _curves(ground: Ground, drives: Drives) -> tuple[Array, Array]:

@@ -77,7 +77,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     }
     loaded = {key: WHY["payload"] for key, share in without_payload(ground).items() if share < 1.0 - HELD}
     holds, lost = holdings(ground, fine | loaded | cannot)
-    return Exported(written, holds, lost, error_left(ground, q), tuple(head[-2:]))
+    return Exported(written, holds, lost, error_left(ground, q), tuple(head[-3:]))
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:

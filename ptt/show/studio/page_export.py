@@ -5,6 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
+from ptt.correct.exports.format import ErrorLeft, said_held
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
 
@@ -79,7 +80,7 @@ class ExportView:
                     f"background: {colour}"
                 )
                 ui.label(length(value) if value is not None else "\N{EN DASH}").style("white-space: nowrap")
-        holds = ", ".join(found["holds"]) or "the drawing alone"
+        holds = said_held(found["holds"], [item["effect"] for item in found["cannot_hold"]], ErrorLeft(**error))
         ui.label(f"Holds: {holds}.").classes("st-note")
         for item in found["cannot_hold"]:
             ui.label(f"Cannot hold {item['effect']}: {pretty(item['why'])}.").classes("st-tie").style("margin-top: 3px")

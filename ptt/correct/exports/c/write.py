@@ -13,7 +13,7 @@ from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import kernel
 from ptt.correct.exports.c.numbers import number, table
 from ptt.correct.exports.c.source import comment_of, source_of
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Exported, Options, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all
@@ -53,9 +53,10 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     source = source_of(compensator, head)
     cannot = source.parts.cannot or {}
     holds, left_out = holdings(ground, cannot)
-    head += [f"holds {', '.join(holds) or 'the drawing alone'}"]
-    head += [f"cannot hold {item.effect}" for item in left_out]
     held = _held(ground.compensator, cannot)
+    left = error_left(ground, ground.commands.q if not cannot else _solve(held, ground.table, ground.nominal).q)
+    head += [f"holds {said_held(holds, [item.effect for item in left_out], left)}"]
+    head += [f"cannot hold {item.effect}" for item in left_out]
     written = write_all(
         {
             out / "ptt_model.h": source.header,
@@ -63,8 +64,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
             out / "ptt_selftest.c": _selftest(compensator.model.file, held, ground, comment_of(head)),
         }
     )
-    q = ground.commands.q if not cannot else _solve(held, ground.table, ground.nominal).q
-    return Exported(written, holds, left_out, error_left(ground, q), _notes(compensator))
+    return Exported(written, holds, left_out, left, _notes(compensator))
 
 
 def _held(compensator: "Compensator", cannot: dict[str, str]) -> "Compensator":
