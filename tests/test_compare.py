@@ -135,6 +135,7 @@ def test_fitted_frame_takes_a_rigid_motion_and_nothing_else():
     error = np.random.default_rng(2).normal(0.0, NOISE, target.shape)
     result = held(machine("fitted", NOISE), make_table(target, measured=turned(target + error)))
     data = result.to_dict()
+    assert "where the tracker stands" in format_comparison(result)  # what the large figures before alignment are
     assert data["rms_um"]["total"] == pytest.approx(1e3 * NOISE * np.sqrt(3.0), rel=0.1)
     motion = turned(target) - target
     np.testing.assert_allclose(
@@ -288,6 +289,7 @@ def test_text_names_side_payload_and_units():
     assert up < -20.0 and down > 20.0
     assert gap == pytest.approx(up - down, abs=0.11)
     assert max(len(line) for line in text.splitlines()) <= 130
+    assert "where the tracker stands" not in text
 
 
 def test_all_pictures_are_drawn_and_show_something(tmp_path):

@@ -16,6 +16,7 @@ from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.diagnosis import noise
 from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.explanation import Candidate
 from ptt.diagnosis.floor import noise_floor
 from ptt.diagnosis.rest import Rest, with_objections
 from ptt.diagnosis.verdict import diagnose, enough
@@ -457,3 +458,18 @@ def test_every_reading_is_accounted_for(tmp_path):
     assert found.opening.sum() == 1 and found.to_dict()["rows_aside"] == np.flatnonzero(found.opening).tolist()
     assert found.rows + found.outliers.sum() + found.opening.sum() == problem.used.sum()
     assert "one row left aside" in format_diagnosis(found)
+
+
+def test_the_text_says_no_chance_of_zero_and_what_a_shell_takes_as_one_word(tmp_path):
+    """Harmonics have brackets and a blank; where the verdict has no room for the steps, they follow the table."""
+    _, path = run(tmp_path, "none", 92, rows=120)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)))
+    keys = ("backlash", "once-per-rev[harmonic 2]")
+    rows = tuple(Candidate(key, 0.9, 0.0, 0.5, 62.0, 9.0, (), (), (), f"What {key} means.") for key in keys)
+    told = replace(found, verdict="unknown", suggested=tuple((key,) for key in keys), candidates=rows, words="Unknown.")
+    lines = format_diagnosis(told).splitlines()
+    assert not [line for line in lines if "0.0e+00" in line]
+    table = [line for line in lines if line.startswith("+ ") and "->" in line]
+    assert len({line.index("<") for line in table}) == 1 and all("< 1e-12" in line for line in table)
+    assert 'next: ptt add RUN.csv backlash "once-per-rev[harmonic 2]" --model' in "\n".join(lines)
+    assert [line.strip() for line in lines if line.startswith("  What ")] == [one.words for one in rows]

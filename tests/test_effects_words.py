@@ -17,7 +17,7 @@ from ptt.commands.main import app
 from ptt.diagnosis.slow import Slow
 from ptt.diagnosis.verdict_words import explain_verdict
 from ptt.diagnosis.wander import Wander
-from ptt.diagnosis.words import explain_step, sentence, sentences
+from ptt.diagnosis.words import at_tool_um, explain_step, sentence, sentences
 from ptt.effects import library
 from ptt.effects.base import family
 from ptt.effects.phrases import compose, figure, listed, scaled
@@ -419,6 +419,27 @@ def test_a_tie_comes_first_and_nothing_else_does_not_stand_beside_it(tmp_path):
     assert "Nothing else" not in summed
     alone = explain_step(term, (), (), (62.0, 9.0), NOISE, problem, after=("windup",))
     assert "Nothing else explains it as well; the held-out error after windup falls from 62.0 to 9.0 um" in alone
+
+
+def test_values_beyond_the_error_come_with_what_they_do_at_the_tool(tmp_path):
+    """A length is no error of the tool; where effects cancel one another, that is said."""
+    problem = hide(tmp_path, fault("drive", "backlash_mm", 2, 0.05))
+    term = fit(Model(problem.file) + KNOWN["backlash"](), problem, noise=NOISE).model.terms[0]
+    makes = at_tool_um(term, problem)
+    assert 10.0 < makes < 50.0
+    assert "at the tool" not in explain_step(term, (), (), (62.0, 9.0), NOISE, problem)
+    told = explain_step(term, (), (), (40.0, 9.0), NOISE, problem)
+    assert f"; at the tool it makes {makes:.0f} um rms." in told
+    part, most = (explain_step(term, (), (), (makes / far, 0.0), NOISE, problem) for far in (2.0, 9.0))
+    assert "um rms, a part of which the other effects take back" in part
+    assert "um rms, most of which the other effects take back" in most
+
+
+def test_an_error_that_rises_or_stays_is_not_said_to_fall(tmp_path):
+    problem = hide(tmp_path, fault("drive", "backlash_mm", 2, 0.05))
+    term = fit(Model(problem.file) + KNOWN["backlash"](), problem, noise=NOISE).model.terms[0]
+    assert "rises from 62.0 to 63.0 um" in explain_step(term, (), (), (62.0, 63.0), NOISE, problem)
+    assert "stays at 62.0 um" in explain_step(term, (), (), (62.04, 61.96), NOISE, problem)
 
 
 def test_an_exact_ambiguity_is_not_called_unrivalled(tmp_path):

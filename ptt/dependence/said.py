@@ -7,6 +7,7 @@ import numpy as np
 from ptt.dependence.size import Size
 from ptt.effects.phrases import SIGNIFICANT, capital, figure, scaled
 
+NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
 NOTHING = 0.01  # of a size: what beside it is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
 UNLIKE = 9  # digits that tell any two values of a table apart
@@ -27,6 +28,18 @@ SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero
     ),
     **{axis: (f"further toward +{axis}", f"further toward -{axis}", f"furthest toward +{axis}") for axis in "xyz"},
 }
+
+
+def by_chance(p_value: float) -> str:
+    """A p-value as a reader can use it.
+
+    Args:
+        p_value: 0 to 1.
+
+    Returns:
+        For example 'p = 0.003', 'p < 1e-12'.
+    """
+    return f"p < {NO_CHANCE:.0e}" if p_value < NO_CHANCE else f"p = {p_value:.1g}"
 
 
 def between(low: float, high: float, unit: str) -> str:

@@ -114,7 +114,8 @@ def tell_verdict(
     if verdict == "missing":
         # A tie stands at the head of its step's words; a later one has to be heard of first, too.
         open_ones = [name for name, tie in zip(names, ties, strict=False) if tie]
-        first = [f"Not all has one name: see {listed(open_ones)}."] if open_ones and not ties[0] else []
+        open_words = f"What is called {listed(open_ones)} below could as well be another effect."
+        first = [open_words] if open_ones and not ties[0] else []
         return [*first, *steps, f"With that {fall}{excess}"]
     what = "More is missing, but no more steps were allowed" if cut_short else MISSING
     lines = [f"{what}." if strongest or not reasons else f"{what}: {reasons[0]}."]
@@ -122,7 +123,7 @@ def tell_verdict(
     if 0 < len(steps) <= LINES - 1 - len(lines):
         lines += [f"Named beside it: {step}" for step in steps]
     elif steps:
-        lines.append(f"Named beside it: {listed(list(names))}; what each means stands with the candidates.")
+        lines.append(f"Named beside it: {listed(list(names))}; what each means is said with the candidates.")
     return [*lines, f"With what is named {fall}" if steps else f"The error is {after:.1f} um, {floor}"]
 
 

@@ -2,18 +2,22 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 
 from ptt.effects.base import family
+from ptt.effects.metrology import rigid_basis
 from ptt.effects.phrases import Said, capital, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
 from ptt.fitting.gauge import Told, sparsest
+from ptt.model.chain import predict
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.view import View
 
 DOUBTED = 0.5  # of an error from which it is worth a word what no reading shows
+PART, MOST = 1.5, 3.0  # times what an effect can take off the error, from which others take a part, most of it back
 
 
 def sentence(told: Told, view: View) -> str:
@@ -112,15 +116,60 @@ def explain_step(
     told = sparsest([term], problem, noise)[0]
     tie, head = headline(term.effect.key, others, together), sentence(told, problem.view)
     before, now = heldout_um
-    moved = "falls" if now < before else "goes"
     on_top = f"after {listed(list(after))} " if after else ""
-    fall = f"the held-out error {on_top}{moved} from {before:.1f} to {now:.1f} um, noise is {noise.total * 1e3:.1f} um"
+    fall = f"the held-out error {on_top}{_moved(before, now)}, noise is {noise.total * 1e3:.1f} um"
+    if size := _size_at_tool(told, before + now, before, problem):
+        fall += f"; {size}"
     if doubt := doubt_in_words(now, doubt_um):
         fall += f"; {doubt}"
     if tie:
         return f"{tie} As {term.effect.key}: {head}; {fall}."
     alone = "" if told.alike else "Nothing else explains it as well; "
     return f"{capital(head)}. {capital(alone + fall)}."
+
+
+def _moved(before: float, now: float) -> str:
+    if f"{before:.1f}" == f"{now:.1f}":
+        return f"stays at {now:.1f} um"
+    return f"{'falls' if now < before else 'rises'} from {before:.1f} to {now:.1f} um"
+
+
+def _size_at_tool(told: Told, apart: float, before: float, problem: Problem) -> str:
+    """What an effect does at the tool where its values, or that, are more than was missed; else nothing.
+
+    Args:
+        told: the effect as it is said.
+        apart: um, by which the tool's errors before and after it differ at most.
+        before: um, the error before it.
+        problem: the readings.
+    """
+    parts, _ = _said(told, problem.view)
+    largest = max((part.size for part in parts if part.unit == "um"), default=0.0)
+    makes = at_tool_um(told.term, problem)
+    if largest <= before and makes <= PART * apart:
+        return ""
+    back = "most" if makes > MOST * apart else "a part"
+    taken = f", {back} of which the other effects take back" if makes > PART * apart else ""
+    return f"at the tool it makes {makes:.{0 if makes >= 10.0 else 1}f} um rms{taken}"
+
+
+def at_tool_um(term: Term, problem: Problem) -> float:
+    """How far an effect alone moves the tool in the readings, less what a frame that is fitted takes of it, um rms.
+
+    Args:
+        term: the effect, at its values.
+        problem: the readings.
+    """
+    view, used = problem.view, problem.used
+    moved = predict([(term.effect, term.theta)], view).reading - predict([], view).reading
+    shift, place = moved.detach().numpy()[used], view.p[torch.as_tensor(used)]
+    for frame in range(problem.frames):
+        here = problem.frame[used] == frame
+        rigid = rigid_basis(place[torch.as_tensor(here)]).numpy().reshape(-1, 6)
+        if len(rigid):
+            taken = rigid @ np.linalg.lstsq(rigid, shift[here].ravel(), rcond=None)[0]
+            shift[here] -= taken.reshape(-1, 3)
+    return 1e3 * float(np.sqrt((shift**2).sum(axis=1).mean())) if len(shift) else 0.0
 
 
 def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBTED) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ptt.dependence.said import between
+from ptt.dependence.said import between, by_chance
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.find import STEPS
 from ptt.diagnosis.long import choose_diagnosis
@@ -174,6 +174,7 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
     """
     lines = [f"verdict: {result.verdict}", "", result.words, ""]
     lines += [*_candidates(result), ""] if result.candidates else []
+    lines += _meanings(result)
     lines += [*_dependences(result), ""] if result.depends_on else []
     if result.measure_next:
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
@@ -200,7 +201,7 @@ def _aside(rows: int) -> str:
 
 def _next(result: "Diagnosis") -> list[str]:
     """What to do with the verdict."""
-    lines, names = [], " ".join(group[0] for group in result.suggested)
+    lines, names = [], " ".join(_as_word(group[0]) for group in result.suggested)
     if names:
         lines.append(f"next: ptt add RUN.csv {names} --model M.toml --out M2.toml")
     if result.verdict == "unknown" and result.depends_on:
@@ -216,15 +217,22 @@ def _next(result: "Diagnosis") -> list[str]:
     return lines
 
 
+def _as_word(name: str) -> str:
+    """A name as one word of a command line: harmonics have brackets and a blank."""
+    return f'"{name}"' if "[" in name else name
+
+
 def _candidates(result: "Diagnosis") -> list[str]:
     """A line for each effect, the steps of the path first, and what the columns mean."""
-    lines = [f"{'effect':<22} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from"]
+    width = max(20, *(len(candidate.effect) for candidate in result.candidates))
+    lines = [f"{'effect':<{width + 2}} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from"]
     for candidate in result.candidates:
         mark = "+" if any(candidate.effect == step[0] for step in result.suggested) else " "
         fall = f"{candidate.heldout_before:.1f} -> {candidate.heldout_after:.1f}"
         ties = ", ".join(candidate.indistinguishable_from)
-        figures = f"{candidate.p_value:>9.1e} {candidate.explained_share:>7.1%} {fall:>18}"
-        lines.append(f"{mark} {candidate.effect:<20} {figures}  {ties}")
+        chance = by_chance(candidate.p_value).removeprefix("p ").removeprefix("= ")
+        figures = f"{chance:>9} {candidate.explained_share:>7.1%} {fall:>18}"
+        lines.append(f"{mark} {candidate.effect:<{width}} {figures}  {ties}".rstrip())
     lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given"]
     lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
     lines += ["step anew, so that its held-out figures differ somewhat"]
@@ -232,6 +240,14 @@ def _candidates(result: "Diagnosis") -> list[str]:
     if last is not None and (doubt := doubt_in_words(last.heldout_after, last.tool_doubt, SHOWN)):
         lines += [f"{doubt}: others that fit as well have the machine stand elsewhere"]
     return lines
+
+
+def _meanings(result: "Diagnosis") -> list[str]:
+    """What each step means, where the verdict has no room for it."""
+    steps = result.candidates[: len(result.suggested)]
+    if all(step.words in result.words for step in steps):
+        return []
+    return ["what each step means:", *(f"  {step.words}" for step in steps), ""]
 
 
 def _dependences(result: "Diagnosis") -> list[str]:
@@ -242,6 +258,6 @@ def _dependences(result: "Diagnosis") -> list[str]:
         place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""
         place = f", varying with {item.with_}" if item.with_ else place
         acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
-        share = f"{item.share:.0%} (p = {item.p_value:.1g}{period}{place})"
+        share = f"{item.share:.0%} ({by_chance(item.p_value)}{period}{place})"
         lines += [f"  {item.residual} on {item.on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]
     return lines

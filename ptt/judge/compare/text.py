@@ -7,13 +7,18 @@ from rich.console import Console
 from rich.table import Table
 
 from ptt.dependence.parts import PartError
+from ptt.dependence.said import by_chance
 from ptt.dependence.where import WorstRow
 from ptt.judge.compare.comparison import UM, Comparison, figures, one_figure
 
 SHOWN_ROWS = 5
 SHOWN_DEPENDENCES = 8
 WIDTH = 1000  # tables take what they need; a narrower page would cut digits off
-NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
+FAR = 3.0  # times the error after alignment from which it is worth a word what the one before it is
+STANDS = (
+    "Before alignment it is mostly where the tracker stands and how it is turned (what zeros and leans of all sliders",
+    "have in common looks the same); the machine is judged after alignment.",
+)
 SURE = 0.01  # chance below which lack of fit counts
 
 
@@ -87,6 +92,8 @@ def _errors(result: Comparison) -> Table:
 def _meaning(result: Comparison) -> list[str]:
     """How much is more than noise, and whether repeats say so too."""
     share, test = result.explainable_share, result.lack_of_fit
+    before, after = (figures(each[result.kept])["rms_um"]["total"] for each in (result.unaligned, result.residual))
+    stands = [*STANDS] if before > FAR * after else []
     if share is None:
         words = "How much of the error is noise is unknown."
     elif result.is_noise:
@@ -94,10 +101,10 @@ def _meaning(result: Comparison) -> list[str]:
     else:
         words = f"{_percent(share)} of what is left after the frame is more than noise."
     if test.p_value is None:
-        return [words, f"Lack of fit not tested: {test.to_dict()['untested_because']}."]
+        return [*stands, words, f"Lack of fit not tested: {test.to_dict()['untested_because']}."]
     if test.p_value < SURE:
-        return [words, f"The model misses more than repeats scatter (lack of fit, {_chance(test.p_value)})."]
-    return [words, f"The model misses no more than repeats scatter (lack of fit, {_chance(test.p_value)})."]
+        return [*stands, words, f"The model misses more than repeats scatter (lack of fit, {by_chance(test.p_value)})."]
+    return [*stands, words, f"The model misses no more than repeats scatter (lack of fit, {by_chance(test.p_value)})."]
 
 
 def _serial(result: Comparison) -> bool:
@@ -175,7 +182,7 @@ def _dependences(result: Comparison) -> list[str | Table]:
         return ["The error depends on nothing that the run tells of."]
     table = _table("error of", "on", "share", "by chance", "how")
     for item in found[:SHOWN_DEPENDENCES]:
-        table.add_row(item.residual, item.on, _percent(item.share), _chance(item.p_value), item.how())
+        table.add_row(item.residual, item.on, _percent(item.share), by_chance(item.p_value), item.how())
     more = f", the first {SHOWN_DEPENDENCES} of {len(found)}" if len(found) > SHOWN_DEPENDENCES else ""
     parts: list[str | Table] = [f"what the error depends on, each by itself{more}", table]
     if found[0].rivals:
@@ -187,7 +194,3 @@ def _dependences(result: Comparison) -> list[str | Table]:
 def _percent(share: float) -> str:
     """Percent, without turning nearly all into all."""
     return f"{100.0 * share:.1f} %" if 0.99 <= share < 1.0 else f"{100.0 * share:.0f} %"
-
-
-def _chance(p_value: float) -> str:
-    return f"p < {NO_CHANCE:.0e}" if p_value < NO_CHANCE else f"p = {p_value:.1g}"
