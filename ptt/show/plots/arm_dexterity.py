@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.files import write_bytes
 from ptt.mechanisms.dexterity_serial import DexterityMap, dexterity_map, joint_map, singular_families
@@ -85,7 +86,11 @@ def _draw_space(
     shown = np.ma.masked_invalid(values if norm is None else np.minimum(values, WORST))
     colours = "viridis" if norm is None else "viridis_r"
     mesh = axis.pcolormesh(space.radius_mm, space.height_mm, shown, cmap=colours, norm=norm, rasterized=True)
-    figure.colorbar(mesh, ax=axis, extend="max" if norm is not None else "neither")
+    bar = figure.colorbar(mesh, ax=axis, extend="max" if norm is not None else "neither")
+    if norm is not None:  # plain figures instead of powers of ten
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
     axis.set(title=title, xlabel="distance from axis 1, mm", ylabel="height, mm", aspect="equal")
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ptt.correct.commands import STATUSES, Commands
@@ -18,24 +19,33 @@ def draw_corrections(target: np.ndarray, commands: Commands) -> Figure:
         commands: the commands.
 
     Returns:
-        The figure; rows that are not sent are crosses.
+        The figure; rows that are not sent are crosses. Where there are no targets, their order alone.
     """
-    figure = Figure(figsize=(11.0, 4.6), dpi=DPI, layout="constrained")
-    above, course = figure.subplots(1, 2)
+    placed = np.isfinite(target).all(axis=1)
+    figure = Figure(figsize=(11.0 if placed.any() else 6.6, 4.6), dpi=DPI, layout="constrained")
+    if placed.any():
+        above, course = figure.subplots(1, 2)
+        _draw_above(above, target, commands)
+    else:
+        course = figure.subplots()
     sent, shift = commands.sent, 1e3 * commands.shift
-    rows = thinned(sent & np.isfinite(target).all(axis=1))
-    dots = above.scatter(target[rows, 0], target[rows, 1], c=shift[rows], cmap=COLOUR_MAP, s=14)
-    figure.colorbar(dots, ax=above, label="correction [um]")
-    lost = thinned(~sent & np.isfinite(target).all(axis=1))
-    above.plot(target[lost, 0], target[lost, 1], "x", color="#c1121f", markersize=5)
-    above.set(xlabel="x [mm]", ylabel="y [mm]", title="targets from above", aspect="equal")
     course.plot(thinned(sent) + 1, shift[thinned(sent)], color=BLUE, linewidth=1.0, label="correction")
     told = thinned(sent & np.isfinite(commands.sigma))
     course.plot(told + 1, 1e3 * commands.sigma[told], color=ORANGE, linewidth=1.0, label="uncertain by")
     counts = ", ".join(f"{commands.counts[status]} {status}" for status in STATUSES if commands.counts[status])
-    course.set(xlabel="row", ylabel="um", title=counts)
+    course.set(xlabel="row", ylabel="at the tool [um]", title=counts)
     course.legend(frameon=False)
     return figure
+
+
+def _draw_above(above: Axes, target: np.ndarray, commands: Commands) -> None:
+    sent, shift = commands.sent, 1e3 * commands.shift
+    rows = thinned(sent & np.isfinite(target).all(axis=1))
+    dots = above.scatter(target[rows, 0], target[rows, 1], c=shift[rows], cmap=COLOUR_MAP, s=14)
+    above.figure.colorbar(dots, ax=above, label="correction [um]")
+    lost = thinned(~sent & np.isfinite(target).all(axis=1))
+    above.plot(target[lost, 0], target[lost, 1], "x", color="#c1121f", markersize=5)
+    above.set(xlabel="x [mm]", ylabel="y [mm]", title="targets from above", aspect="equal")
 
 
 def draw_misses(run: pd.DataFrame) -> Figure:

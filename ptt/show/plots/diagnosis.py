@@ -1,11 +1,13 @@
 """A diagnosis as a picture: the held-out error that each candidate takes away, and the noise floor to reach."""
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE
+from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
 SHOWN = 12  # candidates in a picture
+DECADES = 1000.0  # largest over smallest error from which only powers of ten are written
 
 
 def draw_candidates(result: Diagnosis) -> Figure:
@@ -19,20 +21,28 @@ def draw_candidates(result: Diagnosis) -> Figure:
     """
     steps = {step[0] for step in result.suggested}
     shown = sorted(result.candidates[:SHOWN], key=lambda each: each.effect not in steps)
-    figure = Figure(figsize=(8.6, 1.9 + 0.34 * max(len(shown), 1)), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(8.6, 2.2 + 0.34 * max(len(shown), 1)), dpi=DPI, layout="constrained")
     panel = figure.subplots()
     for row, each in enumerate(shown):
         chosen = each.effect in steps
-        panel.plot([each.heldout_after, each.heldout_before], [row, row], color=ORANGE if chosen else PALE, linewidth=4)
-        panel.plot(each.heldout_after, row, "o", color=BLUE)
+        ends = [each.heldout_before, each.heldout_after]
+        panel.plot(ends, [row, row], color=ORANGE if chosen else PALE, linewidth=4, solid_capstyle="butt")
+        panel.plot(ends[0], row, "|", color=DARK, markersize=11, label="before" if row == 0 else None)
+        panel.plot(ends[1], row, "o", color=BLUE, label="after" if row == 0 else None)
     panel.axvline(1e3 * result.noise.total, color="#6b705c", linestyle="--", linewidth=1.2, label="noise floor")
     if not shown:
         panel.plot(result.rms_um["before"]["total"], 0, "o", color=BLUE)
     names = [("+ " if each.effect in steps else "") + each.effect for each in shown] or ["as given"]
     panel.set_yticks(range(len(names)), names)
-    panel.set(xlabel="held-out error before and after [um]", xlim=(0.0, None))
+    # One candidate may make it ten times as large, while late steps take off the last um: both are to be seen.
+    panel.set(xlabel="held-out error before and after [um]", xscale="log")
+    panel.margins(x=0.06)
+    low, high = panel.get_xlim()
+    panel.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high / low > DECADES else (1.0, 2.0, 5.0)))
+    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    panel.xaxis.set_minor_formatter(NullFormatter())
     panel.invert_yaxis()
     panel.spines[["top", "right"]].set_visible(False)
-    panel.legend(loc="lower right", frameon=False)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
     panel.set_title(f"verdict: {result.verdict}; + is a step of the path")
     return figure

@@ -140,7 +140,7 @@ def _count(axes: Axes, slider: np.ndarray, rail: np.ndarray, size: float, marks:
     axes.text(beside[0], beside[1], "b1 counts this way", color=DARK, fontsize=10, va="center")
     for value, name in marks:
         place = slider + (value - home) * rail
-        axes.text(place[0] + 0.12 * size, place[1], f"{name}: b1 = {value:.7g} mm", fontsize=9, color=GREY, va="center")
+        axes.text(place[0] + 0.12 * size, place[1], f"{name}: b1 = {value:.6g} mm", fontsize=9, color=GREY, va="center")
 
 
 def _joints(spec: ThreePttSpec) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,7 @@ def draw_moved(result: Recheck) -> Figure:
     named = {(item.moved.effect, item.moved.name) for item in result.changed}
     order = sorted(result.parameters, key=lambda one: ((one.effect, one.name) not in named, -abs(one.z)))[:SHOWN]
     figure = Figure(figsize=(9.6, 2.4 + 0.3 * max(len(order), 4)), dpi=DPI, layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=[2.2, 1.0])
+    left, right = figure.subplots(1, 2, width_ratios=[2.0, 1.0])
     colours = [ORANGE if (one.effect, one.name) in named else BLUE for one in order]
     # Beside a change of a hundred standard errors the others would be a line: far ones are drawn to their logarithm.
     left.scatter([one.z for one in order], range(len(order)), color=colours, zorder=3)
@@ -41,7 +41,7 @@ def draw_moved(result: Recheck) -> Figure:
     left.set_xlabel("moved since the model was made [standard errors]")
     names = ("expected", "now", "left")
     right.bar(range(3), [result.error_um[name] for name in names], color=[PALE, ORANGE, BLUE])
-    right.set_xticks(range(3), ["expected", "model\nas it was", "with what\nis named"])
+    right.set_xticks(range(3), ["expected", "model as\nit was", "with what\nis named"], fontsize=9)
     right.axhline(result.noise_um["total"], color="#6b705c", linestyle="--", linewidth=1.2, label="noise floor")
     right.set_ylabel("error of the run [um]")
     right.margins(y=0.25)
