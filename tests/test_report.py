@@ -2,6 +2,7 @@
 
 import json
 import re
+from base64 import b64decode
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -28,6 +29,7 @@ from ptt.run.problem import build_problem
 from ptt.run.table import make_table, write_table
 from ptt.run.viewing import build_view
 from ptt.show.card.words import pretty
+from ptt.show.plots.common import in_micro
 from ptt.show.report import interactive
 from ptt.show.report.blocks import side_by_side
 from ptt.show.report.contents import Contents
@@ -266,7 +268,7 @@ def test_serial_arm() -> None:
     table = table.replace(measured=build_view(file, table).p.numpy() * 1.0002 + random.normal(0.0, 0.01, (40, 3)))
     contents = gather(table, file)
     page = Page(render(contents))
-    assert page.faults == [] and "serial arm" in page.text and "urad" in page.text
+    assert page.faults == [] and "serial arm" in page.text and "\N{MICRO SIGN}rad" in page.text
     assert contents.given.comparison.rows == 40
 
 
@@ -370,6 +372,22 @@ def test_the_card_and_the_machine_stand_on_top(told: tuple[dict, str]) -> None:
     largest = max(abs(value["value"]) for value in first["parameters"])
     assert f"{1e3 * largest:.0f} \N{MICRO SIGN}m" in page.text  # the size of what was found, in the page's unit
     assert "pc-bar" in top and "To set right" in page.text
+
+
+def test_every_picture_is_whole_and_every_length_in_the_page_s_unit(told: tuple[dict, str]) -> None:
+    """Signs of a picture may look like a unit; they are none."""
+    _, html = told
+    pictures = re.findall(r'src="data:image/png;base64,([^"]*)"', html)
+    assert len(pictures) > 3
+    assert all(b64decode(each, validate=True).startswith(b"\x89PNG") for each in pictures)
+    words = re.sub(r'"data:[^"]*"', "", html)
+    assert "\N{MICRO SIGN}m" in words and not re.search(r"(?<![\w-])um(?![\w-])", words)
+
+
+def test_units_become_greek_and_names_do_not() -> None:
+    assert in_micro("5 um, urad/N, rms_um, --chord-um, sum") == (
+        "5 \N{MICRO SIGN}m, \N{MICRO SIGN}rad/N, rms_um, --chord-um, sum"
+    )
 
 
 def test_every_table_has_heads_and_scrolls_by_itself(told: tuple[dict, str]) -> None:

@@ -7,6 +7,8 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 
 from ptt.show.card.scene import Lines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.solids import Solid
@@ -16,6 +18,7 @@ COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platfo
 GHOST, FAULT = "#e69f00", "#b34700"
 TURN, RISE = np.radians(38.0), np.radians(20.0)  # from where it is seen
 LIGHT = np.array([0.35, -0.5, 0.8])
+RIM = 6.0  # pixels about a label that stay free
 DIM = 0.55  # of a colour that is left on the far side of a part
 
 
@@ -40,21 +43,41 @@ def draw_scene(lines: Lines, shift: Mapping[str, Any] | None, values: list[Mappi
         there = moved(lines, shift, at, times)
         parts += [(solid, GHOST, 0.55) for solid in only(there, *legs_at_fault(shift)).values()]
     _fill(axes, parts)
+    notes: list[Annotation] = []
     middle = float(_seen(lines.chains.reshape(-1, 3))[0][:, 0].mean())
     for who, said in by_part(values if shift is not None else ()):
         place, _ = _seen(place_of_part(there, who)[None])
         words = f"{who}: " + "\n".join(size.partition("\n")[0] for size in said)  # which way is said beside the picture
         box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GHOST, "alpha": 0.9}
         right = place[0, 0] > middle
-        axes.annotate(
+        note = axes.annotate(
             words, (float(place[0, 0]), float(place[0, 1])), (-14 if right else 14, 16), textcoords="offset points",
             color=FAULT, fontsize=12, fontweight="bold", bbox=box, ha="right" if right else "left",
         )  # fmt: skip
+        notes.append(note)
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.margins(0.12)
     axes.axis("off")
+    _draw_apart(figure, notes)
     return figure
+
+
+def _draw_apart(figure: Figure, notes: list[Annotation]) -> None:
+    """Raise labels that would lie on one another, the lowest first."""
+    if len(notes) < 2:
+        return
+    figure.draw_without_rendering()
+    boxes = {id(note): note.get_window_extent().padded(RIM) for note in notes}
+    placed: list[Bbox] = []
+    for note in sorted(notes, key=lambda each: float(boxes[id(each)].y0)):
+        box = boxes[id(note)]
+        for other in placed:  # from the lowest up, so that one pass is enough
+            if box.overlaps(other):
+                box = box.translated(0.0, other.y1 - box.y0)
+        along, up = note.xyann
+        note.xyann = (along, up + (box.y0 - boxes[id(note)].y0) * 72.0 / figure.dpi)
+        placed = sorted([*placed, box], key=lambda each: float(each.y0))
 
 
 def _fill(axes: Any, parts: list[tuple[Solid, str, float]]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
 
 from ptt.judge.compare.comparison import AXES, Comparison
 from ptt.progress import Progress
@@ -16,6 +17,7 @@ from ptt.show.plots.field import draw_field
 from ptt.show.plots.periods import draw_periods
 
 BINS = 40
+TICKS = 4  # between both ends of a histogram: errors of a telescope have six digits
 BOTH = 2.0  # half-width of the noise band in standard deviations
 
 
@@ -109,6 +111,7 @@ def draw_histogram(result: Comparison, problem: Problem) -> Figure:
         panel.set_yscale("log")
         panel.set_ylim(0.5, 2.0 * top)
         panel.set_xlim(-reach, reach)
+        panel.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 5, 10]))
         rms = float(np.sqrt(np.square(error).mean()))
         panel.set_title(f"{AXES[axis]}: rms {rms:.1f} um" + (f", noise {sigma:.1f} um" if sigma else ""), fontsize=10)
         panel.set_xlabel(f"{AXES[axis]} error [um]")

@@ -1,16 +1,15 @@
 """Pictures of errors before and after: curves along the path, reductions, the path itself."""
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ptt.files import write_bytes
+from ptt.show.plots.common import png
 
 AXES = ("x", "y", "z")
 BEFORE, AFTER, GOAL = "#d1495b", "#00798c", "#444444"
@@ -170,6 +169,4 @@ def _make_room(panel: Axes, values: np.ndarray) -> None:
 
 
 def _save(figure: Figure, path: str | Path) -> None:
-    image = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(image)
-    write_bytes(path, image.getvalue())
+    write_bytes(path, png(figure))

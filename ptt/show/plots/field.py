@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
 
 from ptt.judge.before_after import BeforeAfter, Side
 from ptt.judge.compare.comparison import Comparison
@@ -16,6 +17,7 @@ MOST_ARROWS = 300
 REACH = 0.18  # of the workspace's size that the 95 % arrow takes
 ZOOM, TALL = 1.1, 0.6
 NARROW = 0.5  # share of the longest side that every side is given at least
+TICKS = 5  # of a workspace of a kilometre, as a telescope's, lie apart
 KEY = 0.2  # room for the key, in halves of the picture
 
 
@@ -152,6 +154,8 @@ def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
     panel.set_aspect("equal")
     panel.set_xlabel("x [mm]")
     panel.set_ylabel("y [mm]")
+    panel.ticklabel_format(style="plain")
+    panel.xaxis.set_major_locator(MaxNLocator(TICKS))
     panel.set_title("from above, horizontal part of the arrows", fontsize=10)
     return drawn
 

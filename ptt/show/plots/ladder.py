@@ -74,7 +74,7 @@ def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float]) -> Figure:
     panels[0].invert_yaxis()
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    figure.suptitle("Error after each step, RMS in um")
+    figure.suptitle("Error after each step, RMS in \N{MICRO SIGN}m")
     return figure
 
 

@@ -45,8 +45,10 @@ def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
     _scale_periods(panels[0, 0], min(ends), max(ends))
     for panel in panels.ravel()[len(lines) :]:
         panel.set_axis_off()
-    for panel in panels[-1]:
-        panel.set_xlabel(f"period [{unit}]")
+    for column in range(across):  # the lowest panel that is drawn in each column tells the scale
+        lowest = panels[(len(lines) - 1 - column) // across, column]
+        lowest.set_xlabel(f"period [{unit}]")
+        lowest.tick_params(labelbottom=True)
     legend_below(figure, panels.ravel())
     figure.suptitle(f"periods in each {joint}'s error over its own travel, smooth course and directions taken out")
     return figure

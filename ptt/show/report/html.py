@@ -15,6 +15,7 @@ from ptt.progress import Progress
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 from ptt.show.card.words import length, together, value_in_words
+from ptt.show.plots.common import in_micro
 from ptt.show.report.card import top_card
 from ptt.show.report.contents import Contents
 from ptt.show.report.gather import gather
@@ -97,11 +98,12 @@ def render(contents: Contents, *, interactive: bool = False, language: str = "en
     """
     moving = interactive_parts(contents) if interactive else {}
     sections = sections_of(contents)
-    pictures = {name: data_uri(png) for name, png in draw_pictures(contents, sections).items()}
+    # Marked: the signs of a picture are no words, and stay as they are.
+    pictures = {name: Markup(data_uri(picture)) for name, picture in draw_pictures(contents, sections).items()}
     top = top_card(contents, say)
     environment = Environment(
         loader=PackageLoader("ptt.show.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, finalize=lambda said: together(said) if type(said) is str else said,
+        lstrip_blocks=True, finalize=lambda said: in_micro(together(said)) if type(said) is str else said,
     )  # fmt: skip
     return environment.get_template("report.html").render(
         contents=contents,
@@ -110,7 +112,7 @@ def render(contents: Contents, *, interactive: bool = False, language: str = "en
         length=length,
         top=top,
         top_bar=Markup(top.bar) if top else "",  # escaped where it is made
-        top_picture=data_uri(top.picture) if top and top.picture else "",
+        top_picture=Markup(data_uri(top.picture)) if top and top.picture else "",
         value_in_words=value_in_words,
         sections=sections,
         pictures=pictures,

@@ -2,17 +2,16 @@
 
 import base64
 from collections.abc import Callable, Mapping
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from matplotlib import rc_context
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.problem import Problem
+from ptt.show.plots.common import png
 from ptt.show.plots.compare import draw_course, draw_histogram
 from ptt.show.plots.compensation import plot_error_curves
 from ptt.show.plots.depends import draw_dependences
@@ -71,9 +70,9 @@ def draw_picture(name: str, contents: Contents) -> bytes:
     return _png(draw(look.comparison, contents.problem), shape)
 
 
-def data_uri(png: bytes) -> str:
+def data_uri(picture: bytes) -> str:
     """A PNG as the address of an image that travels inside the page."""
-    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+    return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
 
 
 def _draw_curves(contents: Contents, path: Path) -> None:
@@ -87,9 +86,7 @@ def _png(figure: Figure, shape: float) -> bytes:
     wide, high = figure.get_size_inches()
     figure.set_size_inches(min(WIDE, wide), min(WIDE, wide) * (shape or 1.08 * high / wide))
     figure.set_dpi(DPI)
-    buffer = BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer)
-    return buffer.getvalue()
+    return png(figure)
 
 
 def _written(draw: Callable[[Path], None]) -> bytes:
