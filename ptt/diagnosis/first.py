@@ -31,11 +31,11 @@ def sift(linear: Linear, problem: Problem) -> np.ndarray:
 
 
 def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) -> np.ndarray:
-    """Lone rows far from all that names can say.
+    """Lone rows far from all that names can say, first from what lasts, then from what happened at a moment as well.
 
-    A law that bends as it may would reach one of them before anything that many rows say, and hide it. Where some are
-    far off next to each other, or where a place has them, it may be physics without a name: then all wait until
-    unknowns were asked.
+    A law that bends as it may would reach one of them before anything that many rows say, and hide it; so would two
+    things that happen just before it and just after. Where some are far off next to each other, or where a place has
+    them, it may be physics without a name: then all wait until unknowns were asked.
 
     Args:
         scorer: of the system, nothing scored yet.
@@ -45,14 +45,25 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
     Returns:
         These rows as well, (n,) bool.
     """
-    system, nothing = scorer.system, scorer.score((), WHITE)
-    assert isinstance(system, RowSystem)
+    nothing = scorer.score((), WHITE)
+    lasting = climb(scorer, nothing, lambda atom: is_effect(atom) and not is_sudden(atom))
+    lone = _lone_beside(scorer, lasting, gross, robust=True)
+    if not np.array_equal(lone, gross):
+        return lone
     named = climb(scorer, nothing, is_effect)
-    scorer, system, lasting = dated(scorer, named, candidates)
-    if lasting is not None:  # else rows between a moment that is tried and the true one would look like that
-        named = climb(scorer, scorer.score(lasting, WHITE), is_effect)
-    far = gross_beside(system, scorer.score(named.keys, WHITE), gross) & ~gross
-    company = (np.convolve(far, NEIGHBOURS, "same") > 0) | in_company(system, nothing)
+    scorer, _, dates = dated(scorer, named, candidates)
+    if dates is not None:  # else rows between a moment that is tried and the true one would look like that
+        named = climb(scorer, scorer.score(dates, WHITE), is_effect)
+    return _lone_beside(scorer, named, gross)
+
+
+def _lone_beside(scorer: Scorer, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
+    """Rows left out so far, and those far from a set where all of these are alone, (n,) bool."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    white = scorer.score(state.keys, WHITE)
+    far = gross_beside(system, white, gross, robust=robust) & ~gross
+    company = (np.convolve(far, NEIGHBOURS, "same") > 0) | in_company(system, scorer.score((), WHITE))
     return gross if (far & company).any() else gross | far
 
 

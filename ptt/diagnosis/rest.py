@@ -10,6 +10,7 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
+from ptt.diagnosis.wander import FAULT
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.run.holdout import BLOCKS, blocks
@@ -90,7 +91,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
 
 def with_objections(
     rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None, beyond: Sequence[str] = (),
-    aside: str | None = None,
+    aside: str | None = None, unsaid: str | None = None,
 ) -> Rest:  # fmt: skip
     """The rest with what else speaks against an explanation: hidden readings, and far more left than is stated.
 
@@ -102,6 +103,7 @@ def with_objections(
         stated: the noise as stated; None where nobody did.
         beyond: names of effects with whose values the machine could not stand where it was commanded to.
         aside: what the readings that were set aside have in common, in words; None for nothing.
+        unsaid: why the error is not nothing though no effect is named, in words; None where it may be.
 
     Returns:
         The rest with those reasons.
@@ -118,7 +120,34 @@ def with_objections(
     if stated is not None and left.total > EXCESS * stated.total:
         times = f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left"
         reasons.append(f"{times}: it understates the scatter of a reading, or the rest follows nothing recorded here")
+    elif unsaid:
+        reasons.append(unsaid)
     return replace(rest, reasons=tuple(reasons))
+
+
+def too_much_for_nothing(error: float, noise: Noise | None, *, wanders: bool) -> str | None:
+    """Why an error beside which no effect is named is not nothing: it is far beyond the noise that somebody states.
+
+    Repeats scatter by whatever differs from visit to visit, and a wander takes whatever is slow: beside either of them
+    much can hide. What the tracker's own readings or the machine file state knows of neither.
+
+    Args:
+        error: of the readings, what wanders among it, mm.
+        noise: the noise floor as it was before any search; None where nothing told it.
+        wanders: whether the tracker is said to wander, which it may do as far as one that is told by the run itself.
+
+    Returns:
+        The reason in words; None where there is none.
+    """
+    if noise is None:
+        return None
+    source, total = noise.stated or (noise.source, noise.total)
+    if error <= (np.sqrt(1.0 + FAULT) if wanders else EXCESS) * total:
+        return None
+    times = f"the error is {error / total:.1f} x the noise by the {source}"
+    if noise.total > EXCESS * total:
+        return f"{times}; poses come back that badly, or something differs from visit to visit that no column tells"
+    return f"{times}, further than a tracker wanders" if wanders else f"{times}, and follows nothing recorded here"
 
 
 def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:

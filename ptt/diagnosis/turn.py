@@ -19,6 +19,7 @@ from ptt.effects import Effect
 from ptt.effects.screw import OncePerRev
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
+from ptt.fitting.outliers import linear_residual
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.run.noise import Noise
@@ -76,21 +77,27 @@ def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
     return Turn(0, model, noise, np.zeros(problem.table.rows, dtype=bool), np.zeros((problem.table.rows, 3)), opening)
 
 
-def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarray:
+def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
     """Lone rows that an explanation cannot reach, beside the rows that were left out before.
 
     Args:
         system: linearised.
         state: the explanation.
         gross: rows left out so far, (n,) bool.
+        robust: fitted by the rows that agree; else one that is far off may drag the explanation to itself, and its
+            neighbours along.
 
     Returns:
         (n,) bool; as given where so many are far that the explanation is to blame.
     """
     # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves, and
     # in a wander that follows each of them.
-    left = [system.innovation(state.columns, state.posterior.values, state.memory)]
-    if state.memory.wander is not None:
+    left = (
+        [_robustly_left(system, state)]
+        if robust
+        else [system.innovation(state.columns, state.posterior.values, state.memory)]
+    )
+    if state.memory.wander is not None and not robust:
         left.append(system.left(state.columns, state.posterior.values))
     here, problem = np.ones(len(left[0]), dtype=bool), system.at.problem
     places, found = places_of(problem)[system.rows], gross.copy()
@@ -99,6 +106,14 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray) -> np.ndarr
         far = stand_out(white, here, least=0.0)
         found[system.rows[alone(far, white, here, places, int(gross.sum()))]] = True
     return found if are_exceptions(found, problem.used) else gross
+
+
+def _robustly_left(system: RowSystem, state: State) -> np.ndarray:
+    """What the values of a set leave that suit most rows, each as wide as it was learned to be, (m, 3) whitened."""
+    chosen, width = state.columns, len(state.columns)
+    base = np.concatenate([system.base_columns[..., chosen].reshape(-1, width), np.diag(state.posterior.prior**-0.5)])
+    known = np.concatenate([system.base_values.ravel(), np.zeros(width)])
+    return linear_residual(system.values, system.columns[..., chosen], known, base)[0]
 
 
 def in_company(system: RowSystem, state: State) -> np.ndarray:

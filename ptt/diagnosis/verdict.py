@@ -26,7 +26,7 @@ from ptt.diagnosis.noise import (
 )
 from ptt.diagnosis.opening import opening_rows, without_opening
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
-from ptt.diagnosis.rest import Rest, look_for_rest, with_objections
+from ptt.diagnosis.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
 from ptt.diagnosis.steps import Named, name_steps
@@ -43,6 +43,7 @@ from ptt.run.problem import Problem
 
 LEAST = 12  # readings: twice what a rigid motion alone takes
 MOTION = 6  # coordinates that a rigid motion takes
+MICRO = 1e3  # um in a mm
 FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
 
 
@@ -147,13 +148,13 @@ def conclude(
         told = replace(told, steps=())
         terms = sent = tuple(term for term in found.fitted.model.terms if term.effect.key in scorer.given)
     named = told.steps
-    rest = _objected(rest, found, told, problem, beyond)
+    rms_um = _errors(found, tuple(step.key for step in named), clean)
+    rest = _objected(rest, found, told, problem, beyond, rms_um["after"]["total"] / MICRO)
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
     noise = noise_after(problem, found.system, state)
     chances = weigh_sets(scorer)
     fitted_model = replace(model, terms=sent)
-    rms_um = _errors(found, tuple(step.key for step in named), clean)
     verdict = _verdict(found, bool(named), rest)
     depends = _depends_on(found, told, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
     tell("measure next")
@@ -184,12 +185,16 @@ def conclude(
     return replace(result, words=explain_verdict(result, steps))
 
 
-def _objected(rest: Rest, found: Found, told: Named, problem: Problem, beyond: tuple[str, ...]) -> Rest:
-    """The rest with all that speaks against what was found."""
+def _objected(
+    rest: Rest, found: Found, told: Named, problem: Problem, beyond: tuple[str, ...], error: float
+) -> Rest:  # fmt: skip
+    """The rest with all that speaks against what was found; `error` is what it leaves, mm."""
     system, state = found.system, found.state
     unproven = tuple(system.atoms[key].name for key in told.unproven)
     left, stated = visit_left(system, state), stated_noise(problem, system, state)
-    return with_objections(rest, told.faithful, unproven, left, stated, beyond, against_gross(found, problem))
+    wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
+    unsaid = None if told.steps else too_much_for_nothing(error, problem.noise, wanders=wanders)
+    return with_objections(rest, told.faithful, unproven, left, stated, beyond, against_gross(found, problem), unsaid)
 
 
 def _depends_on(
