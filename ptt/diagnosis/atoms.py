@@ -56,6 +56,7 @@ class Atom:
         fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
         tested: whether the readings hold what tells it from an offset: play that no reversal shows is never plainest.
         since: by the clock, from when on a sudden effect of the model is there; None of all others.
+        reach: how many times its first value a joint's second may well be, in their units; None where it may be any.
     """
 
     key: str
@@ -73,6 +74,7 @@ class Atom:
     fine: np.ndarray | None = None
     tested: bool = True
     since: float | None = None
+    reach: float | None = None
 
     @property
     def moment(self) -> float | None:
@@ -229,7 +231,7 @@ def effect_atom(
     fine = np.isin(np.arange(len(most)), group[detail])
     return Atom(
         key, effect.key, columns, group, most, odds, bounded, effect, shape,
-        joint=joint if alike else None, fine=fine if fine.any() else None,
+        joint=joint if alike else None, fine=fine if fine.any() else None, reach=effect.reach(problem.view),
     )  # fmt: skip
 
 

@@ -128,7 +128,7 @@ class Scorer:
         beside = (
             -np.inf
             if self._absurd(state) or self._undoes(state)
-            else sum(_nats_of_product(state, atom) for atom in atoms)
+            else sum(_nats_of_product(state, atom) + self._beyond_reach(state, atom) for atom in atoms)
         )
         return replace(state, total=total + beside) if beside else state
 
@@ -196,6 +196,9 @@ class Scorer:
         if not bounded.any() or (state.posterior.values[bounded] >= 0).all():
             return False
         return bool((state.posterior.values[bounded] < -WRONG_SIDE * state.std[bounded]).any())
+
+    def _beyond_reach(self, state: State, atom: Atom) -> float:
+        return 0.0 if atom.key in self.given else _nats_beyond_reach(state, atom, self.system.scale)
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
         """What every atom would add to a state, the best shape of each name; best first."""
@@ -283,6 +286,22 @@ def _nats_of_product(state: State, atom: Atom) -> float:
     more = (atom.effect.stands_for_away / atom.effect.stands_for - 1.0) * atom.odds
     away = nats_of_product(values, covariance, width) - more
     return float(np.logaddexp(away, nats_of_none(values, covariance, width)) - np.log(2.0))
+
+
+def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
+    """Nats against second values of joints that are further than their first ones may well make them.
+
+    What a joint would gain by saying less, where they are not, is left aside: the odds count which joints have any.
+    """
+    if atom.reach is None or atom.key not in state.scales:
+        return 0.0
+    values, spread = state.amounts(atom, scale)
+    widest = state.posterior.phi * float(state.scales[atom.key].max()) * np.square(atom.sizes(scale))
+    nats, turned = 0.0, np.array([atom.reach, 1.0])
+    for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both
+        both = turned[:, None] * spread[np.ix_(own, own)] * turned
+        nats += min(nats_of_product(turned * values[own], both, float(widest[own[1]])), 0.0)
+    return nats
 
 
 def _excluded(atom: Atom, effects: Sequence[str]) -> bool:

@@ -76,6 +76,16 @@ class State:
         """Posterior standard deviations, (p,)."""
         return np.sqrt(self.posterior.phi * self.inverse.diagonal())
 
+    def amounts(self, atom: Atom, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """An atom's linear values and their covariance, in their units, (w,) and (w, w); `scale` as in `errors`."""
+        own, size, phi = self.of(atom.key), atom.sizes(scale), self.posterior.phi
+        values, spread = atom.amplitudes(self.posterior.values[own], scale), self.covariance[np.ix_(own, own)]
+        if atom.turn is None:
+            return values, size[:, None] * spread * size
+        ways, before = atom.turn.ways, self.scales[atom.key][atom.turn.group] * phi
+        unseen = (np.eye(len(ways)) - ways @ ways.T) * np.sqrt(before[:, None] * before)
+        return values, size[:, None] * (ways @ spread @ ways.T + unseen) * size
+
     def errors(self, atom: Atom, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations of an atom's linear values after and before the data, in their units, (w,) each.
 

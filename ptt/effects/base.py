@@ -76,6 +76,14 @@ class Effect:
         """Nats against this very one of all those of its kind that there may be; none where there is but one."""
         return 0.0
 
+    def reach(self, view: View) -> float | None:
+        """How many times its first value a joint's second one may well be, in their units; None where it may be any.
+
+        Args:
+            view: n rows.
+        """
+        return None
+
     def needs(self, view: View) -> str | None:
         """What the data lack for this effect to be tested.
 
