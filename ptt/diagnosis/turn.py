@@ -110,9 +110,9 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: 
 
 def _robustly_left(system: RowSystem, state: State) -> np.ndarray:
     """What the values of a set leave that suit most rows, each as wide as it was learned to be, (m, 3) whitened."""
-    chosen, width = state.columns, len(state.columns)
-    base = np.concatenate([system.base_columns[..., chosen].reshape(-1, width), np.diag(state.posterior.prior**-0.5)])
-    known = np.concatenate([system.base_values.ravel(), np.zeros(width)])
+    chosen, known = state.columns, np.append(system.base_values.ravel(), np.zeros(len(state.columns)))
+    fixed = system.base_columns[..., chosen].reshape(system.base_values.size, len(chosen))
+    base = np.concatenate([fixed, np.diag(state.posterior.prior**-0.5)])
     return linear_residual(system.values, system.columns[..., chosen], known, base)[0]
 
 
