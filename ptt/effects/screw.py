@@ -17,7 +17,6 @@ from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
 SCREW_STANDARD = "ISO 3408-3 (ball screws, tolerance classes)"
-BEARING = 2.0  # times the furthest travel: from home to the fixed bearing two screws in three have less
 PHASES = 5  # a turn seen at fewer phases than this cannot part a period from an offset
 
 
@@ -285,8 +284,8 @@ class ScrewGrowth(Effect):
     )
 
     def reach(self, view: View) -> float | None:
-        """A screw grows away from a bearing at one of its ends, or not far from them, mm from home."""
-        return BEARING * float(view.travel_limits.abs().max())
+        """A screw grows away from a bearing at one of its ends: mm from home, as far as its travel reaches."""
+        return float(view.travel_limits.abs().max())
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Warmth times distance from home, and warmth."""

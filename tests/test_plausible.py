@@ -1,0 +1,102 @@
+"""What no stranger's machine may be told: that nothing is missing beside a large error, or a warmth that cannot be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.rest import EXCESS, too_much_for_nothing
+from ptt.diagnosis.verdict import diagnose
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
+from ptt.run.noise import Noise
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
+
+NOISE = 0.004  # mm, one coordinate
+
+
+def stated(frame: str = "fitted") -> MachineFile:
+    file = bench()
+    return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": NOISE, "frame": frame}))
+
+
+def told_of(
+    file: MachineFile, target: np.ndarray, error: np.ndarray, q_error: np.ndarray, **columns: object
+) -> Diagnosis:
+    """A run of a machine whose joints and readings err by so much, (n, 3) mm each."""
+    robot = build_mechanism(file.machine)
+    joints = robot.inverse(torch.as_tensor(target))
+    reached = robot.forward(joints + torch.as_tensor(q_error)).numpy()
+    table = replace(make_table(target, joints.numpy(), **columns), measured=reached + error)
+    return diagnose(Model(file), build_problem(file, table))
+
+
+def helix(rows: int) -> np.ndarray:
+    turn = np.linspace(0.0, 6.0 * np.pi, rows)
+    return np.column_stack([50.0 * np.cos(turn), 50.0 * np.sin(turn), np.linspace(-40.0, 40.0, rows)])
+
+
+@pytest.mark.parametrize(("row", "seed"), [(5, 1), (6, 2), (60, 3), (86, 4)])
+def test_one_wrong_reading_of_a_smooth_path_is_left_out(row: int, seed: int) -> None:
+    """Not its neighbour in its place, and nothing that happened just before it and was undone just after."""
+    random, target = np.random.default_rng(seed), helix(90)
+    joints = build_mechanism(bench().machine).inverse(torch.as_tensor(target)).numpy()
+    long = (joints - joints.mean(axis=0)) * np.array([1.2e-3, -0.8e-3, 0.5e-3])
+    error = random.normal(0.0, NOISE, target.shape)
+    error[row] += 0.12 * random.choice([-1.0, 1.0], 3)
+    found = told_of(stated(), target, error, long, time_s=4.0 * np.arange(90))
+    assert np.flatnonzero(found.outliers).tolist() == [row]
+    assert found.verdict == "missing"
+    assert [names[0] for names in found.suggested] == ["lead-scale"]
+
+
+def test_poses_that_come_back_far_worse_than_the_noise_are_not_nothing() -> None:
+    """Five poses in cycles on a stand that sways: repeats take all of it for their scatter."""
+    random, rows = np.random.default_rng(5), 60
+    five = np.array([[0, 0, 0], [40, 40, 20], [-40, 40, -20], [-40, -40, 20], [40, -40, -20]], dtype=float)
+    sway = np.sin(np.linspace(0.0, 2.0 * np.pi * 3.4, rows))[:, None] * np.array([0.05, -0.03, 0.02])
+    error = random.normal(0.0, NOISE, (rows, 3)) + sway
+    found = told_of(stated(), np.tile(five, (12, 1)), error, np.zeros((rows, 3)), time_s=5.0 * np.arange(rows))
+    assert found.verdict == "unknown"
+    assert "x the noise by the machine file" in found.words
+
+
+def test_an_error_is_held_against_what_is_stated() -> None:
+    file = Noise(np.eye(3) * NOISE**2, "machine file")
+    repeats = Noise(np.eye(3) * (5.0 * NOISE) ** 2, "repeats", 60.0, stated=("machine file", file.total))
+    assert too_much_for_nothing(1.5 * file.total, file, wanders=False) is None
+    assert too_much_for_nothing(1.1 * EXCESS * file.total, file, wanders=False) is not None
+    assert too_much_for_nothing(1.1 * EXCESS * file.total, file, wanders=True) is None
+    assert "tracker wanders" in str(too_much_for_nothing(4.0 * file.total, file, wanders=True))
+    assert "poses come back" in str(too_much_for_nothing(5.0 * file.total, repeats, wanders=False))
+    assert too_much_for_nothing(5.0 * file.total, None, wanders=False) is None
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_zero_that_follows_warmth_without_any_growth_is_no_screw(seed: int) -> None:
+    """Slider 3 rises by 60 um/K wherever it stands; a steel screw of half a metre grows by 6."""
+    random, target = np.random.default_rng(seed), np.random.default_rng(seed).uniform(-50.0, 50.0, (200, 3))
+    warm = 20.0 + 6.0 * (1.0 - np.exp(-np.arange(200) / 60.0))
+    rise = np.column_stack([np.zeros((200, 2)), 0.06 * (warm - 20.0)])
+    error = random.normal(0.0, NOISE, target.shape)
+    found = told_of(stated(), target, error, rise, temp_c=warm, time_s=5.0 * np.arange(200))
+    assert found.verdict == "unknown"
+    assert "screw-growth" not in [name for names in found.suggested for name in names]
+    assert found.depends_on[0].on in ("temperature", "time")
+
+
+@pytest.mark.parametrize("bearing", [-200.0, 150.0, 450.0])
+def test_a_screw_that_grows_away_from_its_bearing_is_named(bearing: float) -> None:
+    random, target = np.random.default_rng(7), np.random.default_rng(8).uniform(-50.0, 50.0, (200, 3))
+    warm = 20.0 + 6.0 * (1.0 - np.exp(-np.arange(200) / 60.0))
+    joints = build_mechanism(bench().machine).inverse(torch.as_tensor(target)).numpy()
+    growth = np.array([1.6e-5, 1.1e-5, 0.7e-5]) * (warm - 20.0)[:, None] * (joints - bearing)
+    error = random.normal(0.0, NOISE, target.shape)
+    found = told_of(stated(), target, error, growth, temp_c=warm, time_s=5.0 * np.arange(200))
+    assert found.verdict == "missing"
+    assert [names[0] for names in found.suggested] == ["screw-growth"]
