@@ -152,7 +152,9 @@ def _swapped(scorer: Scorer, state: State, fewer: State, allowed: Allowed) -> li
         (gain, scorer.system.atoms[gain.key].name)
         for gain in scorer.screen(fewer, lambda atom: allowed(atom) or atom.name in gone)
     ]
-    # The screen holds the others' variances, so what it says of the one that went is what to compare with.
-    usual = max((gain.nats for gain, name in found if name in gone), default=state.total - fewer.total)
+    # The screen holds the others' variances, so what it says of the one that went is what to compare with, but for what
+    # no screen knows of that.
+    form = sum(state.forms.get(key, 0.0) for key in set(state.keys) - set(fewer.keys))
+    usual = max((gain.nats + form for gain, name in found if name in gone), default=state.total - fewer.total)
     near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, SEEN)]
     return [added(scorer, fewer, gain, state.total - FAR) for gain in near[:SWAPS]]

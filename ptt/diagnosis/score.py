@@ -125,12 +125,10 @@ class Scorer:
         total = posterior.total + gained + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
-        beside = (
-            -np.inf
-            if self._absurd(state) or self._undoes(state)
-            else sum(_nats_of_product(state, atom) + self._beyond_reach(state, atom) for atom in atoms)
-        )
-        return replace(state, total=total + beside) if beside else state
+        if self._absurd(state) or self._undoes(state):
+            return replace(state, total=-np.inf)
+        forms = {atom.key: _nats_of_product(state, atom) + self._beyond_reach(state, atom) for atom in atoms}
+        return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(
         self, atoms: Sequence[Atom], posterior: Posterior, strength: np.ndarray, owner: np.ndarray

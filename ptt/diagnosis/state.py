@@ -1,7 +1,7 @@
 """One set of atoms with its posterior: what a score leaves behind."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,7 @@ class State:
         columns: indices of the posterior's columns in the system.
         owner: (p,) number of the atom of each column, -1 for the frame.
         scales: learned variances of each atom, by key.
+        forms: nats that the form of an atom's values is worth beside that of a linear prior, by key; none by default.
     """
 
     keys: tuple[str, ...]
@@ -33,6 +34,7 @@ class State:
     columns: np.ndarray
     owner: np.ndarray
     scales: Mapping[str, np.ndarray]
+    forms: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_whole(self) -> bool:

@@ -65,7 +65,7 @@ def replacements(
 
 
 def _worth(scorer: "Scorer", state: "State", key: str) -> float:
-    """What the screen would say of an atom of a set beside the others, their variances as they are."""
+    """What the screen would say of an atom of a set beside the others, their variances as they are, and its form."""
     own, posterior, atom = state.of(key), state.posterior, scorer.system.atoms[key]
     spread = state.inverse[np.ix_(own, own)]
     values = posterior.values[own]
@@ -73,7 +73,7 @@ def _worth(scorer: "Scorer", state: "State", key: str) -> float:
     taken = float(values @ np.linalg.solve(spread, values))
     known = scorer.system.freedom + scorer.system.spare
     volume = np.linalg.slogdet(spread)[1] - np.log(posterior.prior[own]).sum()
-    return 0.5 * (known * float(np.log1p(taken / left)) + float(volume)) - atom.odds
+    return 0.5 * (known * float(np.log1p(taken / left)) + float(volume)) - atom.odds + state.forms.get(key, 0.0)
 
 
 def _pull(state: "State", key: str) -> np.ndarray:
