@@ -93,7 +93,7 @@ class Scored:
         return SimpleNamespace(atoms=atoms, clock=clock, errs_by_pose=lambda memory: memory.pose > 0.0)
 
     def add(self, keys: str, total: float, memory: Memory = WHITE) -> SimpleNamespace:
-        state = SimpleNamespace(keys=tuple(keys), memory=memory, total=total)
+        state = SimpleNamespace(keys=tuple(keys), memory=memory, total=total, forms={})
         self.scored[keys, memory] = state
         return state
 
@@ -167,7 +167,7 @@ class Sums:
 
     def score(self, keys, memory, scales=None, least=None):
         named = tuple(sorted(keys))
-        return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, scales={})
+        return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, scales={}, forms={})
 
     def screen(self, state, allowed):
         gain = SimpleNamespace(key="v", scales=None)
@@ -351,7 +351,9 @@ class Endless:
     def score(self, keys: Sequence[str], memory: Memory, scales: object = None, least: float = 0.0) -> SimpleNamespace:
         self.scored += 1
         total = -100.0 * abs(len(keys) - 8) + 0.4 * self.scored
-        return SimpleNamespace(keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, worth=lambda key: 99.0)
+        return SimpleNamespace(
+            keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, forms={}, worth=lambda key: 99.0
+        )
 
     def screen(self, state: SimpleNamespace, allowed: object) -> list[Gain]:
         self.screens += 1
@@ -378,7 +380,9 @@ class Crowded:
 
     def score(self, keys: Sequence[str], memory: Memory, scales: object = None, least: float = 0.0) -> SimpleNamespace:
         total = self.totals.get("".join(sorted(keys)), -90.0)
-        return SimpleNamespace(keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, worth=lambda key: 99.0)
+        return SimpleNamespace(
+            keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, forms={}, worth=lambda key: 99.0
+        )
 
     def screen(self, state: SimpleNamespace, allowed: Callable[[SimpleNamespace], bool]) -> list[Gain]:
         return [Gain(50.0, key, np.ones(1)) for key in self.system.atoms if key not in state.keys]

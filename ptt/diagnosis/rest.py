@@ -129,12 +129,13 @@ def too_much_for_nothing(error: float, noise: Noise | None, *, wanders: bool) ->
     """Why an error beside which no effect is named is not nothing: it is far beyond the noise that somebody states.
 
     Repeats scatter by whatever differs from visit to visit, and a wander takes whatever is slow: beside either of them
-    much can hide. What the tracker's own readings or the machine file state knows of neither.
+    much can hide, and both are told by the run itself. What is stated of the tracker knows of neither, so either may be
+    as much beside that as a wander may beside white noise, and no more.
 
     Args:
         error: of the readings, what wanders among it, mm.
         noise: the noise floor as it was before any search; None where nothing told it.
-        wanders: whether the tracker is said to wander, which it may do as far as one that is told by the run itself.
+        wanders: whether the tracker is said to wander.
 
     Returns:
         The reason in words; None where there is none.
@@ -142,10 +143,11 @@ def too_much_for_nothing(error: float, noise: Noise | None, *, wanders: bool) ->
     if noise is None:
         return None
     source, total = noise.stated or (noise.source, noise.total)
-    if error <= (np.sqrt(1.0 + FAULT) if wanders else EXCESS) * total:
+    visits = noise.total > EXCESS * total
+    if error <= (np.sqrt(1.0 + FAULT) if wanders or visits else EXCESS) * total:
         return None
     times = f"the error is {error / total:.1f} x the noise by the {source}"
-    if noise.total > EXCESS * total:
+    if visits:
         return f"{times}; poses come back that badly, or something differs from visit to visit that no column tells"
     return f"{times}, further than a tracker wanders" if wanders else f"{times}, and follows nothing recorded here"
 
