@@ -216,6 +216,14 @@ def test_windup_turns_over_with_travel(bench):
     assert_close(shift[:, 2], tensor(-0.01 * friction), atol=1e-12, rtol=0.0)
 
 
+def test_windup_is_tried_over_lengths_that_rows_near_a_reversal_show(bench):
+    near = build_view(bench, make_table(None, heights(300, 302, 302.1, 301.9, 301, 299, 298.9, 299.1)))
+    far = build_view(bench, make_table(None, heights(240, 320, 250, 310, 260)))
+    short, long = ([float(trial["length"]) for trial in library()["windup"]().search(view)] for view in (near, far))
+    assert short[0] == pytest.approx(2.0) and min(short) < 0.1
+    assert min(long) > 5.0 and long[0] == min(long) and max(long) == max(short)  # next to the usual
+
+
 def test_following_error_is_velocity_times_lag(bench):
     table = make_table(None, heights(280, 290, 300, 290, 280), feed_mm_s=20.0)
     shift = library()["following-error"]().shift(tensor([0.03, 0.0, 0.01, 0.0]), build_view(bench, table))
