@@ -1,5 +1,7 @@
 """Effects against physics worked out by hand, or by a solver that shares nothing with them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.optimize import root
+from scipy.spatial.transform import Rotation
 from torch.testing import assert_close
 
 from ptt.effects import library
@@ -204,6 +207,20 @@ def test_links_stretch_under_their_pull(bench):
     assert library()["link-compliance"]().needs(view) is None
     empty = build_view(type(bench)(bench.machine.model_copy(update={"platform_mass_kg": 0.0})), make_table(POSES))
     assert "payload" in library()["link-compliance"]().needs(empty)
+
+
+def test_a_rail_that_leans_far_is_turned_not_stretched(bench):
+    spec = bench.machine.model_copy(update={"slider_lean_deg": (4.0, -3.0, 0.0)})
+    view = build_view(replace(bench, machine=spec), make_table(POSES))
+    lean = np.array([[0.016, -0.006], [-0.01, 0.012], [0.0, 0.016]])  # outward, counter-clockwise
+    shift = library()["tower-tilt"]().shift(tensor(lean.T.ravel()), view)
+    moved = shift[:, :12].unflatten(1, (3, 4))
+    tangential, rail = view.mechanism.outer_axis.numpy(), view.mechanism.rail.numpy()
+    outward = np.cross(tangential, [0.0, 0.0, 1.0])
+    turned = Rotation.from_rotvec(lean[:, :1] * tangential - lean[:, 1:] * outward).apply(rail)
+    exact = (view.q - view.home).numpy()[..., None] * (turned - rail)
+    assert_close(moved[..., :3], tensor(exact), atol=2e-4, rtol=0.0)
+    assert not moved[..., 3].any() and not shift[:, 12:].any()
 
 
 def test_windup_turns_over_with_travel(bench):

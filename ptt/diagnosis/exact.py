@@ -111,16 +111,16 @@ def _total(found: Found) -> float:
 
 
 def _bent(scorer: Scorer, state: State) -> list[State]:
-    """A set with a law that bends in the place of what reverses gradually, where it has none that does.
+    """A set with play in the place of what reverses gradually, where it has none.
 
     Along the tangent of play that its rows have not taken up yet, wind-up says more.
     """
     atoms = scorer.system.atoms
     gradual = [key for key in loose(scorer, state) if _is_gradual(atoms[key].effect)]
-    if not gradual or any(bends(atoms[key].effect) for key in state.keys):
+    if not gradual or any(_is_play(atoms[key].effect) for key in state.keys):
         return []
     rest = scorer.score(without(state, *gradual), state.memory, state.scales)
-    found = scorer.screen(rest, lambda atom: _reverses(atom.effect) and bends(atom.effect))[:1]
+    found = scorer.screen(rest, lambda atom: _is_play(atom.effect))[:1]
     return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN]
 
 
@@ -164,6 +164,11 @@ def bends(effect: Effect | None) -> bool:
 
 def _reverses(effect: Effect | None) -> bool:
     return effect is not None and effect.reverses
+
+
+def _is_play(effect: Effect | None) -> bool:
+    """Whether an effect reverses by a law that bends."""
+    return _reverses(effect) and bends(effect)
 
 
 def _is_gradual(effect: Effect | None) -> bool:
