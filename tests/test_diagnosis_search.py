@@ -31,9 +31,11 @@ from ptt.fitting.gauss_newton import HOPELESS
 from ptt.fitting.moment import place_own_moments
 from ptt.fitting.solve import fit
 from ptt.machine import load_machine
+from ptt.model.chain import predict
 from ptt.model.model import Model, Term
 from ptt.rig.draw import DrawnRig, draw_rig
 from ptt.rig.simulate import simulate
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import make_table
@@ -448,24 +450,78 @@ def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():
     assert again.total >= before and scorer.looked_at <= looked_at + ROUNDS < SCREENS + 10 * ROUNDS
 
 
-@pytest.mark.parametrize(("status", "dropped"), [("converged", ("windup",)), (HOPELESS, ())])
-def test_only_a_fit_that_came_to_its_end_says_that_an_effect_is_needless(monkeypatch, status, dropped):
-    """On its way down a fit may stand lower than where sizes that it has yet to learn let it stay."""
+@pytest.mark.parametrize(
+    ("windup", "backlash", "dropped"),
+    [
+        (("converged", 1.0), (HOPELESS, 0.0), {"windup"}),
+        ((HOPELESS, 1.0), (HOPELESS, 0.0), set()),
+        (("converged", 2.0), ("converged", 1.0), {"backlash"}),
+        (("converged", 1.0), ("converged", 2.0), {"windup"}),
+    ],
+)
+def test_only_a_fit_that_came_to_its_end_says_that_an_effect_is_needless(monkeypatch, windup, backlash, dropped):
+    """On its way down a fit may stand lower than where sizes that it has yet to learn let it stay.
+
+    Of two without either of which as much is told as with both, the one goes without which more is.
+    """
     drawn = hide_faults(draw_rig("none", 41, MACHINE, "volume", rows=60), ["backlash", "windup"], 41)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     both = Model(MACHINE) + library()["backlash"]() + library()["windup"]()
     fitted = fit(both, problem, robust=False)
-    state = SimpleNamespace(keys=both.keys, worth=lambda key: key == "backlash", posterior=SimpleNamespace(phi=1.0))
-    atoms = {key: SimpleNamespace(odds=3.0) for key in both.keys}
-    scorer = SimpleNamespace(given=(), system=SimpleNamespace(atoms=atoms))
-    found = SimpleNamespace(
-        fitted=fitted, scorer=scorer, state=state, system=scorer.system, carried=None, gross=None, noise=None
+    less = {
+        key: replace(fitted, model=fitted.model.without(key), status=status, chi2=fitted.chi2 + more)
+        for key, (status, more) in {"windup": windup, "backlash": backlash}.items()
+    }
+    monkeypatch.setattr(exact, "fit_less", lambda model, *_: less[(set(both.keys) - set(model.keys)).pop()])
+    assert set(exact.without_needless(as_found(fitted), problem).keys) == set(both.keys) - dropped
+
+
+def as_found(fitted, **more):
+    """As much of an explanation by the effects of a fit as is asked for what is needless in it."""
+    keys = fitted.model.keys
+    state = SimpleNamespace(keys=keys, worth=lambda key: key == "backlash", posterior=SimpleNamespace(phi=1.0))
+    system = SimpleNamespace(atoms={key: SimpleNamespace(odds=3.0) for key in keys})
+    scorer = SimpleNamespace(given=(), system=system)
+    return SimpleNamespace(
+        fitted=fitted,
+        scorer=scorer,
+        state=state,
+        system=system,
+        **{"carried": None, "gross": None, "noise": None, **more},
     )
-    far = replace(fitted, status=HOPELESS)
-    lower = {"windup": replace(fitted, model=fitted.model.without("windup"), status=status), "backlash": far}
-    tried = iter(("windup", "backlash"))
-    monkeypatch.setattr(exact, "fit_less", lambda *_: replace(lower[next(tried)], chi2=fitted.chi2 + 1.0))
-    assert exact.find_needless(found, problem) == dropped
+
+
+def wound_over(length: float) -> Problem:
+    """Readings of a machine that winds up over a short travel, along a spiral in and out, up and down."""
+    turn, time = np.linspace(0.0, 33.3, 130), np.linspace(0.0, 1.0, 130)
+    radius = 40.0 * np.abs(1.0 - 2.0 * time)
+    place = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 20.0 * np.sin(14.45 * time)])
+    file = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"sigma_mm": 0.003}))
+    table = make_table(place, measured=place)
+    windup = library()["windup"](), torch.tensor([0.1, 0.11, 0.05, length], dtype=torch.float64)
+    reading = predict([windup], build_problem(file, table).view).reading.numpy()
+    noisy = reading + np.random.default_rng(6).normal(0.0, 0.003, reading.shape)
+    return build_problem(file, replace(table, measured=noisy))
+
+
+def test_windup_over_a_short_travel_is_no_play():
+    problem = wound_over(0.05)
+    found = diagnose(Model(problem.file), problem)
+    assert found.verdict == "missing" and found.suggested == (("windup",),)
+    assert float(found.model.terms[0].theta[-1]) == pytest.approx(0.05, rel=0.1)
+
+
+def test_without_play_a_windup_is_looked_for_as_if_nothing_were_known():
+    """Beside play it had what that left, over a length from which its fit leads to none at all."""
+    problem = wound_over(0.3)
+    beside = torch.tensor([0.01, 0.005, 0.01, 0.001], dtype=torch.float64)
+    play = torch.tensor([0.08, 0.09, 0.06, 1.0], dtype=torch.float64)
+    both = Model(problem.file) + Term(library()["backlash"](), play) + Term(library()["windup"](), beside)
+    noise = Noise(9e-6 * np.eye(3), "machine file")
+    fitted = fit(both, problem, noise=noise, robust=False, coarse=True)
+    none = {"carried": np.zeros((130, 3)), "gross": np.zeros(130, dtype=bool), "noise": noise}
+    less = exact.without_needless(as_found(fitted, **none), problem)
+    assert less.keys == ("windup",) and float(less.terms[0].theta[-1]) == pytest.approx(0.3, rel=0.1)
 
 
 def test_what_is_forgotten_of_sets_of_long_ago_is_worked_out_again(monkeypatch):

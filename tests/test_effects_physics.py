@@ -1,5 +1,7 @@
 """Effects against physics worked out by hand, or by a solver that shares nothing with them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.optimize import root
+from scipy.spatial.transform import Rotation
 from torch.testing import assert_close
 
 from ptt.effects import library
@@ -206,6 +209,20 @@ def test_links_stretch_under_their_pull(bench):
     assert "payload" in library()["link-compliance"]().needs(empty)
 
 
+def test_a_rail_that_leans_far_is_turned_not_stretched(bench):
+    spec = bench.machine.model_copy(update={"slider_lean_deg": (4.0, -3.0, 0.0)})
+    view = build_view(replace(bench, machine=spec), make_table(POSES))
+    lean = np.array([[0.016, -0.006], [-0.01, 0.012], [0.0, 0.016]])  # outward, counter-clockwise
+    shift = library()["tower-tilt"]().shift(tensor(lean.T.ravel()), view)
+    moved = shift[:, :12].unflatten(1, (3, 4))
+    tangential, rail = view.mechanism.outer_axis.numpy(), view.mechanism.rail.numpy()
+    outward = np.cross(tangential, [0.0, 0.0, 1.0])
+    turned = Rotation.from_rotvec(lean[:, :1] * tangential - lean[:, 1:] * outward).apply(rail)
+    exact = (view.q - view.home).numpy()[..., None] * (turned - rail)
+    assert_close(moved[..., :3], tensor(exact), atol=2e-4, rtol=0.0)
+    assert not moved[..., 3].any() and not shift[:, 12:].any()
+
+
 def test_windup_turns_over_with_travel(bench):
     view = build_view(bench, make_table(None, heights(240, 320, 317, 316, 319)))
     at_317 = -1.0 + 2.0 * np.exp(-3.0 / 2.0)
@@ -214,6 +231,14 @@ def test_windup_turns_over_with_travel(bench):
     friction = np.array([1.0, 1.0, at_317, at_316, at_319])
     shift = library()["windup"]().shift(tensor([0.01, 0.01, 0.01, 2.0]), view)
     assert_close(shift[:, 2], tensor(-0.01 * friction), atol=1e-12, rtol=0.0)
+
+
+def test_windup_is_tried_over_lengths_that_rows_near_a_reversal_show(bench):
+    near = build_view(bench, make_table(None, heights(300, 302, 302.1, 301.9, 301, 299, 298.9, 299.1)))
+    far = build_view(bench, make_table(None, heights(240, 320, 250, 310, 260)))
+    short, long = ([float(trial["length"]) for trial in library()["windup"]().search(view)] for view in (near, far))
+    assert short[0] == pytest.approx(2.0) and min(short) < 0.1
+    assert min(long) > 5.0 and long[0] == min(long) and max(long) == max(short)  # next to the usual
 
 
 def test_following_error_is_velocity_times_lag(bench):

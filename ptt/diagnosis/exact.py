@@ -14,12 +14,13 @@ from ptt.diagnosis.search import HOPEFUL, improve, plainest, refilled
 from ptt.diagnosis.state import State
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS
+from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 
 
-def find_needless(found: Found, problem: Problem) -> tuple[str, ...]:
-    """Effects that a model with a law that bends does as well without, once everything is refitted.
+def without_needless(found: Found, problem: Problem) -> Model:
+    """A model with a law that bends less the effects without which it does as well, once everything is refitted.
 
     Play takes up its gap along the travel, which no tangent shows: a wind-up that took the place of the bend is still
     needed where the system is linearised with it, but not in truth.
@@ -29,26 +30,46 @@ def find_needless(found: Found, problem: Problem) -> tuple[str, ...]:
         problem: the readings.
 
     Returns:
-        Keys of the effects.
+        The model, refitted where anything went; as it was where nothing did.
     """
     whole, scorer, state, atoms = found.fitted, found.scorer, found.state, found.system.atoms
-    terms, dropped = whole.model.terms, list[str]()
+    terms = whole.model.terms
     if not any(bends(term.effect) for term in terms):
-        return ()
+        return whole.model
     lenders = {name for term in terms for parameter in term.effect.parameters for name in parameter.lent}
     # What a curve beside it would take over stays as well.
     held = [key for key in loose(scorer, state) if key in whole.model.keys and key not in lenders]
-    for key in sorted(held, key=state.worth):
-        if len(whole.model.terms) == 1:
+    while held and len(whole.model.terms) > 1:
+        fits = {key: _spared(found, whole, problem, key) for key in sorted(held, key=state.worth)}
+        less = {key: fewer for key, fewer in fits.items() if fewer is not None}
+        if not less:
             break
-        most = whole.chi2 + 2.0 * state.posterior.phi * atoms[key].odds
-        pull = float(np.square(whole.unknowns) @ whole.prior.weight)  # which a fit counts while it is under way
-        less = whole.model.without(key)
-        fewer = fit_less(less, problem, found.carried, found.gross, found.noise, most + pull)
-        if fewer.chi2 < most and fewer.status != HOPELESS:
-            whole = fewer
-            dropped.append(key)
-    return tuple(dropped)
+        # Of two that may stand in each other's place the one goes without which the readings are told better.
+        gone = min(less, key=lambda key: less[key].chi2 - 2.0 * state.posterior.phi * atoms[key].odds)
+        whole, held = less[gone], [key for key in less if key != gone]
+    return whole.model
+
+
+def _spared(found: Found, whole: FitResult, problem: Problem, key: str) -> FitResult | None:
+    """The fit without an effect; None where that says too little."""
+    most = whole.chi2 + 2.0 * found.state.posterior.phi * found.system.atoms[key].odds
+    pull = float(np.square(whole.unknowns) @ whole.prior.weight)  # which a fit counts while it is under way
+    less = _searched_anew(whole.model, key)
+    fewer = fit_less(less, problem, found.carried, found.gross, found.noise, most + pull)
+    return fewer if fewer.chi2 < most and fewer.status != HOPELESS else None
+
+
+def _searched_anew(model: Model, key: str) -> Model:
+    """The model without an effect; where it reverses, lengths over which others do are as if nothing were known.
+
+    Beside play a wind-up has what play leaves of it, over a length from which no tangent leads to its own.
+    """
+    gone = next(term.effect for term in model.terms if term.effect.key == key)
+    less = model.without(key)
+    if not gone.reverses:
+        return less
+    terms = (replace(t, theta=t.theta[:0]) if _is_gradual(t.effect) and not t.fixed else t for t in less.terms)
+    return replace(less, terms=tuple(terms))
 
 
 def by_names(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
@@ -90,16 +111,16 @@ def _total(found: Found) -> float:
 
 
 def _bent(scorer: Scorer, state: State) -> list[State]:
-    """A set with a law that bends in the place of what reverses gradually, where it has none that does.
+    """A set with play in the place of what reverses gradually, where it has none.
 
     Along the tangent of play that its rows have not taken up yet, wind-up says more.
     """
     atoms = scorer.system.atoms
-    gradual = [key for key in loose(scorer, state) if _reverses(atoms[key].effect) and not bends(atoms[key].effect)]
-    if not gradual or any(bends(atoms[key].effect) for key in state.keys):
+    gradual = [key for key in loose(scorer, state) if _is_gradual(atoms[key].effect)]
+    if not gradual or any(_is_play(atoms[key].effect) for key in state.keys):
         return []
     rest = scorer.score(without(state, *gradual), state.memory, state.scales)
-    found = scorer.screen(rest, lambda atom: _reverses(atom.effect) and bends(atom.effect))[:1]
+    found = scorer.screen(rest, lambda atom: _is_play(atom.effect))[:1]
     return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN]
 
 
@@ -143,3 +164,13 @@ def bends(effect: Effect | None) -> bool:
 
 def _reverses(effect: Effect | None) -> bool:
     return effect is not None and effect.reverses
+
+
+def _is_play(effect: Effect | None) -> bool:
+    """Whether an effect reverses by a law that bends."""
+    return _reverses(effect) and bends(effect)
+
+
+def _is_gradual(effect: Effect | None) -> bool:
+    """Whether an effect reverses along what its tangent shows."""
+    return _reverses(effect) and not bends(effect)

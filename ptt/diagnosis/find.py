@@ -9,7 +9,7 @@ from ptt.diagnosis.asked import Asked, open_turn
 from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.detail import follows_travel, with_detail
-from ptt.diagnosis.exact import by_names, find_needless
+from ptt.diagnosis.exact import by_names, without_needless
 from ptt.diagnosis.first import beside_names, names_suffice, search_first
 from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
 from ptt.diagnosis.harmonics import with_harmonics
@@ -152,10 +152,10 @@ def _turned(
     seen = (*turn.seen, *waves)
     following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None, seen=seen)
     if steady or turn.number == TURNS - 2:
-        needless = find_needless(found if steady else _fitted_beside(found, problem), problem)
+        current = without_needless(found if steady else _fitted_beside(found, problem), problem)
+        needless = set(found.fitted.model.keys) - set(current.keys)
         if needless:
-            current = _without(found.fitted.model, needless)
-            kept, barred = (*current.keys, *blocks), turn.barred | set(needless)
+            kept, barred = (*current.keys, *blocks), turn.barred | needless
             system.forget()
             return found, replace(following, model=current, kept=kept, barred=barred, before=found)
     if steady:
@@ -217,9 +217,3 @@ def _fitted_beside(found: Found, problem: Problem) -> Found:
     carried = carried_by(found.state, found.system, problem)
     fitted = fit_less(found.fitted.model, problem, carried, found.gross, found.noise)
     return replace(found, fitted=fitted, carried=carried)
-
-
-def _without(model: Model, keys: Sequence[str]) -> Model:
-    for key in keys:
-        model = model.without(key)
-    return model

@@ -11,6 +11,7 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.first import dated, sift, sift_again
 from ptt.diagnosis.found import Found, fit_less, moved
 from ptt.diagnosis.harmonics import with_harmonics
+from ptt.diagnosis.lost import lost_by_one
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.opening import without_opening
 from ptt.diagnosis.score import Scorer
@@ -56,6 +57,7 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
         opened = _opened(asked, turn, problem) if number else _sifted(asked, turn, problem)
         found, curves = _named(asked, opened, problem, plain_first=number == 0)
         current, moments = moved(found, asked.model, problem), opened.turn.moments
+        current = lost_by_one(current, asked.model, found, problem)
         stays = curves and set(current.keys) == set(turn.kept or ())
         turn = replace(
             opened.turn, model=current, kept=current.keys, memory=found.state.memory, seen=found.seen,

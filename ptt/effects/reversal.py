@@ -1,5 +1,6 @@
 """Effects of the drives that remember from where an axis came."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -16,7 +17,7 @@ from ptt.mechanisms.serial import Serial
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.view import View
 
-WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-2, 11))  # mm, 0.5 to 32: neighbours look alike
+WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-10, 11))  # mm, 0.03 to 32: neighbours look alike
 
 GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws: between them a row more or less takes the gap up
 WAITS, AT_ONCE = ({"waits": torch.tensor([waits], dtype=torch.float64)} for waits in (1.0, 0.0))
@@ -209,8 +210,10 @@ class Windup(Effect):
         return [length for length, turned in view.kept.values() if float((turned - view.direction).abs().mean()) > 0.02]
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """A geometric ladder of travel constants."""
-        return tuple({"length": length} for length in self._lengths(view))
+        """A geometric ladder of travel constants, the one next to the usual first."""
+        usual, lengths = self.parameters[-1].on(family(view)).usual, self._lengths(view)
+        first = min(lengths, key=lambda length: abs(math.log(float(length) / usual)), default=None)
+        return tuple({"length": length} for length in sorted(lengths, key=lambda length: length is not first))
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Constants between the trials on either side; the fit itself goes on from there."""

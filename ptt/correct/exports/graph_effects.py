@@ -90,7 +90,9 @@ def _position(s: Place, t: np.ndarray, effect: Effect) -> None:
 
 def _tilt(s: Place, t: np.ndarray, effect: Effect) -> None:
     rail = s.mechanism.rail.numpy()
-    lean = t[:3, None] * np.cross(s.aside, rail) + t[3:, None] * np.cross(rail, s.outward)
+    turn = t[:3, None] * s.aside - t[3:, None] * s.outward
+    once = np.cross(turn, rail)
+    lean = once + 0.5 * np.cross(turn, once)
     s.move_centre([(s.a - s.home) * lean[None, :, x] for x in range(3)])
 
 
