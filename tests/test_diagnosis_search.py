@@ -288,11 +288,16 @@ def test_against_a_frame_that_the_file_trusts_stands_all_that_looks_like_it_in_t
     assert tool["after"]["total"] < 0.1 * tool["before"]["total"]
 
 
+def _unloaded(places: np.ndarray) -> np.ndarray:
+    """Places at one load and one feed, as `places_of` has them."""
+    return np.column_stack([places, np.zeros((len(places), 2))])
+
+
 @pytest.mark.parametrize("often", [2, 5])
 def test_a_pose_that_most_visits_miss_alike_has_no_gross_errors(often):
     """Rows 10 and 30 miss one pose alike: at all of two visits it is the pose, at two of five it is chance."""
     random = np.random.default_rng(3)
-    left, places = random.normal(size=(60, 3)), 100.0 * random.normal(size=(60, 9))
+    left, places = random.normal(size=(60, 3)), _unloaded(100.0 * random.normal(size=(60, 9)))
     left[[10, 30]] += (0.0, 25.0, 0.0)
     left[[11, 21, 31]] += 25.0 * np.eye(3)
     places[[10, 30, 40, 45, 50][:often]] = places[10]
@@ -305,7 +310,7 @@ def test_a_pose_that_most_visits_miss_alike_has_no_gross_errors(often):
 def test_two_visits_that_miss_alike_are_chance_where_so_many_beams_were_broken(others, gone, gross):
     """Of 400 poses that were visited twice one pair of broken beams agrees; alone it is the pose."""
     random = np.random.default_rng(4)
-    pose = 100.0 * random.normal(size=(400, 9))
+    pose = _unloaded(100.0 * random.normal(size=(400, 9)))
     left, places = random.normal(size=(800, 3)), np.tile(pose, (2, 1))
     wide = 2 + np.arange(others) * 6
     left[wide] += 30.0 * random.normal(size=(others, 3))

@@ -36,6 +36,14 @@ def told_of(
     return diagnose(Model(file), build_problem(file, table))
 
 
+def higher(file: MachineFile, height: float) -> MachineFile:
+    """The same machine, the heights of its sliders counted from further below."""
+    machine = file.machine
+    low, high = machine.slider_travel_mm
+    travel = low + height, high + height
+    return replace(file, machine=machine.model_copy(update={"slider_travel_mm": travel, "joint_height_mm": height}))
+
+
 def helix(rows: int) -> np.ndarray:
     turn = np.linspace(0.0, 6.0 * np.pi, rows)
     return np.column_stack([50.0 * np.cos(turn), 50.0 * np.sin(turn), np.linspace(-40.0, 40.0, rows)])
@@ -77,14 +85,36 @@ def test_an_error_is_held_against_what_is_stated() -> None:
     assert too_much_for_nothing(5.0 * file.total, None, wanders=False) is None
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_zero_that_follows_warmth_without_any_growth_is_no_screw(seed: int) -> None:
+def test_readings_of_one_visit_that_err_alike_by_twenty_times_the_noise_are_not_nothing() -> None:
+    """Forty poses, each read three times at one visit and never again."""
+    random = np.random.default_rng(6)
+    target = np.repeat(random.uniform(-50.0, 50.0, (40, 3)), 3, axis=0)
+    error = np.repeat(random.normal(0.0, 0.1, (40, 3)), 3, axis=0) + random.normal(0.0, NOISE, (120, 3))
+    found = told_of(stated(), target, error, np.zeros((120, 3)))
+    assert found.verdict == "unknown" and found.suggested == ()
+
+
+@pytest.mark.parametrize(("count", "seed"), [(6, 1), (10, 2)])
+def test_a_few_loaded_poses_among_many_are_no_gross_errors(count: int, seed: int) -> None:
+    """A column bends under 5 kg, which few of 120 poses carried."""
+    random = np.random.default_rng(seed)
+    target, load = random.uniform(-50.0, 50.0, (120, 3)), np.zeros(120)
+    load[random.choice(np.arange(5, 115, 5), count, replace=False)] = 5.0
+    bend = load[:, None] / 5.0 * (np.array([0.06, -0.04, 0.0]) + 8e-4 * target[:, [2]] * np.array([1.0, 0.5, 0.0]))
+    error = random.normal(0.0, NOISE, target.shape) + bend
+    found = told_of(stated(), target, error, np.zeros((120, 3)), payload_kg=load, time_s=5.0 * np.arange(120))
+    assert not found.outliers.any()
+    assert [names[0] for names in found.suggested] == ["column-bend"]
+
+
+@pytest.mark.parametrize(("seed", "height"), [(1, 0.0), (2, 0.0), (1, 1500.0)])
+def test_a_zero_that_follows_warmth_without_any_growth_is_no_screw(seed: int, height: float) -> None:
     """Slider 3 rises by 60 um/K wherever it stands; a steel screw of half a metre grows by 6."""
     random, target = np.random.default_rng(seed), np.random.default_rng(seed).uniform(-50.0, 50.0, (200, 3))
     warm = 20.0 + 6.0 * (1.0 - np.exp(-np.arange(200) / 60.0))
     rise = np.column_stack([np.zeros((200, 2)), 0.06 * (warm - 20.0)])
     error = random.normal(0.0, NOISE, target.shape)
-    found = told_of(stated(), target, error, rise, temp_c=warm, time_s=5.0 * np.arange(200))
+    found = told_of(higher(stated(), height), target, error, rise, temp_c=warm, time_s=5.0 * np.arange(200))
     assert found.verdict == "unknown"
     assert "screw-growth" not in [name for names in found.suggested for name in names]
     assert found.depends_on[0].on in ("temperature", "time")

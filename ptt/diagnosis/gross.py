@@ -14,6 +14,7 @@ ALIKE = 0.5  # share of a shift by which two rows of one stretch differ at most
 MOSTLY = 0.5  # share of the visits of a pose that miss it alike, from which the pose is to blame
 COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
 MOST = 0.12  # share of rows beyond which far rows are no exceptions
+LEVELS = 2  # measures of place that come in levels: load and feed
 CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
 
@@ -89,8 +90,8 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
     """Far rows that stand alone: several in a row with one shift are a knock, a slip or another reflector.
 
     Broken beams may follow each other too, but each is off by something of its own. They also come wherever the machine
-    stands and however it came: far rows that crowd in one place, or that most visits of a pose have alike, are that
-    place's.
+    stands, however it came and whatever it carries: far rows that crowd in one place or under one load, or that most
+    visits of a pose have alike, are that place's or load's.
 
     Args:
         far: (n,) bool.
@@ -110,6 +111,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         company[near] += alike
         company[before] += alike
     lone = far & (company < COMPANY) & ~_crowded(far, used, places) & ~_again(far, left, used, places, gone)
+    lone &= ~_under_one_load(far, used, places)
     return lone if are_exceptions(lone, used) else np.zeros_like(far)
 
 
@@ -120,15 +122,18 @@ def are_exceptions(far: np.ndarray, used: np.ndarray) -> bool:
 
 
 def places_of(problem: Problem) -> np.ndarray:
-    """Where the machine stood at each row, and how far it came: joint values, tool position, steps, (n, 2 k + 3)."""
-    q, p = problem.view.q.numpy(), problem.view.p.numpy()
-    return np.column_stack([q, p, np.abs(np.diff(q, axis=0, prepend=q[:1]))])
+    """Where the machine stood at each row, how far it came, and what it carried how fast, (n, 2 k + 5).
+
+    Tool position, joint values, steps of joints; load and feed, zero where nobody recorded them.
+    """
+    q, p, table = problem.view.q.numpy(), problem.view.p.numpy(), problem.table
+    levels = [np.zeros(len(q)) if each is None else np.nan_to_num(each) for each in (table.payload_kg, table.feed_mm_s)]
+    return np.column_stack([p, q, np.abs(np.diff(q, axis=0, prepend=q[:1])), *levels])
 
 
 def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int) -> np.ndarray:
     """Far rows that miss a pose as most other visits of it do; broken beams agree by chance alone, and not mostly."""
-    again, joints = np.zeros_like(far), (places.shape[1] - 3) // 2
-    pose = same_places(places[:, joints : joints + 3])
+    again, pose = np.zeros_like(far), same_places(places[:, :3])
     visits, pairs = np.bincount(pose, used), 0.0
     for number in np.flatnonzero(np.bincount(pose, far) > 1):
         rows = np.flatnonzero(far & (pose == number))
@@ -141,14 +146,29 @@ def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarr
     return np.zeros_like(far) if agree_by_chance(pairs, share, visits) else again
 
 
+def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Far rows of a load or a feed that has more of them than chance would put there: most of its rows, at that."""
+    found = np.zeros_like(far)
+    for column in places.T[-LEVELS:]:
+        levels = np.unique(column[used])
+        for level in levels if len(levels) > 1 else ():
+            own = used & (column == level)
+            many, others = int((far & own).sum()), used & ~own
+            share = (far & others).sum() / max(others.sum(), 1)
+            expected = own.sum() * max(share, 1.0 / len(far))
+            if many > MOSTLY * own.sum() and poisson_sf(many - 1, expected) < CROWD / len(levels):
+                found |= far & own
+    return found
+
+
 def _crowded(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Far rows next to each other along one measure of place, where more of them are than chance would put there."""
     crowded, rows = np.zeros_like(far), np.flatnonzero(used)
     expected = far.sum() ** 2 / max(len(rows), 1)
-    for column in places.T:
+    for column in places.T[:-LEVELS]:
         order = rows[np.argsort(column[rows], kind="stable")]
         pairs = far[order[1:]] & far[order[:-1]]
-        if poisson_sf(pairs.sum() - 1, expected) < CROWD / places.shape[1]:
+        if poisson_sf(pairs.sum() - 1, expected) < CROWD / (places.shape[1] - LEVELS):
             crowded[order[1:][pairs]] = True
             crowded[order[:-1][pairs]] = True
     return crowded

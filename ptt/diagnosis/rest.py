@@ -8,6 +8,7 @@ import numpy as np
 from nets import RbfSettings, train_rbf
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
+from ptt.dependence.said import by_chance
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import FAULT
@@ -81,11 +82,11 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []
     if lack is not None and lack < CHANCE_LACK:
-        reasons.append(f"the rest is larger than repeats scatter (p = {lack:.1g})")
+        reasons.append(f"the rest is larger than repeats scatter ({by_chance(lack)})")
     if field < CHANCE_FIELD:
-        reasons.append(f"a network over position predicts held-out rests (p = {field:.1g})")
+        reasons.append(f"a network over position predicts held-out rests ({by_chance(field)})")
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
-    reasons += [f"{item.residual} depends on {item.on} (p = {item.p_value:.1g})" for item in strong[:1]]
+    reasons += [f"{item.residual} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]]
     return Rest(lack, field, depends, tuple(reasons))
 
 
@@ -120,13 +121,15 @@ def with_objections(
     if stated is not None and left.total > EXCESS * stated.total:
         times = f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left"
         reasons.append(f"{times}: it understates the scatter of a reading, or the rest follows nothing recorded here")
-    elif unsaid:
+    if unsaid and not reasons:
         reasons.append(unsaid)
     return replace(rest, reasons=tuple(reasons))
 
 
-def too_much_for_nothing(error: float, noise: Noise | None, *, wanders: bool) -> str | None:
-    """Why an error beside which no effect is named is not nothing: it is far beyond the noise that somebody states.
+def too_much_for_nothing(
+    error: float, noise: Noise | None, *, wanders: bool = False, by_visit: bool = False
+) -> str | None:
+    """Why an error that nothing was found in is not nothing: it is far beyond the noise that somebody states.
 
     Repeats scatter by whatever differs from visit to visit, and a wander takes whatever is slow: beside either of them
     much can hide, and both are told by the run itself. What is stated of the tracker knows of neither, so either may be
@@ -136,6 +139,7 @@ def too_much_for_nothing(error: float, noise: Noise | None, *, wanders: bool) ->
         error: of the readings, what wanders among it, mm.
         noise: the noise floor as it was before any search; None where nothing told it.
         wanders: whether the tracker is said to wander.
+        by_visit: whether readings of one visit are said to err alike.
 
     Returns:
         The reason in words; None where there is none.
@@ -143,7 +147,7 @@ def too_much_for_nothing(error: float, noise: Noise | None, *, wanders: bool) ->
     if noise is None:
         return None
     source, total = noise.stated or (noise.source, noise.total)
-    visits = noise.total > EXCESS * total
+    visits = by_visit or noise.stated is not None
     if error <= (np.sqrt(1.0 + FAULT) if wanders or visits else EXCESS) * total:
         return None
     times = f"the error is {error / total:.1f} x the noise by the {source}"

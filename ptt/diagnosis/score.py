@@ -293,12 +293,12 @@ def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
     """
     if atom.reach is None or atom.key not in state.scales:
         return 0.0
-    values, spread = state.amounts(atom, scale)
-    widest = state.posterior.phi * float(state.scales[atom.key].max()) * np.square(atom.sizes(scale))
-    nats, turned = 0.0, np.array([atom.reach, 1.0])
-    for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both
-        both = turned[:, None] * spread[np.ix_(own, own)] * turned
-        nats += min(nats_of_product(turned * values[own], both, float(widest[own[1]])), 0.0)
+    (values, spread), size = state.amounts(atom, scale), atom.sizes(scale)
+    widest, nats = state.posterior.phi * float(state.scales[atom.key].max()), 0.0
+    for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both, in usual sizes of the second
+        unit = np.array([atom.reach, 1.0]) / size[own[1]]
+        both = unit[:, None] * spread[np.ix_(own, own)] * unit
+        nats += min(nats_of_product(unit * values[own], both, widest), 0.0)
     return nats
 
 

@@ -193,8 +193,9 @@ def _objected(
     unproven = tuple(system.atoms[key].name for key in told.unproven)
     left, stated = visit_left(system, state), stated_noise(problem, system, state)
     wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
-    within = error / np.sqrt(1.0 + state.memory.pose) if system.by_visit else error  # what is stated knows no visits
-    unsaid = None if told.steps else too_much_for_nothing(within, problem.noise, wanders=wanders)
+    by_visit = bool(system.by_visit and state.memory.pose)
+    silent = _verdict(found, bool(told.steps), rest) == "nothing-missing"
+    unsaid = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
     return with_objections(rest, told.faithful, unproven, left, stated, beyond, against_gross(found, problem), unsaid)
 
 

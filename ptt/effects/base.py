@@ -79,6 +79,8 @@ class Effect:
     def reach(self, view: View) -> float | None:
         """How many times its first value a joint's second one may well be, in their units; None where it may be any.
 
+        Only of effects with just two linear values for each joint.
+
         Args:
             view: n rows.
         """
@@ -106,6 +108,11 @@ class Effect:
             One mapping from parameter stem to its values per trial; a single empty one where nothing is searched.
         """
         return ({},)
+
+    def usual_trial(self, view: View) -> Mapping[str, Tensor]:
+        """The trial that stands for the effect where nothing was measured yet; the middle one, if nothing says else."""
+        trials = self.search(view)
+        return trials[len(trials) // 2]
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Values near a trial that are worth trying once it has been chosen.

@@ -215,6 +215,10 @@ class Windup(Effect):
         first = min(lengths, key=lambda length: abs(math.log(float(length) / usual)), default=None)
         return tuple({"length": length} for length in sorted(lengths, key=lambda length: length is not first))
 
+    def usual_trial(self, view: View) -> Mapping[str, Tensor]:
+        """The one next to the usual."""
+        return self.search(view)[0]
+
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Constants between the trials on either side; the fit itself goes on from there."""
         return finer(self.search(view), shape, "length")

@@ -284,8 +284,8 @@ class ScrewGrowth(Effect):
     )
 
     def reach(self, view: View) -> float | None:
-        """A screw grows away from a bearing at one of its ends: mm from home, as far as its travel reaches."""
-        return float(view.travel_limits.abs().max())
+        """A screw grows away from a bearing at one of its ends, mm from home: no further than it is long."""
+        return float((view.travel_limits[:, 1] - view.travel_limits[:, 0]).max())
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Warmth times distance from home, and warmth."""

@@ -1,6 +1,5 @@
 """What rows will be able to tell before they are measured: which effects, how many of their parameters, how well."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -117,7 +116,7 @@ class _Case:
         self.sizes = tuple(sizes)
         self.names = parameter_names(effect, kind, view.joints)[: len(self.sizes)]
         self.usual = np.array([p.usual for p in self.sizes])
-        self.shape = {} if self.lack else _usual_shape(effect, view)
+        self.shape = {} if self.lack else effect.usual_trial(view)
         self.root = np.zeros((0, 0))
         self.beside = 0  # columns of what is fitted beside it
 
@@ -177,12 +176,7 @@ def see_plan(model: Model, table: Table) -> tuple[View, Table]:
 
 def columns_of(model: Model, effect: Effect, view: View, sigma: float) -> np.ndarray:
     """Reading shift per unit of each linear parameter, in units of noise, (n, 3, P)."""
-    return np.asarray(signature_of(_chain(model, view), effect, _usual_shape(effect, view)).numpy()) / sigma
-
-
-def _usual_shape(effect: Effect, view: View) -> Mapping[str, Tensor]:
-    trials = effect.search(view)
-    return trials[len(trials) // 2]
+    return np.asarray(signature_of(_chain(model, view), effect, effect.usual_trial(view)).numpy()) / sigma
 
 
 def _chain(model: Model, view: View) -> Chain:

@@ -69,8 +69,7 @@ def picture_theta(effect: Effect, kind: str) -> Tensor:
         Flat theta.
     """
     view = sample_view(kind)
-    trials = effect.search(view)
-    return usual_theta(effect, kind, view, trials[len(trials) // 2]) * _smoothly(effect, view.joints)
+    return usual_theta(effect, kind, view, effect.usual_trial(view)) * _smoothly(effect, view.joints)
 
 
 def effect_field(effect: Effect, theta: Tensor, kind: str) -> Field:
