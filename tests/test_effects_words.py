@@ -435,6 +435,13 @@ def test_values_beyond_the_error_come_with_what_they_do_at_the_tool(tmp_path):
     assert "um rms, most of which the other effects take back" in most
 
 
+def test_what_changes_readings_alone_is_not_said_of_the_tool(tmp_path):
+    problem = hide(tmp_path, {"tracker": {"scale_ppm": 300.0}})
+    term = fit(Model(problem.file) + KNOWN["tracker-scale"](), problem, noise=NOISE).model.terms[0]
+    told = explain_step(term, (), (), (4.0, 0.5), NOISE, problem)
+    assert "; in the readings it makes " in told and "at the tool" not in told
+
+
 def test_an_error_that_rises_or_stays_is_not_said_to_fall(tmp_path):
     problem = hide(tmp_path, fault("drive", "backlash_mm", 2, 0.05))
     term = fit(Model(problem.file) + KNOWN["backlash"](), problem, noise=NOISE).model.terms[0]

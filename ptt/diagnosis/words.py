@@ -118,7 +118,7 @@ def explain_step(
     before, now = heldout_um
     on_top = f"after {listed(list(after))} " if after else ""
     fall = f"the held-out error {on_top}{_moved(before, now)}, noise is {noise.total * 1e3:.1f} um"
-    if size := _size_at_tool(told, before + now, before, problem):
+    if size := _size_in_all(told, before + now, before, problem):
         fall += f"; {size}"
     if doubt := doubt_in_words(now, doubt_um):
         fall += f"; {doubt}"
@@ -134,8 +134,10 @@ def _moved(before: float, now: float) -> str:
     return f"{'falls' if now < before else 'rises'} from {before:.1f} to {now:.1f} um"
 
 
-def _size_at_tool(told: Told, apart: float, before: float, problem: Problem) -> str:
-    """What an effect does at the tool where its values, or that, are more than was missed; else nothing.
+def _size_in_all(told: Told, apart: float, before: float, problem: Problem) -> str:
+    """What an effect does where its values, or that, are more than was missed; else nothing.
+
+    It is said at the tool, or, of what changes readings and moves no tool, in the readings.
 
     Args:
         told: the effect as it is said.
@@ -150,11 +152,12 @@ def _size_at_tool(told: Told, apart: float, before: float, problem: Problem) -> 
         return ""
     back = "most" if makes > MOST * apart else "a part"
     taken = f", {back} of which the other effects take back" if makes > PART * apart else ""
-    return f"at the tool it makes {makes:.{0 if makes >= 10.0 else 1}f} um rms{taken}"
+    where = "in the readings" if told.term.effect.stage == "metrology" else "at the tool"
+    return f"{where} it makes {makes:.{0 if makes >= 10.0 else 1}f} um rms{taken}"
 
 
 def at_tool_um(term: Term, problem: Problem) -> float:
-    """How far an effect alone moves the tool in the readings, less what a frame that is fitted takes of it, um rms.
+    """How far an effect alone moves the tool as it is read, less what a frame that is fitted takes of it, um rms.
 
     Args:
         term: the effect, at its values.

@@ -137,14 +137,12 @@ def _refuse_own(out: Path, model: Path) -> None:
 
 
 def _text(data: dict[str, Any]) -> str:
-    left = data["error_um"]
+    left = ErrorLeft.told(data["error_um"])
     lines = [f"{data['format']}: {', '.join(data['written'])}"]
-    lines.append(
-        f"  holds: {said_held(data['holds'], [each['effect'] for each in data['cannot_hold']], ErrorLeft(**left))}"
-    )
+    lines.append(f"  holds: {said_held(data['holds'], [each['effect'] for each in data['cannot_hold']], left)}")
     lines += [f"  cannot hold {item['effect']}: {item['why']}" for item in data["cannot_hold"]]
     lines.append(
-        f"  over the workspace the machine would miss by {left['drawing']:.1f} um rms with commands of the drawing, "
-        f"{left['format']:.1f} um with this file, {left['model']:.1f} um with the whole model"
+        f"  over the workspace the machine would miss by {left.drawing:.1f} um rms with commands of the drawing, "
+        f"{left.format:.1f} um with this file, {left.model:.1f} um with the whole model"
     )
     return "\n".join(lines + [f"  {line}" for line in data["notes"]])

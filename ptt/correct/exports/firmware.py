@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.correct.exports.delta import Delta, fit_delta, require_anticlockwise
-from ptt.correct.exports.format import MORE, ErrorLeft, Exported, Options, said_held
+from ptt.correct.exports.format import ErrorLeft, Exported, Options, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
@@ -22,6 +22,7 @@ SHAPE = "all towers stand upright at one radius, and their sliders have no table
 WORSE = 1.0  # um: less than this is no reason to refuse a format that says a little less than the drawing
 GAIN = 1.2  # times what the whole model leaves, and
 LEAST = 1.0  # um beyond it, that are worth another way
+NOTHING_TO_GAIN = "this file and the drawing do as well; there is nothing to gain by loading it"
 MEASURE = "then home, measure again and see `ptt evaluate BEFORE.csv AFTER.csv`"
 
 Printed = Callable[[Delta, Ground], tuple[list[str], Delta]]
@@ -75,8 +76,7 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
     refuse_worse(left, firmware.name, file.source)
     why = cannot_hold(ground, tangent, SHAPE, hints=_hints(ground, firmware))
     holds, cannot = holdings(ground, why)
-    load = (f"{firmware.load}; {MEASURE}",) if left.format < MORE * left.drawing else ()
-    notes = (*load, *other_way(left))
+    notes = what_to_do(f"{firmware.load}; {MEASURE}", left)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot]), *notes]
     text = "\n".join([*(f"{firmware.comment} {line}" for line in told), *lines]) + "\n"
     return Exported(write_all({out: text}), holds, cannot, left, (*notes, *network_note(ground)))
@@ -87,28 +87,33 @@ def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
     scale = [term.theta for term in ground.compensator.model.terms if term.effect.name == "lead-scale"]
     factors = [f"{1.0 + float(value):.6f}" for value in sum(scale[1:], scale[0])] if scale else []
     return (
-        {"lead-scale": f"first {firmware.scale} {', '.join(factors)}, home, measure again and fit anew"}
+        {
+            "lead-scale": f"first {firmware.scale} {', '.join(factors)}, home, measure again and fit anew instead of"
+            " loading this file"
+        }
         if scale
         else {}
     )
 
 
-def other_way(left: ErrorLeft) -> tuple[str, ...]:
-    """What to do where a file leaves much that the model could put right.
+def what_to_do(load: str, left: ErrorLeft) -> tuple[str, ...]:
+    """What to do with a file: load it, or something else instead of it.
 
     Args:
+        load: how it is loaded.
         left: what it leaves.
 
     Returns:
-        A line, or none.
+        One line each; at least one, and where there are two, the second is instead of the first.
     """
-    if left.format < max(GAIN * left.model, left.model + LEAST):
-        return ()
-    little = "this file puts next to nothing right, so leave it; " if left.format >= MORE * left.drawing else ""
-    return (
-        f"{little}the whole model leaves {left.model:.1f} um: keep the drawing's figures in the controller, not those"
-        " of the file, and correct each program with `ptt program`, or send what `ptt predict` or --to c works out",
+    better = left.format >= max(GAIN * left.model, left.model + LEAST)
+    model = (
+        "keep the drawing's figures in the controller and correct each program with `ptt program`, or send what"
+        f" `ptt predict` or --to c works out: the whole model leaves {left.model:.1f} um"
     )
+    if left.corrects:
+        return (load, f"or, instead of this file, {model}") if better else (load,)
+    return (f"this file puts next to nothing right, so leave it; {model}",) if better else (NOTHING_TO_GAIN,)
 
 
 def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[str]:

@@ -1,10 +1,11 @@
 """What every export takes and gives back: options in; what was written, what it holds, what error it leaves."""
 
 import datetime
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from ptt.record import Record
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 THREE_PTT, SERIAL = "three-ptt", "serial"
+MORE = 0.95  # share of the drawing's error from which on a file corrects next to nothing
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,15 @@ class ErrorLeft:
     format: float
     model: float
 
+    @classmethod
+    def told(cls, figures: Mapping[str, float | None]) -> Self:
+        """What `to_dict` of an export told of it; a figure that is unknown there is NaN here."""
+        return cls(**{key: math.nan if value is None else value for key, value in figures.items()})
 
-MORE = 0.95  # share of the drawing's error from which on a file corrects next to nothing
+    @property
+    def corrects(self) -> bool:
+        """Whether the export puts more than next to nothing of the drawing's error right."""
+        return self.format < MORE * self.drawing
 
 
 def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft) -> str:
@@ -61,9 +70,11 @@ def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft) -> s
         return ", ".join(holds)
     if not cannot:
         return "the drawing, for the model has no effects"
-    if left.format < MORE * left.drawing:
+    if left.corrects:
         return "no effect whole; its figures take over what they can of the others"
-    return "no effect of the model; it moves the machine as the drawing does"
+    if math.isnan(left.format) or math.isnan(left.drawing):
+        return "no effect whole"
+    return "no effect whole; it moves the machine hardly better than the drawing does"
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ UNSTATED = "the format knows no payload, and none is stated here; --run RUN.csv 
 SHOWN = 0.05  # um: less is printed as 0.0
 WHOLE = 0.95  # share of an effect's error that counts as all of it
 APART = "its tables' entries lie too far apart for it, or it is no matter of one axis' place"
+TOLD = {"payload": "payload_kg", "temperature": "temp_c", "speed": "feed_mm_s"}  # context -> the run's column of it
 CONTEXTS = {
     "payload": "the format knows no payload",
     "temperature": "the format knows no temperature",
@@ -67,7 +68,7 @@ def cannot_hold(
         rest = moved if tabled is None else moved - np.einsum("nck,nk->nc", by_joint, tabled(effect)).ravel()
         left = rest - basis @ (basis.T @ rest)
         lacking = APART if tabled is not None and effect.stage == "drive" else shape
-        reason = _reason(effect, moved, left, lacking, known)
+        reason = _reason(effect, moved, left, lacking, known, untold=_untold(effect, ground))
         if reason:
             hint = (hints or {}).get(effect.name)
             why[effect.key] = f"{reason}; {hint}" if hint else reason
@@ -113,18 +114,33 @@ def network_note(ground: Ground) -> tuple[str, ...]:
     return ("what the network adds is taken in only as far as the format's parameters can imitate it",)
 
 
-def _reason(effect: Effect, moved: np.ndarray, left: np.ndarray, shape: str, known: Sequence[str]) -> str:
+def _untold(effect: Effect, ground: Ground) -> bool:
+    """Whether an effect asks for a context that a run could tell and the places do not have."""
+    return any(getattr(ground.table, TOLD[context]) is None for context in effect.requires if context in TOLD)
+
+
+def _reason(
+    effect: Effect, moved: np.ndarray, left: np.ndarray, shape: str, known: Sequence[str], *, untold: bool
+) -> str:
     unknown = [CONTEXTS[context] for context in effect.requires if context in CONTEXTS and context not in known]
-    figures = said_left(rms_um(moved), rms_um(left))
+    figures = said_left(rms_um(moved), rms_um(left), untold=untold)
     if unknown:
         return f"{' and '.join(unknown)} ({figures})"
     return "" if rms_um(left) <= HELD * rms_um(moved) else f"{shape} ({figures})"
 
 
-def said_left(whole: float, left: float) -> str:
-    """How much of an effect's error a format leaves, um rms, in words."""
-    if whole < SHOWN:
+def said_left(whole: float, left: float, *, untold: bool = False) -> str:
+    """How much of an effect's error a format leaves, in words.
+
+    Args:
+        whole: its error, um rms.
+        left: what the format leaves of it, um rms.
+        untold: whether it depends on something of which no run was given.
+    """
+    if whole < SHOWN and untold:
         return "it makes no error where this is judged: at rest and the reference temperature, unless --run names a run"
+    if whole < SHOWN:
+        return f"all that it makes is less than {SHOWN:g} um"
     if left > WHOLE * whole:
         return f"all of its {whole:.1f} um are left"
     return f"{left:.1f} um of its {whole:.1f} um are left, the rest is in the file"

@@ -24,7 +24,7 @@ from ptt.correct.exports.axis_tables import (
     tabled,
 )
 from ptt.correct.exports.delta import Delta, drawn_delta, require_anticlockwise, require_upright, tool_by_slider
-from ptt.correct.exports.firmware import MEASURE, judged, other_way, refuse_worse
+from ptt.correct.exports.firmware import MEASURE, judged, refuse_worse, what_to_do
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
@@ -93,7 +93,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     ini = out.with_suffix(".ini") if out.suffix == ".hal" else out
     ini = ini if out.suffix and not out.is_dir() else out / "lineardelta.ini"
-    notes = (*_notes(compensator, fit), *other_way(left))
+    first, *instead = what_to_do(f"{LOAD}; {MEASURE}", left)
+    notes = (first, *_notes(compensator, fit), *instead)
     written = write_all(_texts(ini, fit, told, notes))
     return Exported(written, holds, cannot, left, (*notes, *network_note(ground)))
 
@@ -159,7 +160,7 @@ def _joints(radius: float, rod: float, turn: float, p: Array) -> Array:
 
 
 def _notes(compensator: "Compensator", fit: Fit) -> tuple[str, ...]:
-    notes = [f"{LOAD}; {MEASURE}"]
+    notes = []
     if abs(fit.turn) > 1e-6:
         notes.append(
             "lineardeltakins has its towers at 90, 210 and 330 deg: turn every work offset by"

@@ -24,7 +24,7 @@ from ptt.correct.exports.axis_tables import (
     tabled,
 )
 from ptt.correct.exports.delta import tool_by_slider
-from ptt.correct.exports.firmware import MEASURE, judged, other_way
+from ptt.correct.exports.firmware import MEASURE, judged, what_to_do
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 DIGITS = 6
+LOAD = f"load it with MD32700 $MA_ENC_COMP_ENABLE[0] = 0, then set that to 1; {MEASURE}"
 SHAPE = "each axis is corrected by its own position alone"
 
 
@@ -59,12 +60,9 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     why = cannot_hold(ground, tangent, SHAPE, hints=hints, tabled=tabled(ground, drives, at))
     holds, cannot = holdings(ground, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
-    written = write_all({out: "\n".join(_lines(tables, unit, told)) + "\n"})
-    load = (
-        f"MD38000 $MA_MM_ENC_COMP_MAX_POINTS must be {len(at)} or more; load with MD32700 ENC_COMP_ENABLE[0] = 0, then"
-        f" set that to 1; {MEASURE}"
-    )
-    return Exported(written, holds, cannot, left, (load, *other_way(left), *network_note(ground)))
+    notes = (f"this file asks for MD38000 $MA_MM_ENC_COMP_MAX_POINTS of {len(at)} or more", *what_to_do(LOAD, left))
+    written = write_all({out: "\n".join(_lines(tables, unit, [*told, *notes])) + "\n"})
+    return Exported(written, holds, cannot, left, (*notes, *network_note(ground)))
 
 
 def _curves(ground: Ground, drives: Drives) -> tuple[Array, Array]:
@@ -102,7 +100,10 @@ def _rounded(tables: AxisTables, unit: float) -> AxisTables:
 
 def _backlash(ground: Ground, unit: float) -> str:
     gaps = ", ".join(f"{2.0 * unit * half:.{DIGITS}f}" for half in by_direction(ground))
-    return f"MD32450 $MA_BACKLASH of the axes takes {gaps}"
+    return (
+        f"MD32450 $MA_BACKLASH of the axes takes {gaps}, instead of what `ptt program` does at a reversal: once that is"
+        ' set, the machine file says [controller] compensates = ["backlash"]'
+    )
 
 
 def _lines(tables: AxisTables, unit: float, told: list[str]) -> list[str]:

@@ -16,8 +16,8 @@ SHOWN_DEPENDENCES = 8
 WIDTH = 1000  # tables take what they need; a narrower page would cut digits off
 FAR = 3.0  # times the error after alignment from which it is worth a word what the one before it is
 STANDS = (
-    "Before alignment it is mostly where the tracker stands and how it is turned (what zeros and leans of all joints",
-    "have in common looks the same); the machine is judged after alignment.",
+    "Before alignment the error is mostly where the tracker stands and how it is turned (what zeros and leans of all",
+    "joints have in common looks the same); the machine is judged after alignment.",
 )
 SURE = 0.01  # chance below which lack of fit counts
 
