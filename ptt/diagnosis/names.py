@@ -57,7 +57,8 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
         opened = _opened(asked, turn, problem) if number else _sifted(asked, turn, problem)
         found, curves = _named(asked, opened, problem, plain_first=number == 0)
         current, moments = moved(found, asked.model, problem), opened.turn.moments
-        current = lost_by_one(current, asked.model, found, problem)
+        if set(current.keys) != set(turn.kept or ()):
+            current = lost_by_one(current, asked.model, found, problem)
         stays = curves and set(current.keys) == set(turn.kept or ())
         turn = replace(
             opened.turn, model=current, kept=current.keys, memory=found.state.memory, seen=found.seen,
