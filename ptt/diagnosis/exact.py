@@ -1,22 +1,25 @@
 """Exact: laws that bend are held against unknowns and other effects where they are fitted, not along a tangent."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
 
-from ptt.diagnosis.atoms import is_effect
+from ptt.diagnosis.atoms import Atom, is_effect, is_sudden
 from ptt.diagnosis.found import Found, fit_less, is_better, moved, scorer_at
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import SEEN, added, loose, without
+from ptt.diagnosis.moves import SEEN, TRIED, added, loose, without
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import HOPEFUL, improve, plainest, refilled
+from ptt.diagnosis.search import HOPEFUL, improve, is_plain, plainest, refilled
 from ptt.diagnosis.state import State
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.run.problem import Problem
+
+LARGE = 10.0  # usual sizes from which squares are worth a look: a zero of half a metre, a link 2 mm off
 
 
 def without_needless(found: Found, problem: Problem) -> Model:
@@ -91,7 +94,8 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     kept = [key for key in state.keys if atoms[key].effect is not None]
     if state.memory.pose == 0.0 and len(kept) == len(state.keys):
-        there = [_at_names(found, way, model, problem, known, freedom, steps) for way in _bent(scorer, state)]
+        ways = [*_bent(scorer, state), *_plainer(scorer, state)]
+        there = [_at_names(found, way, model, problem, known, freedom, steps) for way in ways]
         return max((one for one in there if one is not None and is_better(one, found)), key=_total, default=found)
     alone = scorer.score(kept, WHITE)
     more = improve(scorer, alone, is_effect, swaps=False)
@@ -122,6 +126,28 @@ def _bent(scorer: Scorer, state: State) -> list[State]:
     rest = scorer.score(without(state, *gradual), state.memory, state.scales)
     found = scorer.screen(rest, lambda atom: _is_play(atom.effect))[:1]
     return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN]
+
+
+def _plainer(scorer: Scorer, state: State) -> list[State]:
+    """Sets with a commoner effect in the place of one that is many usual sizes large.
+
+    A zero that is a millimetre off is a joint that sits as far off, but for squares of which no tangent at the other
+    knows: which of them is said would hang on which of them came first.
+    """
+    atoms, ways = scorer.system.atoms, list[State]()
+    for key in loose(scorer, state):
+        own = atoms[key]
+        if own.effect is None or is_sudden(own) or np.abs(state.posterior.values[state.of(key)]).max() < LARGE:
+            continue
+        rest = scorer.score(without(state, key), state.memory, state.scales)
+        others = scorer.screen(rest, partial(_is_commoner, own))[:TRIED]
+        ways += [added(scorer, rest, gain) for gain in others if gain.nats > SEEN]
+    return ways
+
+
+def _is_commoner(own: Atom, other: Atom) -> bool:
+    """Whether an atom is a plain effect with less odds against it than another."""
+    return is_plain(other) and not is_sudden(other) and other.name != own.name and other.odds < own.odds
 
 
 def _at_names(
