@@ -19,7 +19,7 @@ from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 
-LARGE = 10.0  # usual sizes from which squares are worth a look: a zero of half a metre, a link 2 mm off
+LARGE = 10.0  # usual sizes from which squares are worth a look: a joint that sits half a millimetre aside
 
 
 def without_needless(found: Found, problem: Problem) -> Model:

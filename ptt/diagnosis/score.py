@@ -293,7 +293,7 @@ def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
     """
     if atom.reach is None or atom.key not in state.scales:
         return 0.0
-    (values, spread), size = state.amounts(atom, scale), atom.sizes(scale)
+    (values, spread), size = state.amounts([atom], scale), atom.sizes(scale)
     widest, nats = state.posterior.phi * float(state.scales[atom.key].max()), 0.0
     for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both, in usual sizes of the second
         unit = np.array([atom.reach, 1.0]) / size[own[1]]

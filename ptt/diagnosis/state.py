@@ -1,10 +1,11 @@
 """One set of atoms with its posterior: what a score leaves behind."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import linalg
 from scipy.linalg import lapack
 
 from ptt.diagnosis.atoms import Atom
@@ -78,15 +79,24 @@ class State:
         """Posterior standard deviations, (p,)."""
         return np.sqrt(self.posterior.phi * self.inverse.diagonal())
 
-    def amounts(self, atom: Atom, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """An atom's linear values and their covariance, in their units, (w,) and (w, w); `scale` as in `errors`."""
-        own, size, phi = self.of(atom.key), atom.sizes(scale), self.posterior.phi
-        values, spread = atom.amplitudes(self.posterior.values[own], scale), self.covariance[np.ix_(own, own)]
-        if atom.turn is None:
-            return values, size[:, None] * spread * size
-        ways, before = atom.turn.ways, self.scales[atom.key][atom.turn.group] * phi
-        unseen = (np.eye(len(ways)) - ways @ ways.T) * np.sqrt(before[:, None] * before)
-        return values, size[:, None] * (ways @ spread @ ways.T + unseen) * size
+    def amounts(self, atoms: Sequence[Atom], scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Linear values of some atoms, one behind the other, and their covariance, in their units, (w,) and (w, w).
+
+        What the rows do not show of them is as wide as before the data.
+
+        Args:
+            atoms: of the set.
+            scale: (P,) of all columns of the system.
+        """
+        own, phi = np.concatenate([self.of(atom.key) for atom in atoms]), self.posterior.phi
+        values = [atom.amplitudes(self.posterior.values[self.of(atom.key)], scale) for atom in atoms]
+        size = np.concatenate([atom.sizes(scale) for atom in atoms])
+        ways = linalg.block_diag(*(np.eye(len(a.columns)) if a.turn is None else a.turn.ways for a in atoms))
+        groups = [(atom.group if atom.turn is None else atom.turn.group, self.scales[atom.key]) for atom in atoms]
+        before = np.sqrt(phi * np.concatenate([scales[group] for group, scales in groups]))
+        unseen = before[:, None] * (np.eye(len(ways)) - ways @ ways.T) * before
+        spread = ways @ self.covariance[np.ix_(own, own)] @ ways.T + unseen
+        return np.concatenate(values), size[:, None] * spread * size
 
     def errors(self, atom: Atom, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations of an atom's linear values after and before the data, in their units, (w,) each.

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.found import parts_of
@@ -86,22 +85,10 @@ def _block(system: System, key: str) -> Block:
 
 
 def _amounts(state: State, system: System, keys: Sequence[str]) -> Amounts:
-    """Values of some blocks' features; what their rows do not show of them is as wide as before the data."""
+    """Values of some blocks' features."""
     if not keys:
         return Amounts(np.zeros(0), np.zeros((0, 0)))
-    atoms = [system.atoms[key] for key in keys]
-    own = np.concatenate([state.of(key) for key in keys])
-    values = [atom.amplitudes(state.posterior.values[state.of(atom.key)], system.scale) for atom in atoms]
-    sizes = [atom.sizes(system.scale)[:, None] for atom in atoms]
-    ways = [np.eye(len(atom.columns)) if atom.turn is None else atom.turn.ways for atom in atoms]
-    turned = linalg.block_diag(*(size * way for size, way in zip(sizes, ways, strict=True)))
-    before = [state.scales[atom.key][0] * state.posterior.phi for atom in atoms]  # a block's features share one
-    unseen = [
-        size * (np.eye(len(way)) - way @ way.T) * size.T * prior
-        for size, way, prior in zip(sizes, ways, before, strict=True)
-    ]
-    spread = turned @ state.covariance[np.ix_(own, own)] @ turned.T + linalg.block_diag(*unseen)
-    return Amounts(np.concatenate(values), spread)
+    return Amounts(*state.amounts([system.atoms[key] for key in keys], system.scale))
 
 
 def _spread(readings: np.ndarray) -> float:
