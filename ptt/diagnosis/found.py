@@ -101,13 +101,28 @@ def fit_less(
     Returns:
         The fit.
     """
-    less = replace(problem, measured=problem.measured - carried).masked(gross)
+    less = _less(problem, carried, gross)
     fitted = _fit(model, less, noise, hopeless)
     dated = place_own_moments(fitted, less)
     if dated is not fitted.model:
         fitted = _fit(dated, less, noise, hopeless)
     others = [_fit(other, less, noise, hopeless) for other in exchanged(fitted)]
     return min([fitted, *others], key=lambda each: each.chi2)
+
+
+def fit_dated(model: Model, problem: Problem, found: Found, hopeless: float = np.inf) -> FitResult:
+    """As `fit_less` beside what was found, with what is sudden at the moments that the model has.
+
+    Args:
+        model: the model.
+        problem: n rows.
+        found: what its unknowns carry, which rows are left out and how wide the noise is.
+        hopeless: as there.
+
+    Returns:
+        The fit.
+    """
+    return _fit(model, _less(problem, found.carried, found.gross), found.noise, hopeless)
 
 
 def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
@@ -122,8 +137,13 @@ def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
     """
     if found.sample is not None:
         return []
-    less = replace(problem, measured=problem.measured - found.carried).masked(found.gross)
+    less = _less(problem, found.carried, found.gross)
     return [_fit(other, less, found.noise, np.inf) for other in exchanged(found.fitted)]
+
+
+def _less(problem: Problem, carried: np.ndarray, gross: np.ndarray) -> Problem:
+    """The readings less what the unknowns put into them, without gross rows."""
+    return replace(problem, measured=problem.measured - carried).masked(gross)
 
 
 def _fit(model: Model, less: Problem, noise: Noise, hopeless: float) -> FitResult:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from ptt.diagnosis.found import UNUSUAL, Found, fit_less
+from ptt.diagnosis.found import UNUSUAL, Found, fit_dated
 from ptt.effects.reversal import Backlash, Windup, gap_of
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.model.model import Model, Term
@@ -33,11 +33,11 @@ def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> M
     phi, atoms = found.state.posterior.phi, found.system.atoms
     both = {Backlash.name, Windup.name} <= set(model.keys)
     odds = next((atoms[key].odds for key in found.state.keys if atoms[key].name == Windup.name), 0.0) if both else 0.0
-    best = fit_less(model, problem, found.carried, found.gross, found.noise)
+    best = fit_dated(model, problem, found)
     most = best.chi2 + 2.0 * phi * odds
     for way in ways:
         # What a prior pulls at is counted while a fit is under way, and sizes are learned in between.
-        other = fit_less(way, problem, found.carried, found.gross, found.noise, 2.0 * most)
+        other = fit_dated(way, problem, found, 2.0 * most)
         dearer = 2.0 * phi * UNUSUAL if Windup.name in way.keys else 0.0  # its length is one more that is free
         if other.status != HOPELESS and other.chi2 < most - dearer:
             best, most = other, other.chi2
