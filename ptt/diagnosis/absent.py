@@ -18,12 +18,12 @@ class Absent:
     """An effect that a set does without, as far as no reading excludes it.
 
     Attributes:
-        name: of the effect.
+        key: of its atom.
         odds: of the set with it beside the set without.
         moved: mean squares and products by which it would move the values of the set's columns, (p, p).
     """
 
-    name: str
+    key: str
     odds: float
     moved: np.ndarray
 
@@ -64,5 +64,5 @@ def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
         values = spread @ (sums.side[own] + follow.T @ sums.side[:width])
         squares = posterior.phi * spread + np.outer(values, values)
         odds = float(np.exp(min(gain.nats + atom.odds, 0.0) - atom.odds / TEMPER))
-        found.append(Absent(atom.name, odds, follow @ squares @ follow.T))
+        found.append(Absent(atom.key, odds, follow @ squares @ follow.T))
     return tuple(found)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ptt.diagnosis.absent import absent_effects
 from ptt.diagnosis.atoms import Atom, is_metrology
 from ptt.diagnosis.probability import near_sets
 from ptt.diagnosis.score import Scorer
@@ -16,7 +17,8 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
     Hidden rows only show what readings show. Whether the machine or the tracker is off they leave open where sets that
     do as well, or values of one set that fit as well, share it out otherwise; commands are right for one of them. They
     are of the machine as the run has left it: what slipped late, and few rows saw, is all along from then on. What a
-    rigid motion takes does not count, and neither does what readings of the hidden rows would show.
+    rigid motion takes does not count, and neither does what readings of the hidden rows would show. What the tracker
+    may have done, though no reading asks for it, counts as far as the machine's values would make good for it.
 
     Args:
         scorer: that has scored the sets.
@@ -30,13 +32,20 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
     beside = gram[len(frame) :, : len(frame)]
     spread = np.linalg.pinv(gram[: len(frame), : len(frame)], rcond=UNSEEN, hermitian=True)
     seen = gram[len(frame) :, len(frame) :] - beside @ spread @ beside.T  # of the tool, frames taken off
-    told, squares = _values(state, _machine(scorer, state), columns), []
+    told, squares = _values(state, _machine(scorer, state), columns), list[float]()
     for _, one in sets:
         own = _machine(scorer, one)
         place, apart = np.searchsorted(columns, one.columns[own]), _values(one, own, columns) - told
         loose = float((seen[np.ix_(place, place)] * one.covariance[np.ix_(own, own)]).sum())
         squares.append(float(apart @ seen @ apart) + max(loose - one.decided * one.posterior.phi, 0.0))
-    square = float(np.average(squares, weights=[odds for odds, _ in sets]))
+    odds = [odds for odds, _ in sets]
+    own = _machine(scorer, state)
+    place = np.searchsorted(columns, state.columns[own])
+    for absent in absent_effects(scorer, state):
+        if is_metrology(system.atoms[absent.key]):
+            moved = float((seen[np.ix_(place, place)] * absent.moved[np.ix_(own, own)]).sum())
+            odds, squares = [*odds, absent.odds], [*squares, squares[0] + moved]
+    square = float(np.average(squares, weights=odds))
     return float(np.sqrt(max(square, 0.0) / system.count * np.trace(system.noise.covariance)))
 
 

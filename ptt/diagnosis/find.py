@@ -42,6 +42,7 @@ from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
+SILENT = 1.5  # times the noise floor up to which nothing is said rather than what is little likelier: DESIGN.md, 5
 NARROWER = 0.8  # of the noise that an explanation was found with: where it leaves less, it is asked for again with that
 
 
@@ -71,7 +72,19 @@ def find(
     found = by_names(found, model, problem, known, freedom, steps)
     if span is not None:  # what explains a part has to be worked out for all of the run
         return found
-    return _lawful(found, model, problem, known, freedom, steps)
+    return _lawful(_more_than_nothing(found, problem), model, problem, known, freedom, steps)
+
+
+def _more_than_nothing(found: Found, problem: Problem) -> Found:
+    """What is likeliest, where nothing is said for being plain alone though the error is beyond what is stated."""
+    scorer, state = found.scorer, found.state
+    if loose(scorer, state) or problem.noise is None:
+        return found
+    left = found.system.in_mm(found.system.left(state.columns, state.posterior.values))
+    if np.sqrt(np.square(left).sum(axis=1).mean()) <= SILENT * problem.noise.total:
+        return found
+    best = max(scorer.scored.values(), key=lambda other: other.total)
+    return replace(found, state=plainest(scorer, best, nothing=False))
 
 
 def _followed(asked: Asked, turn: Turn | None) -> tuple[Found, Problem]:

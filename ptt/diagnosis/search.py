@@ -194,12 +194,13 @@ def _beyond(scorer: Scorer, state: State, moves: Sequence[State], allowed: Allow
     return [improve(scorer, other, allowed, swaps=False) for other in near[:PAST]]
 
 
-def plainest(scorer: Scorer, best: State) -> State:
+def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
     """Of the sets that do nearly as well as the best, the one that says least.
 
     Args:
         scorer: that has scored them.
         best: the best set.
+        nothing: whether a set may say nothing at all though another is likelier.
 
     Returns:
         The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
@@ -211,7 +212,7 @@ def plainest(scorer: Scorer, best: State) -> State:
         return _parts(scorer, state), _bends(scorer, state), -state.total - SEEN * is_told(scorer, state)
 
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
-    first = min([best, *near], key=plain)
+    first = min([best, *(state for state in near if nothing or _parts(scorer, state))], key=plain)
     return scorer.score(first.keys, first.memory)
 
 

@@ -22,6 +22,7 @@ class Parameter:
             the fit).
         axis: measured along the axis, so its unit follows the joint's.
         usual_rad: usual size on a serial arm, where it differs.
+        upper_rad: physical upper bound on a serial arm, where it differs.
         held: kept near zero at its usual size by a prior, because the effect is defined without it; what data of
             finite length leave of it is small.
         lent: effects whose own cause each of the `count` held values is. Where such an effect is not in the model, the
@@ -44,6 +45,7 @@ class Parameter:
     role: Literal["linear", "searched", "given"] = "linear"
     axis: bool = False
     usual_rad: float | None = None
+    upper_rad: float | None = None
     held: bool = False
     lent: tuple[str, ...] = ()
     onward: bool = False
@@ -77,7 +79,11 @@ class Parameter:
             self.unit.replace("mm", "rad").replace("N", "Nmm") if "N" in self.unit else self.unit.replace("mm", "rad")
         )
         values = {**self.__dict__, "unit": unit, "axis": False}
-        return Parameter(**(values | {"usual": self.usual if self.usual_rad is None else self.usual_rad}))
+        usual, upper = (
+            here if there is None else there
+            for here, there in ((self.usual, self.usual_rad), (self.upper, self.upper_rad))
+        )
+        return Parameter(**(values | {"usual": usual, "upper": upper}))
 
     @property
     def name(self) -> str:

@@ -17,6 +17,7 @@ from ptt.mechanisms.serial import Serial
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.view import View
 
+LONGEST = 64.0  # mm of travel, six times what friction takes: over more than lies between reversals it is but a step
 WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-10, 11))  # mm, 0.03 to 32: neighbours look alike
 
 GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws: between them a row more or less takes the gap up
@@ -156,7 +157,16 @@ class Windup(Effect):
             "height", "mm", 0.005, "half the change on full reversal", True, lower=0.0, axis=True, usual_rad=1e-4
         ),
         Parameter(
-            "length", "mm", 2.0, "travel over which it changes", lower=1e-3, role="searched", axis=True, usual_rad=2e-2
+            "length",
+            "mm",
+            2.0,
+            "travel over which it changes",
+            lower=1e-3,
+            upper=LONGEST,
+            role="searched",
+            axis=True,
+            usual_rad=2e-2,
+            upper_rad=0.01 * LONGEST,
         ),
     )
     requires: ClassVar[tuple[str, ...]] = ("direction",)

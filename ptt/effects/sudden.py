@@ -32,13 +32,23 @@ class Sudden(Effect):
         return None if len(self._told(view)) >= LEAST else f"at least {LEAST} rows with a reading"
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """Moments spread over the run, with at least a few readings on either side.
+        """Moments spread over the rows, and the end of each run, with at least a few readings on either side.
 
-        A jump with fewer of them before it than values would say what it likes of all the others.
+        A jump with fewer of them before it than values would say what it likes of all the others. Between runs somebody
+        was at the machine: it was switched off, homed, or hit.
         """
         moments = self._told(view).sort().values[EDGE - 1 : -EDGE]
         chosen = moments[torch.linspace(0, len(moments) - 1, min(MOMENTS, len(moments))).round().long()]
-        return tuple({"after": moment.reshape(1)} for moment in chosen.unique())
+        ends = self._ends(view)
+        between = ends[(ends >= moments[0]) & (ends <= moments[-1])] if len(moments) else ends
+        return tuple({"after": moment.reshape(1)} for moment in torch.cat([chosen, between]).unique())
+
+    def _ends(self, view: View) -> Tensor:
+        """The clock of the last reading of each run but the last."""
+        clock, run = run_clock(view), view.run
+        if view.read is not None:
+            clock, run = clock[view.read], run[view.read]
+        return clock[:-1][torch.diff(run) != 0]
 
     def _told(self, view: View) -> Tensor:
         """The clock of the rows that have a reading."""
