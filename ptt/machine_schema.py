@@ -126,11 +126,7 @@ def explain(error: pydantic.ValidationError, where: str) -> MachineError:
     path = [str(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
     place = f"{where} key {'.'.join(path)}" if path else where
     if first["type"] == "extra_forbidden":
-        guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
-        fix = f"did you mean '{guess[0]}'?" if guess else "remove it"
-        return MachineError(
-            f"unknown key '{shown(path[-1])}'", where=where, fix=f"{fix} (in {'.'.join(path[:-1]) or 'top'})"
-        )
+        return MachineError(f"unknown key '{shown(path[-1])}'", where=where, fix=_instead_of(path))
     if first["type"] == "missing":
         return MachineError("missing", where=place, fix="add it; README lists the keys of a machine file")
     if first["type"].startswith("union_tag"):
@@ -145,16 +141,28 @@ def explain(error: pydantic.ValidationError, where: str) -> MachineError:
     return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place)
 
 
+def _instead_of(path: list[str]) -> str:
+    """What to do about a key that is not known where it stands."""
+    here = ".".join(path[:-1]) or "top"
+    homes = [name for name, models in SECTIONS.items() if any(path[-1] in model.model_fields for model in models)]
+    if homes:
+        return f"it belongs in {' or '.join(homes)}, not in {here}"
+    guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
+    return f"did you mean '{guess[0]}'? (in {here})" if guess else f"remove it (in {here})"
+
+
 def _known_keys() -> list[str]:
-    models = (
-        Document,
-        ThreePttSpec,
-        SerialSpec,
-        JointSpec,
-        ControllerSpec,
-        TrackerSpec,
-        TargetsSpec,
-        BasePoint,
-        EffectEntry,
-    )
+    models = [model for models in SECTIONS.values() for model in models]
     return [name for model in models for name in model.model_fields] + list(ParameterEntry.model_fields)
+
+
+SECTIONS: dict[str, tuple[type[Frozen], ...]] = {
+    "the top of the file": (Document,),
+    "[machine]": (ThreePttSpec, SerialSpec),
+    "[[machine.joint]]": (JointSpec,),
+    "[controller]": (ControllerSpec,),
+    "[tracker]": (TrackerSpec,),
+    "[targets]": (TargetsSpec,),
+    "[[tracker.base_point]]": (BasePoint,),
+    "[[effect]]": (EffectEntry,),
+}

@@ -80,7 +80,7 @@ def test_what_zeros_would_do_that_nobody_named_stands_in_the_errors_of_leaning_t
     assert (off / alone).max() > 100.0
     assert (off / beside).max() < 8.0  # the odds against one more effect are a dozen to one
     most = max(absent, key=lambda each: each.odds * np.trace(each.moved[np.ix_(state.of(key), state.of(key))]))
-    assert most.name == "homing-offset"
+    assert most.key.startswith("homing-offset")
 
 
 def test_an_effect_that_the_readings_exclude_leaves_errors_as_they_are():
@@ -102,8 +102,8 @@ def beside_one(known: float) -> tuple:
     """A set of one value, and an effect that does the same but for what a sum of squares of `known` tells of it."""
     gram = np.array([[1e6, 1e6], [1e6, 1e6 + known]])
     own = 0.5 * np.log(1.0 + known)
-    atom = SimpleNamespace(name="told", columns=np.array([0]), odds=8.0, group=np.array([0]))
-    other = SimpleNamespace(name="absent", columns=np.array([1]), odds=8.0, group=np.array([0]))
+    atom = SimpleNamespace(name="told", key="told", columns=np.array([0]), odds=8.0, group=np.array([0]))
+    other = SimpleNamespace(name="absent", key="absent", columns=np.array([1]), odds=8.0, group=np.array([0]))
     system = SimpleNamespace(
         atoms={"told": atom, "absent": other},
         sums_of=lambda columns, memory: SimpleNamespace(gram=gram[np.ix_(columns, columns)], side=np.array([1e6, 1e6])),

@@ -49,7 +49,7 @@ class JointErrorMap(Effect):
             ("axis-compliance", "follows load, not angle: repeat under another payload"),
         ),
         remedy="Calibrate the joint against a reference encoder, or command corrected joints.",
-        needs="several hundred poses spread over the joint angles",
+        needs=f"{ROWS_A_JOINT} poses a joint, spread over the joint angles",
         telling="b",
     )
     called: ClassVar[str] = "encoder or gear"

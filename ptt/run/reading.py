@@ -12,6 +12,7 @@ from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.export import Export
 from ptt.run.readers.order import in_travel_order, refuse_order
 from ptt.run.readers.parts import read_parts
+from ptt.run.readers.required import refuse_scale_log
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.table import Table, concat_tables
 
@@ -88,6 +89,7 @@ def _table_of(
     export, moved = replace(export, columns=set_columns(export, values)), list[str]()
     refuse_order(set_values.get("order"))
     if request.purpose == "run":
+        refuse_scale_log(export)
         order = set_values.get("order", None if judge_order else "rows")
         export, moved = in_travel_order(export, None if order is None else str(order))
     arrays, warnings = table_fields(export, joints, prefix, request.purpose)

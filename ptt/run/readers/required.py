@@ -57,6 +57,21 @@ def require_columns(
         refuse_missing(export, ["x_cmd", "y_cmd", "z_cmd"], where)
 
 
+def refuse_scale_log(export: Export) -> None:
+    """Say which command reads the log of a linear scale.
+
+    Args:
+        export: what was read as a run.
+
+    Raises:
+        TableError: it is such a log.
+    """
+    titles = {title.strip().lower() for title in export.extra}
+    if "scale_mm" in titles and titles & {"command_turns", "motor_mm"}:
+        what = "a log of a linear scale, not of a tracker: it has a column scale_mm"
+        raise TableError(what, where=export.source, fix="`ptt backlash` reads it")
+
+
 def _refuse_foreign(export: Export, prefix: str, joints: int) -> None:
     """An arm's run with the machine file of a 3-PTT, or the reverse: no column would help.
 

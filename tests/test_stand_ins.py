@@ -1,0 +1,107 @@
+"""What looks like something else: a slip between two runs, a joint that settles, a scale that hides in the screws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from ptt.challenge.challenge import bench
+from ptt.diagnosis import doubt
+from ptt.diagnosis.absent import Absent
+from ptt.diagnosis.find import find
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.judge.ladder.climb import climb
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+
+NOISE = 0.004  # mm, one coordinate
+
+
+def stated(frame: str = "fitted") -> MachineFile:
+    file = bench()
+    return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": NOISE, "frame": frame}))
+
+
+def run_of(
+    file: MachineFile, target: np.ndarray, q_error: np.ndarray, seed: int, read: float = 1.0, **columns: object
+) -> Problem:
+    """A run of joints that err by so much, (n, 3) mm, read with noise and so many times too long."""
+    robot = build_mechanism(file.machine)
+    joints = robot.inverse(torch.as_tensor(target))
+    reached = read * robot.forward(joints + torch.as_tensor(q_error)).numpy()
+    noisy = reached + np.random.default_rng(seed).normal(0.0, NOISE, target.shape)
+    return build_problem(file, replace(make_table(target, joints.numpy(), **columns), measured=noisy))
+
+
+def up_and_down(rows: int) -> np.ndarray:
+    """A helix that turns over in z half way, where the second run begins."""
+    turn = np.linspace(0.0, 5.0 * np.pi, rows)
+    height = 40.0 - 80.0 * np.abs(np.linspace(-1.0, 1.0, rows))
+    return np.column_stack([50.0 * np.cos(turn), 50.0 * np.sin(turn), height])
+
+
+@pytest.mark.parametrize("frame", ["fitted", "fitted-per-run"])
+def test_a_slip_between_two_runs_is_placed_there(frame: str) -> None:
+    """Not told as a wind-up that is never over, though the travel turns over where it slipped."""
+    rows = 218
+    run = np.repeat([0, 1], rows // 2)
+    slip = np.where(run == 1, 0.14, 0.0)[:, None] * np.eye(3)[0]
+    time = 5.0 * np.arange(rows) + 300.0 * run
+    columns = {"run": run, "run_label": ("morning", "noon"), "time_s": time}
+    problem = run_of(stated(frame), up_and_down(rows), slip, 7, **columns)
+    found = diagnose(Model(problem.file), problem)
+    assert found.verdict == "missing"
+    assert [names[0] for names in found.suggested] == ["homing-slip"]
+    moment = dict(zip(found.model.keys, found.model.terms, strict=True))["homing-slip"].theta[-1]
+    assert time[rows // 2 - 2] <= float(moment) < time[rows // 2]
+    ladder = climb(Model(problem.file), problem, [library()["homing-slip"]()])
+    assert time[rows // 2 - 2] <= float(ladder.model.terms[0].theta[-1]) < time[rows // 2]
+
+
+def test_a_joint_that_settles_is_no_drift_of_the_tracker() -> None:
+    random = np.random.default_rng(11)
+    target = random.uniform([-60.0, -60.0, -40.0], [60.0, 60.0, 40.0], (150, 3))
+    time = 8.0 * np.arange(150)
+    settles = (0.04 * (1.0 - np.exp(-time / 350.0)))[:, None] * np.eye(3)[1]
+    problem = run_of(stated("trusted"), target, settles, 5, time_s=time)
+    found = diagnose(Model(problem.file), problem)
+    assert found.verdict == "unknown"
+    assert found.depends_on[0].on == "time"
+
+
+def test_what_the_tracker_may_have_done_is_a_doubt_and_what_the_machine_may_have_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As likely as not, and with screws that would be longer by a hundred usual sizes."""
+    target = np.random.default_rng(2).uniform(-40.0, 40.0, (80, 3))
+    file = stated()
+    joints = build_mechanism(file.machine).inverse(torch.as_tensor(target)).numpy()
+    problem = run_of(file, target, (joints - joints.mean(axis=0)) * 1.5e-3, 3)
+    found = find(Model(file), problem, library(), lambda what: None)
+    atoms, state = found.system.atoms, found.state
+    assert state.keys == ("lead-scale",)
+    longer = np.where(state.owner >= 0, 1.0, 0.0)
+    monkeypatch.setattr(doubt, "absent_effects", lambda scorer, state: ())
+    doubts = {"": doubt.tool_doubt(found.scorer, state)}
+    for name in ("tracker-scale", "homing-offset"):
+        key = next(key for key, atom in atoms.items() if atom.name == name)
+        absent = Absent(key, 1.0, 1e4 * np.outer(longer, longer))
+        monkeypatch.setattr(doubt, "absent_effects", lambda scorer, state, one=absent: (one,))
+        doubts[name] = doubt.tool_doubt(found.scorer, state)
+    assert doubts["homing-offset"] == doubts[""]
+    size = 100.0 * float(next(p.usual for p in library()["lead-scale"]().parameters))
+    moved = build_mechanism(file.machine).forward(torch.as_tensor(joints + (joints - joints.mean(axis=0)) * size))
+    left = frame_off(moved.numpy() - target, target)
+    assert doubts["tracker-scale"] == pytest.approx(np.sqrt(0.5 * np.square(left).sum(axis=1).mean()), rel=0.05)
+
+
+def frame_off(error: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """What a small rigid motion leaves of errors, (n, 3) mm."""
+    turns = np.cross(np.eye(3)[None], place[:, None]).transpose(0, 2, 1)
+    columns = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
+    return error - (columns @ np.linalg.lstsq(columns, error.ravel(), rcond=None)[0]).reshape(-1, 3)
