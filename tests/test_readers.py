@@ -506,3 +506,9 @@ def test_errors_in_the_targets_name_that_file(tmp_path: Path) -> None:
 )
 def test_a_blank_in_a_cell_cuts_no_column(lines: list[str], delimiter: str) -> None:
     assert find_delimiter(lines) == delimiter
+
+
+def test_the_log_of_a_linear_scale_is_told_which_command_reads_it() -> None:
+    log = Path(__file__).resolve().parents[1] / "data" / "scale.csv"
+    with pytest.raises(TableError, match=r"scale\.csv: a log of a linear scale.*`ptt backlash` reads it"):
+        read_table(log)
