@@ -11,7 +11,7 @@ from ptt.diagnosis import doubt
 from ptt.diagnosis.absent import Absent
 from ptt.diagnosis.find import find
 from ptt.diagnosis.verdict import diagnose
-from ptt.effects import library
+from ptt.effects import Curve, library
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -105,3 +105,28 @@ def frame_off(error: np.ndarray, place: np.ndarray) -> np.ndarray:
     turns = np.cross(np.eye(3)[None], place[:, None]).transpose(0, 2, 1)
     columns = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
     return error - (columns @ np.linalg.lstsq(columns, error.ravel(), rcond=None)[0]).reshape(-1, 3)
+
+
+class Hose(Curve):
+    """A hose pulls at slider 3 where the tool stands far out in y."""
+
+    name = "hose"
+    mechanisms = ("three-ptt",)
+    on, shape = "y", "smooth"
+    between = (-60.0, 60.0)
+
+
+def test_an_unknown_that_the_user_has_described_is_not_told_again() -> None:
+    target = np.random.default_rng(4).uniform([-60.0, -60.0, -40.0], [60.0, 60.0, 40.0], (200, 3))
+    pulled = 0.04 * np.sin(target[:, 1] / 18.0)[:, None] * np.eye(3)[2]
+    problem = run_of(stated(), target, pulled, 9)
+    before = diagnose(Model(problem.file), problem)
+    assert before.verdict == "unknown"
+    assert (before.depends_on[0].residual, before.depends_on[0].on) == ("slider 3", "y")
+    described = climb(Model(problem.file), problem, [Hose()]).model
+    after = diagnose(described, problem, {**library(), Hose.name: Hose})
+    (term,) = after.model.terms
+    assert term.fixed == described.terms[0].fixed
+    torch.testing.assert_close(term.theta, described.terms[0].theta)
+    told = [item.size.rms for item in after.depends_on if item.size is not None]
+    assert max(told, default=0.0) < 0.2 * before.depends_on[0].size.rms

@@ -88,10 +88,11 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tupl
         others: it with moments of a slip and a knock exchanged.
 
     Returns:
-        The terms, in the order of a model.
+        The terms, in the order of a model; those of which all values are held as they are.
     """
     exchanged, absent = exchanged_errors(found, others), absent_effects(found.scorer, found.state)
-    system, state, current = found.system, found.state, replace(model, terms=())
+    system, state = found.system, found.state
+    current = replace(model, terms=tuple(term for term in model.terms if term.effect.key not in system.atoms))
     for key in (*found.scorer.given, *keys):
         atom, own = system.atoms[key], state.of(key)
         term = next((t for t in found.fitted.model.terms if t.effect.key == atom.name), None)
@@ -133,7 +134,10 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
     alone, sent = scorer.score(keys, state.memory), list[Term]()
     atoms = {scorer.system.atoms[key].name: scorer.system.atoms[key] for key in alone.keys}
     for term in terms:
-        atom, theta = atoms[term.effect.key], term.theta.clone()
+        atom, theta = atoms.get(term.effect.key), term.theta.clone()
+        if atom is None:  # all of its values are held
+            sent.append(term)
+            continue
         theta[_free(found, atom)] = torch.as_tensor(values_of(alone, atom, scorer.system.scale))
         sent.append(replace(term, theta=_within(term, theta, found.fitted.model)))
     return tuple(sent)

@@ -35,7 +35,7 @@ from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
-from ptt.fitting.solve import residual_of, rms
+from ptt.fitting.solve import hold, residual_of, rms
 from ptt.model.model import Model, Term
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
@@ -73,7 +73,8 @@ def diagnose(
         TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
     enough(problem)
-    known = library() if known is None else known
+    known, given = library() if known is None else known, model
+    model = _at_its_word(model)
     tell = progress or (lambda what: None)
     opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
@@ -85,7 +86,26 @@ def diagnose(
     tell("rest")
     rest = look_for_rest(found.system, found.state, problem, seed=seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
-    return replace(result, opening=opening, words=result.words + error_by_base(model, whole))
+    words = result.words + error_by_base(given, whole)
+    return replace(result, model=_as_free_as(given, result.model), opening=opening, words=words)
+
+
+def _at_its_word(model: Model) -> Model:
+    """The model with effects of the user's own held at their values.
+
+    A law that somebody wrote for what nobody knew has many values, and an unknown that bends with fewer would take its
+    place and be told as if the law were not there.
+    """
+    built_in = library()
+    held = (hold(term) if len(term.theta) and term.effect.name not in built_in else term for term in model.terms)
+    return replace(model, terms=tuple(held))
+
+
+def _as_free_as(given: Model, model: Model) -> Model:
+    """A model whose effects are as free to be fitted as those of the same name as given."""
+    fixed = {term.effect.key: term.fixed for term in given.terms}
+    terms = (replace(term, fixed=fixed.get(term.effect.key, term.fixed)) for term in model.terms)
+    return replace(model, terms=tuple(terms))
 
 
 def enough(problem: Problem) -> None:
@@ -146,7 +166,7 @@ def conclude(
     beyond = () if stands(terms, shown) and stands(sent, shown) else tuple(atoms[step.key].name for step in told.steps)
     if beyond:
         told = replace(told, steps=())
-        terms = sent = tuple(term for term in found.fitted.model.terms if term.effect.key in scorer.given)
+        terms = sent = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
     named = told.steps
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     rest = _objected(rest, found, told, problem, beyond, rms_um["after"]["total"] / MICRO)
