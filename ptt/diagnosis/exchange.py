@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from ptt.diagnosis.at_tool import off_set_up
 from ptt.diagnosis.found import Found, fits_exchanged
 from ptt.diagnosis.probability import TEMPER
-from ptt.effects.metrology import rigid_basis
 from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.model.chain import predict
 from ptt.model.model import Term
@@ -68,7 +68,7 @@ def exchanged_doubt(found: Found, others: Sequence[Exchange], problem: Problem) 
         return 0.0
     told, square = _tool_after(found.fitted.model.terms, problem), 0.0
     for odds, terms in others:
-        apart = _off_set_up(_tool_after(terms, problem) - told, problem)
+        apart = off_set_up(_tool_after(terms, problem) - told, problem)
         square += odds / (1.0 + odds) * float(np.square(apart).sum(axis=1).mean())
     return float(np.sqrt(square))
 
@@ -83,19 +83,3 @@ def _lasting(term: Term) -> Term:
     if not isinstance(term.effect, Sudden):
         return term
     return replace(term, theta=torch.cat([term.theta[:-1], ALWAYS["after"]]))
-
-
-def _off_set_up(apart: np.ndarray, problem: Problem) -> np.ndarray:
-    """The same on the rows that count, what a rigid motion of each set-up takes taken off; in a trusted frame whole."""
-    apart, place, frame = (
-        apart[problem.used],
-        rigid_basis(problem.view.p).numpy()[problem.used],
-        problem.frame[problem.used],
-    )
-    if problem.file.tracker.frame == "trusted":
-        return apart
-    left = apart.copy()
-    for own in (frame == index for index in np.unique(frame)):
-        columns = place[own].reshape(-1, 6)
-        left[own] -= (columns @ np.linalg.lstsq(columns, apart[own].ravel(), rcond=None)[0]).reshape(-1, 3)
-    return left

@@ -1,6 +1,6 @@
 """The verdict: what is missing, that nothing is, or that something is which no known effect describes."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ptt.diagnosis.exchange import Exchange, exchanges
 from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found, stands
+from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import (
     LEAST_FREEDOM,
@@ -35,7 +36,7 @@ from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
-from ptt.fitting.solve import hold, residual_of, rms
+from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model, Term
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
@@ -74,7 +75,7 @@ def diagnose(
     """
     enough(problem)
     known, given = library() if known is None else known, model
-    model = _at_its_word(model)
+    model = at_its_word(model)
     tell = progress or (lambda what: None)
     opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
@@ -87,25 +88,7 @@ def diagnose(
     rest = look_for_rest(found.system, found.state, problem, seed=seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
     words = result.words + error_by_base(given, whole)
-    return replace(result, model=_as_free_as(given, result.model), opening=opening, words=words)
-
-
-def _at_its_word(model: Model) -> Model:
-    """The model with effects of the user's own held at their values.
-
-    A law that somebody wrote for what nobody knew has many values, and an unknown that bends with fewer would take its
-    place and be told as if the law were not there.
-    """
-    built_in = library()
-    held = (hold(term) if len(term.theta) and term.effect.name not in built_in else term for term in model.terms)
-    return replace(model, terms=tuple(held))
-
-
-def _as_free_as(given: Model, model: Model) -> Model:
-    """A model whose effects are as free to be fitted as those of the same name as given."""
-    fixed = {term.effect.key: term.fixed for term in given.terms}
-    terms = (replace(term, fixed=fixed.get(term.effect.key, term.fixed)) for term in model.terms)
-    return replace(model, terms=tuple(terms))
+    return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)
 
 
 def enough(problem: Problem) -> None:
@@ -160,63 +143,85 @@ def conclude(
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
-    told = name_steps(scorer, state)
-    others = exchanges(found, problem)
-    terms, sent = _at_values(found, told, model, others)
-    beyond = () if stands(terms, shown) and stands(sent, shown) else tuple(atoms[step.key].name for step in told.steps)
-    if beyond:
-        told = replace(told, steps=())
-        terms = sent = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
-    named = told.steps
+    said = _said_of(found, model, problem, shown)
+    named = said.told.steps
     rms_um = _errors(found, tuple(step.key for step in named), clean)
-    rest = _objected(rest, found, told, problem, beyond, rms_um["after"]["total"] / MICRO)
+    rest = _objected(rest, found, said, problem, rms_um["after"]["total"] / MICRO)
+    noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
+    verdict = _verdict(found, bool(named), rest)
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
-    noise = noise_after(problem, found.system, state)
-    chances = weigh_sets(scorer)
-    fitted_model = replace(model, terms=sent)
-    verdict = _verdict(found, bool(named), rest)
-    depends = _depends_on(found, told, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
+    depends = _depends_on(found, said.told, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
-    separation = plan_separation(found.fitted, shown, suggested, known, seed=seed) if tied else None
     result = Diagnosis(
         verdict=verdict,
         verdict_probability=_verdict_probability(chances, verdict),
         suggested=suggested,
         candidates=(
-            *candidates_of_steps(found, told, terms, others, chances, noise, problem),
+            *candidates_of_steps(found, said.told, said.terms, said.others, chances, noise, problem),
             *other_candidates(found, named, chances, problem),
         ),
         not_testable=found.untestable,
         depends_on=depends,
         rest=rest,
-        separation=separation,
+        separation=plan_separation(found.fitted, shown, suggested, known, seed=seed) if tied else None,
         noise=noise,
         wander=_slow(found, problem),
         rms_um=rms_um,
         rows=int(clean.used.sum()),
         outliers=found.gross,
-        model=fitted_model,
+        model=replace(model, terms=said.sent),
         fitted=found.fitted,
         words="",
     )
     return replace(result, words=explain_verdict(result, steps))
 
 
-def _objected(
-    rest: Rest, found: Found, told: Named, problem: Problem, beyond: tuple[str, ...], error: float
-) -> Rest:  # fmt: skip
+@dataclass(frozen=True)
+class _Said:
+    """What is named of an explanation, at values.
+
+    Attributes:
+        told: the steps.
+        others: the explanation with moments of unlike sudden effects exchanged.
+        terms: effects of the model as given and those that are named, at their values.
+        sent: the same at the values that are sent to a machine.
+        beyond: names of effects with whose values the machine could not stand; then no step is named.
+    """
+
+    told: Named
+    others: tuple[Exchange, ...]
+    terms: tuple[Term, ...]
+    sent: tuple[Term, ...]
+    beyond: tuple[str, ...] = ()
+
+
+def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _Said:
+    """What is named: nothing where the machine could not stand at it where the rows that are shown had it stand."""
+    told, others = name_steps(found.scorer, found.state), exchanges(found, problem)
+    keys = tuple(step.key for step in told.steps)
+    terms = fitted_terms(found, model, keys, others)
+    sent = sent_terms(found, terms, keys)
+    if stands(terms, shown) and stands(sent, shown):
+        return _Said(told, others, terms, sent)
+    given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
+    beyond = tuple(found.system.atoms[key].name for key in keys)
+    return _Said(replace(told, steps=()), others, given, given, beyond)
+
+
+def _objected(rest: Rest, found: Found, said: _Said, problem: Problem, error: float) -> Rest:
     """The rest with all that speaks against what was found; `error` is what it leaves, mm."""
     system, state = found.system, found.state
-    unproven = tuple(system.atoms[key].name for key in told.unproven)
+    unproven = tuple(system.atoms[key].name for key in said.told.unproven)
     left, stated = visit_left(system, state), stated_noise(problem, system, state)
     wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
     by_visit = bool(system.by_visit and state.memory.pose)
-    silent = _verdict(found, bool(told.steps), rest) == "nothing-missing"
+    silent = _verdict(found, bool(said.told.steps), rest) == "nothing-missing"
     unsaid = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
-    return with_objections(rest, told.faithful, unproven, left, stated, beyond, against_gross(found, problem), unsaid)
+    aside = against_gross(found, problem)
+    return with_objections(rest, said.told.faithful, unproven, left, stated, said.beyond, aside, unsaid)
 
 
 def _depends_on(
@@ -234,15 +239,6 @@ def _depends_on(
     suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
     left = rest_of(scorer, suspect, problem)[slice(None) if found.sample is None else numbers(found.sample)]
     return dependences(unknowns_of(scorer, suspect, left), left, shown)
-
-
-def _at_values(
-    found: Found, told: Named, model: Model, others: tuple[Exchange, ...]
-) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """Effects of the model as given and those that are named: at their values, and at those that are sent."""
-    keys = tuple(step.key for step in told.steps)
-    terms = fitted_terms(found, model, keys, others)
-    return terms, sent_terms(found, terms, keys)
 
 
 def _slow(found: Found, problem: Problem) -> Slow | None:

@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import torch
 
+from ptt.diagnosis.at_tool import at_tool_um
 from ptt.effects.base import family
-from ptt.effects.metrology import rigid_basis
 from ptt.effects.phrases import Said, capital, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
 from ptt.fitting.gauge import Told, sparsest
-from ptt.model.chain import predict
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -154,25 +152,6 @@ def _size_in_all(told: Told, apart: float, before: float, problem: Problem) -> s
     taken = f", {back} of which the other effects take back" if makes > PART * apart else ""
     where = "in the readings" if told.term.effect.stage == "metrology" else "at the tool"
     return f"{where} it makes {makes:.{0 if makes >= 10.0 else 1}f} um rms{taken}"
-
-
-def at_tool_um(term: Term, problem: Problem) -> float:
-    """How far an effect alone moves the tool as it is read, less what a frame that is fitted takes of it, um rms.
-
-    Args:
-        term: the effect, at its values.
-        problem: the readings.
-    """
-    view, used = problem.view, problem.used
-    moved = predict([(term.effect, term.theta)], view).reading - predict([], view).reading
-    shift, place = moved.detach().numpy()[used], view.p[torch.as_tensor(used)]
-    for frame in range(problem.frames):
-        here = problem.frame[used] == frame
-        rigid = rigid_basis(place[torch.as_tensor(here)]).numpy().reshape(-1, 6)
-        if len(rigid):
-            taken = rigid @ np.linalg.lstsq(rigid, shift[here].ravel(), rcond=None)[0]
-            shift[here] -= taken.reshape(-1, 3)
-    return 1e3 * float(np.sqrt((shift**2).sum(axis=1).mean())) if len(shift) else 0.0
 
 
 def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBTED) -> str:

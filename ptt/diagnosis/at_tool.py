@@ -1,0 +1,47 @@
+"""What errors and effects come to at the tool, where a set-up that is fitted has taken its share."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ptt.effects.metrology import rigid_basis
+from ptt.model.chain import predict
+from ptt.model.model import Term
+from ptt.run.problem import Problem
+
+
+def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
+    """What a rigid motion of each set-up leaves of errors, on the rows that count; in a trusted frame all of them.
+
+    Args:
+        error: of the tool or of its readings, (n, 3) mm.
+        problem: n rows.
+
+    Returns:
+        (m, 3) mm.
+    """
+    left, place = error[problem.used].copy(), rigid_basis(problem.view.p).numpy()[problem.used]
+    for own in _set_ups(problem):
+        columns = place[own].reshape(-1, 6)
+        left[own] -= (columns @ np.linalg.lstsq(columns, left[own].ravel(), rcond=None)[0]).reshape(-1, 3)
+    return left
+
+
+def _set_ups(problem: Problem) -> Iterator[np.ndarray]:
+    """Which of the rows that count are of each set-up, (m,) bool; of those in a trusted frame none."""
+    if problem.file.tracker.frame != "trusted":
+        frame = problem.frame[problem.used]
+        yield from (frame == index for index in np.unique(frame))
+
+
+def at_tool_um(term: Term, problem: Problem) -> float:
+    """How far an effect alone moves the tool as it is read, less what a frame that is fitted takes of it, um rms.
+
+    Args:
+        term: the effect, at its values.
+        problem: the readings.
+    """
+    view = problem.view
+    moved = predict([(term.effect, term.theta)], view).reading - predict([], view).reading
+    left = off_set_up(moved.detach().numpy(), problem)
+    return 1e3 * float(np.sqrt(np.square(left).sum(axis=1).mean())) if len(left) else 0.0
