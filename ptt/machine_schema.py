@@ -146,23 +146,26 @@ def _instead_of(path: list[str]) -> str:
     here = ".".join(path[:-1]) or "top"
     homes = [name for name, models in SECTIONS.items() if any(path[-1] in model.model_fields for model in models)]
     if homes:
-        return f"it belongs in {' or '.join(homes)}, not in {here}"
+        return f"it belongs in {' or '.join(homes)} (this is {here})"
+    if path[0] == "effect" and len(path) == 3:
+        return f"values of an effect belong in [effect.parameters] (this is {here})"
     guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
     return f"did you mean '{guess[0]}'? (in {here})" if guess else f"remove it (in {here})"
 
 
 def _known_keys() -> list[str]:
-    models = [model for models in SECTIONS.values() for model in models]
-    return [name for model in models for name in model.model_fields] + list(ParameterEntry.model_fields)
+    return [name for models in SECTIONS.values() for model in models for name in model.model_fields]
 
 
 SECTIONS: dict[str, tuple[type[Frozen], ...]] = {
     "the top of the file": (Document,),
-    "[machine]": (ThreePttSpec, SerialSpec),
+    '[machine] of kind = "three-ptt"': (ThreePttSpec,),
+    '[machine] of kind = "serial"': (SerialSpec,),
     "[[machine.joint]]": (JointSpec,),
     "[controller]": (ControllerSpec,),
     "[tracker]": (TrackerSpec,),
     "[targets]": (TargetsSpec,),
     "[[tracker.base_point]]": (BasePoint,),
     "[[effect]]": (EffectEntry,),
+    "a value of [effect.parameters]": (ParameterEntry,),
 }

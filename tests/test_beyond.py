@@ -7,7 +7,7 @@ import pytest
 import torch
 from test_fit import empty_run, machine, term
 
-from ptt.diagnosis.found import fit_less, stands
+from ptt.diagnosis.fits import fit_less, stands
 from ptt.diagnosis.rest import Rest, with_objections
 from ptt.diagnosis.verdict import diagnose
 from ptt.model.model import Model

@@ -536,6 +536,11 @@ slider_travel_mm = [150, 420]
         (TOML + "screw_led_mm = 5\n", r"m\.toml: unknown key 'screw_led_mm'; did you mean 'screw_lead_mm'"),
         (TOML.replace("link_length_mm = 300", "link_length_mm = -300"), r"m\.toml key machine\.link_length_mm: .*-300"),
         (TOML + "sigma_mm = 0.004\n", r"m\.toml: unknown key 'sigma_mm'; it belongs in \[tracker\] or"),
+        (TOML + "gravity = [0, 0, -1]\n", r"unknown key 'gravity'; it belongs in \[machine\] of kind = \"serial\""),
+        (
+            TOML + '[[effect]]\nname = "backlash"\ngap_mm = 0.04\n',
+            r"'gap_mm'; values .* in \[effect\.parameters\]",
+        ),
         (TOML + '[[effect]]\nname = "backlsh"\n', r"m\.toml.*effect 'backlsh' is not known; did you mean 'backlash'"),
         (TOML + '[[effect]]\nname = "backlash"\n' * 2, r"m\.toml.*effect 'backlash' is in the model already"),
     ],

@@ -12,7 +12,8 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.laws import _arrivals, _is_passed_again, by_laws, laws_of
+from ptt.diagnosis.jumps import _is_passed_again
+from ptt.diagnosis.laws import _arrivals, by_laws, laws_of
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import near_sets, weigh_sets
 from ptt.diagnosis.row_system import RowSystem, build_system

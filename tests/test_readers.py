@@ -512,3 +512,10 @@ def test_the_log_of_a_linear_scale_is_told_which_command_reads_it() -> None:
     log = Path(__file__).resolve().parents[1] / "data" / "scale.csv"
     with pytest.raises(TableError, match=r"scale\.csv: a log of a linear scale.*`ptt backlash` reads it"):
         read_table(log)
+
+
+def test_a_run_that_a_scale_was_read_beside_is_a_run(tmp_path: Path) -> None:
+    lines = (FIXTURES.parents[1] / "data" / "volume.csv").read_text(encoding="utf-8").splitlines()
+    beside = [f"{lines[0]},scale_mm,motor_mm", *(f"{line},1.0,1.0" for line in lines[1:])]
+    (tmp_path / "run.csv").write_text("\n".join(beside), encoding="utf-8")
+    assert read_table(tmp_path / "run.csv").rows == len(lines) - 1

@@ -11,7 +11,7 @@ from ptt.run.problem import Problem
 
 
 def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
-    """What a rigid motion of each set-up leaves of errors, on the rows that count; in a trusted frame all of them.
+    """What a rigid motion of each set-up leaves of errors on the rows that count; all where no frame is fitted.
 
     Args:
         error: of the tool or of its readings, (n, 3) mm.
@@ -28,8 +28,8 @@ def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
 
 
 def _set_ups(problem: Problem) -> Iterator[np.ndarray]:
-    """Which of the rows that count are of each set-up, (m,) bool; of those in a trusted frame none."""
-    if problem.file.tracker.frame != "trusted":
+    """Which of the rows that count are of each set-up, (m,) bool; none where no frame is fitted."""
+    if problem.frames:
         frame = problem.frame[problem.used]
         yield from (frame == index for index in np.unique(frame))
 

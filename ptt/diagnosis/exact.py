@@ -7,7 +7,8 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.atoms import Atom, is_effect, is_sudden
-from ptt.diagnosis.found import Found, fit_less, is_better, moved, scorer_at
+from ptt.diagnosis.fits import fit_less
+from ptt.diagnosis.found import Found, is_better, moved, scorer_at
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import SEEN, TRIED, added, loose, without
 from ptt.diagnosis.score import Scorer

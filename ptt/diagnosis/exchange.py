@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.at_tool import off_set_up
-from ptt.diagnosis.found import Found, fits_exchanged
+from ptt.diagnosis.fits import fits_exchanged
+from ptt.diagnosis.found import Found
 from ptt.diagnosis.probability import TEMPER
 from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.model.chain import predict

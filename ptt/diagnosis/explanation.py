@@ -88,7 +88,7 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tupl
         others: it with moments of a slip and a knock exchanged.
 
     Returns:
-        The terms, in the order of a model; those of which all values are held as they are.
+        The terms, in the order of a model; those without a value that is free are as they were given.
     """
     exchanged, absent = exchanged_errors(found, others), absent_effects(found.scorer, found.state)
     system, state = found.system, found.state
@@ -146,7 +146,7 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
 def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
     """Values with lengths where their law holds: far from where it was linearised a tangent may ask for any."""
     bounds = [
-        (p.lower, p.upper) if p.role == "searched" else (-np.inf, np.inf)
+        (p.lower, min(p.upper, p.most)) if p.role == "searched" else (-np.inf, np.inf)
         for p in (each.on(model.file.machine.kind) for each in term.effect.parameters)
         for _ in range(p.size(model.joints))
     ]

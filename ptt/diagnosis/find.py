@@ -11,7 +11,8 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, without_needless
 from ptt.diagnosis.first import beside_names, names_suffice, search_first
-from ptt.diagnosis.found import Found, carried_by, fit_less, is_better, moved, scorer_at, settled
+from ptt.diagnosis.fits import fit_less
+from ptt.diagnosis.found import Found, carried_by, is_better, moved, scorer_at, settled
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
@@ -20,6 +21,7 @@ from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
+from ptt.diagnosis.rest import SILENT, stated_of
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import improve, is_told, plainest, refilled
@@ -42,7 +44,6 @@ from ptt.run.problem import Problem
 
 STEPS = 12  # effects that may be added
 TURNS = 5  # of linearising and searching
-SILENT = 1.5  # times the noise floor up to which nothing is said rather than what is little likelier: DESIGN.md, 5
 NARROWER = 0.8  # of the noise that an explanation was found with: where it leaves less, it is asked for again with that
 
 
@@ -81,7 +82,7 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
     if loose(scorer, state) or problem.noise is None:
         return found
     left = found.system.in_mm(found.system.left(state.columns, state.posterior.values))
-    if np.sqrt(np.square(left).sum(axis=1).mean()) <= SILENT * problem.noise.total:
+    if np.sqrt(np.square(left).sum(axis=1).mean()) <= SILENT * stated_of(problem.noise)[1]:
         return found
     best = max(scorer.scored.values(), key=lambda other: other.total)
     return replace(found, state=plainest(scorer, best, nothing=False))

@@ -1,6 +1,7 @@
 """The noise floor that errors are held against: what is known of it, else what everything or the best leaves."""
 
 from ptt.diagnosis.find import find
+from ptt.diagnosis.given import at_its_word
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_left, saturated_floor, too_few
 from ptt.diagnosis.opening import opening_rows
 from ptt.effects import Library
@@ -31,7 +32,7 @@ def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
     except TableError:
         if problem.used.sum() < LEAST_FREEDOM:
             raise
-    found = find(model, problem.masked(opening_rows(problem)), known, lambda what: None)
+    found = find(at_its_word(model), problem.masked(opening_rows(problem)), known, lambda what: None)
     noise = noise_left(found.system, found.state)
     if noise.freedom < LEAST_FREEDOM:
         raise too_few(problem)

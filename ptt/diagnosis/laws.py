@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES, context_views, path_views
+from ptt.dependence.contexts import COORDINATES, path_views
 from ptt.diagnosis.atoms import (
     SHAPE_POWER,
     Atom,
@@ -24,6 +24,7 @@ from ptt.diagnosis.atoms import (
     odds_of_block,
 )
 from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain, stand_of
+from ptt.diagnosis.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
 from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
@@ -33,17 +34,13 @@ from ptt.diagnosis.smooth import cosines, ends_of, reined, scaled
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import whitened
 from ptt.effects.geometry import ACROSS
-from ptt.effects.sudden import run_clock
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
 OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear and joints of rails are short, over all
 # else that varies, and over what only fades or grows the way a joint came
 NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
-HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
-ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
 MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
-AGAIN = 3  # things that happen by themselves in one run, at most: what happens more often happens again and again
 SPELL = " jumps on time#"  # in the name of a law of what came at one moment and went at another
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 
@@ -197,7 +194,7 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
         The laws of one place.
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
-    passed, spells = list(_passed_again(problem)), list(_spells(problem, moments))
+    passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
         name = place.residual
@@ -210,7 +207,7 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
         laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in here.items()]
         for ons, shapes in _arrivals(problem, place.joint):
             laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
-        jumps = [(own, repr(float(height)), heights > height) for height in _heights(heights[problem.used])]
+        jumps = [(own, repr(float(height)), heights > height) for height in heights_of(heights[problem.used])]
         yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
     yield _jumps(stand_of(problem), spells)
 
@@ -267,45 +264,6 @@ def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], n
         step[view.starts.numpy()] = longest  # from where it came then, nobody knows
         far = np.log(np.maximum(step, SHORTEST * longest))  # friction forgets where it began by shares
         yield (name, "step"), side * _curve(far, COARSE)
-
-
-def _heights(visited: np.ndarray) -> np.ndarray:
-    """Middles between neighbouring heights of a joint, some rows on either side of each."""
-    order = np.sort(visited)
-    edge = max(int(ENDS * len(order)), LEAST_END)
-    inner = np.unique(order[edge - 1 : len(order) - edge + 1])
-    some = np.linspace(0, max(len(inner) - 2, 0), min(HEIGHTS, max(len(inner) - 1, 0))).round().astype(int)
-    return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
-
-
-def _passed_again(problem: Problem) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Warmth, and columns of a person's own, at which something may let go: the value, and the rows above it."""
-    for on, values in context_views(problem).items():
-        if on == "temperature" or on in problem.table.watched:
-            for value in _heights(values[problem.used]):
-                above = values > value
-                if _is_passed_again(above[problem.used]):
-                    yield on, repr(float(value)), above
-
-
-def _spells(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str, str, np.ndarray]]:
-    """What came at one moment and went at another: both of them, and the rows in between.
-
-    That a knock takes back just what another did is no accident: whatever it was came and went, and may come again. And
-    what happens again and again in one run does not happen by itself each time.
-    """
-    clock = run_clock(problem.view).numpy()
-    for first, last in combinations(moments, 2):
-        yield "time", f"{first!r} {last!r}", (clock > first) & (clock <= last)
-    if len(moments) > AGAIN:
-        yield "time", " ".join(map(repr, moments)), clock[:, None] > np.array(moments)
-
-
-def _is_passed_again(passed: np.ndarray) -> bool:
-    """Whether a value is passed to and fro, (n,) bool by travel: what is passed once says what a moment says."""
-    before, above = np.arange(len(passed) + 1), np.concatenate([[0], np.cumsum(passed)])
-    unlike = above + (len(passed) - before) - (above[-1] - above)  # rows unlike one step up at a moment
-    return bool(min(unlike.min(), len(passed) - unlike.max()) >= max(int(ENDS * len(passed)), LEAST_END))
 
 
 def _curve(values: np.ndarray, count: int) -> np.ndarray:

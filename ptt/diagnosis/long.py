@@ -10,6 +10,7 @@ from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.everywhere import Task, find_everywhere
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found
+from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.opening import opening_rows
@@ -81,7 +82,8 @@ def diagnose_long(
         TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
     enough(problem)
-    known = library() if known is None else known
+    known, given = library() if known is None else known, model
+    model = at_its_word(model)
     tell = progress or (lambda what: None)
     opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
@@ -106,7 +108,8 @@ def diagnose_long(
     times = share_of_rows(problem.table.rows)
     if times > 1 and found.state.memory == WHITE:
         how += f" What else may be missing is told by one row in {times}."
-    return replace(result, words=f"{result.words}{error_by_base(model, whole)} {how}", opening=opening)
+    words = f"{result.words}{error_by_base(given, whole)} {how}"
+    return replace(result, model=as_free_as(given, result.model), words=words, opening=opening)
 
 
 def _new(found: Found, told: Found) -> list[str]:

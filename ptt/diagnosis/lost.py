@@ -6,7 +6,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from ptt.diagnosis.found import UNUSUAL, Found, fit_dated
+from ptt.diagnosis.fits import fit_dated
+from ptt.diagnosis.found import UNUSUAL, Found
 from ptt.effects.reversal import Backlash, Windup, gap_of
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.model.model import Model, Term

@@ -9,7 +9,8 @@ from ptt.diagnosis.asked import Asked, open_turn
 from ptt.diagnosis.atoms import is_effect
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.first import dated, sift, sift_again
-from ptt.diagnosis.found import Found, fit_less, moved
+from ptt.diagnosis.fits import fit_less
+from ptt.diagnosis.found import Found, moved
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.lost import lost_by_one
 from ptt.diagnosis.memory import WHITE

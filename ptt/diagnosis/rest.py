@@ -18,6 +18,7 @@ from ptt.run.holdout import BLOCKS, blocks
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+SILENT = 1.5  # times a stated noise up to which nothing is said rather than what is little likelier: DESIGN.md, 5
 EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
 CHANCE_LACK = 1e-4  # lack of fit
 CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals
@@ -146,7 +147,7 @@ def too_much_for_nothing(
     """
     if noise is None:
         return None
-    source, total = noise.stated or (noise.source, noise.total)
+    source, total = stated_of(noise)
     visits = by_visit or noise.stated is not None
     if error <= (np.sqrt(1.0 + FAULT) if wanders or visits else EXCESS) * total:
         return None
@@ -154,6 +155,15 @@ def too_much_for_nothing(
     if visits:
         return f"{times}; poses come back that badly, or something differs from visit to visit that no column tells"
     return f"{times}, further than a tracker wanders" if wanders else f"{times}, and follows nothing recorded here"
+
+
+def stated_of(noise: Noise) -> tuple[str, float]:
+    """Who states a noise floor, and how much, mm: what a file states of the tracker before what repeats tell.
+
+    Args:
+        noise: the floor as it was before any search.
+    """
+    return noise.stated or (noise.source, noise.total)
 
 
 def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:

@@ -13,7 +13,8 @@ from ptt.diagnosis.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.exchange import Exchange, exchanges
 from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
-from ptt.diagnosis.found import Found, stands
+from ptt.diagnosis.fits import stands
+from ptt.diagnosis.found import Found
 from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import (

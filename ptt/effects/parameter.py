@@ -18,11 +18,11 @@ class Parameter:
         onward: one value for each pair of a joint and a link that it carries, its own first; joint by joint.
         lower: physical lower bound.
         upper: physical upper bound.
+        most: value beyond which no fit goes, though a file may hold it: there it would be something else.
         role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
             the fit).
         axis: measured along the axis, so its unit follows the joint's.
         usual_rad: usual size on a serial arm, where it differs.
-        upper_rad: physical upper bound on a serial arm, where it differs.
         held: kept near zero at its usual size by a prior, because the effect is defined without it; what data of
             finite length leave of it is small.
         lent: effects whose own cause each of the `count` held values is. Where such an effect is not in the model, the
@@ -42,10 +42,10 @@ class Parameter:
     count: int = 1
     lower: float = -float("inf")
     upper: float = float("inf")
+    most: float = float("inf")
     role: Literal["linear", "searched", "given"] = "linear"
     axis: bool = False
     usual_rad: float | None = None
-    upper_rad: float | None = None
     held: bool = False
     lent: tuple[str, ...] = ()
     onward: bool = False
@@ -79,11 +79,8 @@ class Parameter:
             self.unit.replace("mm", "rad").replace("N", "Nmm") if "N" in self.unit else self.unit.replace("mm", "rad")
         )
         values = {**self.__dict__, "unit": unit, "axis": False}
-        usual, upper = (
-            here if there is None else there
-            for here, there in ((self.usual, self.usual_rad), (self.upper, self.upper_rad))
-        )
-        return Parameter(**(values | {"usual": usual, "upper": upper}))
+        usual = self.usual if self.usual_rad is None else self.usual_rad
+        return Parameter(**(values | {"usual": usual, "most": self.most * usual / self.usual}))
 
     @property
     def name(self) -> str:

@@ -162,11 +162,10 @@ class Windup(Effect):
             2.0,
             "travel over which it changes",
             lower=1e-3,
-            upper=LONGEST,
+            most=LONGEST,
             role="searched",
             axis=True,
             usual_rad=2e-2,
-            upper_rad=0.01 * LONGEST,
         ),
     )
     requires: ClassVar[tuple[str, ...]] = ("direction",)

@@ -38,17 +38,20 @@ class Sudden(Effect):
         was at the machine: it was switched off, homed, or hit.
         """
         moments = self._told(view).sort().values[EDGE - 1 : -EDGE]
-        chosen = moments[torch.linspace(0, len(moments) - 1, min(MOMENTS, len(moments))).round().long()]
-        ends = self._ends(view)
-        between = ends[(ends >= moments[0]) & (ends <= moments[-1])] if len(moments) else ends
-        return tuple({"after": moment.reshape(1)} for moment in torch.cat([chosen, between]).unique())
+        chosen = _spread(moments)
+        between = self._ends(view)
+        between = between[(between >= chosen[0]) & (between <= chosen[-1])] if len(chosen) else between
+        return tuple({"after": moment.reshape(1)} for moment in torch.cat([chosen, _spread(between)]).unique())
 
     def _ends(self, view: View) -> Tensor:
-        """The clock of the last reading of each run but the last."""
+        """The clock of the last reading of each run, but that of the run that ends last."""
         clock, run = run_clock(view), view.run
         if view.read is not None:
             clock, run = clock[view.read], run[view.read]
-        return clock[:-1][torch.diff(run) != 0]
+        last = torch.full((int(run.max()) + 1 if len(run) else 0,), -1).scatter_reduce(
+            0, run, torch.arange(len(run)), "amax"
+        )
+        return clock[last[last >= 0].sort().values[:-1]]
 
     def _told(self, view: View) -> Tensor:
         """The clock of the rows that have a reading."""
@@ -71,3 +74,8 @@ class Sudden(Effect):
         after = float(theta[-1])
         moment = f"{after:.0f} s" if "time" in view.varies else f"row {after + 1.0:.0f}"
         return f"{super().cause(theta, view)} after {moment}"
+
+
+def _spread(moments: Tensor) -> Tensor:
+    """As many of some moments as are worth trying, evenly spread over them."""
+    return moments[torch.linspace(0, len(moments) - 1, min(MOMENTS, len(moments))).round().long()]

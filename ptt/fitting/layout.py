@@ -158,7 +158,7 @@ def _of_term(
         unknowns += [
             _Unknown(
                 f"{term.effect.key} {name}", own, index, first + groups.index(part),
-                parameter.lower / own, parameter.upper / own, part[0] == "held",
+                parameter.lower / own, min(parameter.upper, parameter.most) / own, part[0] == "held",
             )
             for name, own, part in zip(names, sizes, parts, strict=True)
         ]  # fmt: skip

@@ -177,5 +177,5 @@ def _opened(term: Term, shape: Shape, amplitude: np.ndarray, problem: Problem) -
         part = slice(place, place + item.size(joints))
         place = part.stop
         least = OPENING * item.usual if item.role == "linear" and item.lower == 0.0 else item.lower
-        theta[part] = theta[part].clamp(least, item.upper)
+        theta[part] = theta[part].clamp(least, min(item.upper, item.most))
     return replace(term, theta=theta)

@@ -67,7 +67,8 @@ def refuse_scale_log(export: Export) -> None:
         TableError: it is such a log.
     """
     titles = {title.strip().lower() for title in export.extra}
-    if "scale_mm" in titles and titles & {"command_turns", "motor_mm"}:
+    readings = {f"{axis}_meas" for axis in "xyz"} & export.columns.keys()
+    if not readings and "scale_mm" in titles and titles & {"command_turns", "motor_mm"}:
         what = "a log of a linear scale, not of a tracker: it has a column scale_mm"
         raise TableError(what, where=export.source, fix="`ptt backlash` reads it")
 

@@ -1,0 +1,74 @@
+"""Jumps: where a law of one variable may change at once."""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from ptt.dependence.contexts import context_views
+from ptt.effects.sudden import run_clock
+from ptt.run.problem import Problem
+
+HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
+ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
+AGAIN = 3  # things that happen by themselves in one run, at most: what happens more often happens again and again
+
+
+def heights_of(visited: np.ndarray) -> np.ndarray:
+    """Middles between neighbouring heights of a joint, some rows on either side of each.
+
+    Args:
+        visited: values of the rows that count, (m,).
+
+    Returns:
+        Ascending, as many as `HEIGHTS` at the most.
+    """
+    order = np.sort(visited)
+    edge = max(int(ENDS * len(order)), LEAST_END)
+    inner = np.unique(order[edge - 1 : len(order) - edge + 1])
+    some = np.linspace(0, max(len(inner) - 2, 0), min(HEIGHTS, max(len(inner) - 1, 0))).round().astype(int)
+    return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
+
+
+def passed_again(problem: Problem) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Warmth, and columns of a person's own, at which something may let go.
+
+    Args:
+        problem: n rows.
+
+    Yields:
+        What passes a value to and fro, the value, and the rows above it, (n,) bool.
+    """
+    for on, values in context_views(problem).items():
+        if on == "temperature" or on in problem.table.watched:
+            for value in heights_of(values[problem.used]):
+                above = values > value
+                if _is_passed_again(above[problem.used]):
+                    yield on, repr(float(value)), above
+
+
+def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str, str, np.ndarray]]:
+    """What came at one moment and went at another.
+
+    That a knock takes back just what another did is no accident: whatever it was came and went, and may come again. And
+    what happens again and again in one run does not happen by itself each time.
+
+    Args:
+        problem: n rows.
+        moments: by the clock, at which something seems to have happened, in order.
+
+    Yields:
+        'time', the moments, and the rows in between, (n,) or (n, k) bool.
+    """
+    clock = run_clock(problem.view).numpy()
+    for first, last in combinations(moments, 2):
+        yield "time", f"{first!r} {last!r}", (clock > first) & (clock <= last)
+    if len(moments) > AGAIN:
+        yield "time", " ".join(map(repr, moments)), clock[:, None] > np.array(moments)
+
+
+def _is_passed_again(passed: np.ndarray) -> bool:
+    """Whether a value is passed to and fro, (n,) bool by travel: what is passed once says what a moment says."""
+    before, above = np.arange(len(passed) + 1), np.concatenate([[0], np.cumsum(passed)])
+    unlike = above + (len(passed) - before) - (above[-1] - above)  # rows unlike one step up at a moment
+    return bool(min(unlike.min(), len(passed) - unlike.max()) >= max(int(ENDS * len(passed)), LEAST_END))
