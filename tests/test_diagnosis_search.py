@@ -178,7 +178,7 @@ class Sums:
 
 def gaining(more):
     """A trial in which each of ten blocks is worse by so much without an atom."""
-    return Trial(np.full(10, 3.0), np.full(10, 3.0 + more), 100.0, 0.0, 30, np.full(10, more))
+    return Trial(np.full(10, 3.0), np.full(10, 3.0 + more), 100.0, np.zeros(1), 30, np.full(10, more))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Hidden blocks of travel: what speaks for an effect, and how far a block counts that other rows say nothing of."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,10 +20,10 @@ from ptt.rig import simulate
 from ptt.run.problem import build_problem
 
 
-def trial(*gained: float, shown: float = 100.0, base: float = 0.0, left: float = 30.0) -> Trial:
+def trial(*gained: float, shown: float = 100.0, base: Sequence[float] = (0.0,), left: float = 30.0) -> Trial:
     """Blocks of ten rows that leave as much as they should, and more by some amounts without the atom."""
     with_it = np.full(len(gained), left)
-    return Trial(with_it, with_it + np.array(gained), shown, base, 30 * len(gained), np.array(gained))
+    return Trial(with_it, with_it + np.array(gained), shown, np.array(base), 30 * len(gained), np.array(gained))
 
 
 def test_a_block_counts_as_far_as_the_shown_rows_tell_it() -> None:
@@ -46,9 +47,11 @@ def test_an_effect_speaks_where_more_than_one_block_says_so() -> None:
 
 
 def test_what_no_reading_along_the_travel_asks_for_is_not_asked_of_it() -> None:
-    assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=40.0).speaks(5.0)
+    assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=[40.0]).speaks(5.0)
+    assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=[15.0, 25.0, -1.0]).speaks(5.0)
+    assert not trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=[90.0, -9.0, 1.0]).speaks(5.0)  # one broken beam
     assert not trial(0.1, -0.1, 0.0, -0.2, shown=0.5).speaks(5.0)
-    assert not trial(-8.0, -9.0, -7.0, -10.0, shown=50.0, base=40.0).speaks(5.0)
+    assert not trial(-8.0, -9.0, -7.0, -10.0, shown=50.0, base=[40.0]).speaks(5.0)
 
 
 def test_plain_squares_may_speak_where_the_shown_rows_tell_little_of_what_is_hidden() -> None:

@@ -24,7 +24,7 @@ class Trial:
         with_it: sum of squares of each block, over the variance that the atoms claim, (k,).
         without: of the same, the atom gone.
         shown: what is left of all blocks without it less what is left with it, when nothing is hidden.
-        elsewhere: the same of base reflectors.
+        elsewhere: the same of each reading of base reflectors, (b,); of all together where rows are summed up.
         count: coordinates of all blocks.
         plainly: what the atom takes off each block where every way counts alike, (k,).
         needed: whether the others alone would have values that physics does not let them have.
@@ -33,7 +33,7 @@ class Trial:
     with_it: np.ndarray
     without: np.ndarray
     shown: float
-    elsewhere: float
+    elsewhere: np.ndarray
     count: int
     plainly: np.ndarray
     needed: bool = False
@@ -46,19 +46,25 @@ class Trial:
     def speaks(self, nats: float = 0.0, share: float = 0.0) -> bool:
         """Whether hidden rows speak for the atom, and go on to do so without the block that does most.
 
-        What only one part of the run bears out may be that part's own. Of what base reflectors show and no reading
-        along the travel asks for, these have nothing to say; nor of what only keeps others from what cannot be.
+        What only one part of the run bears out may be that part's own. Of what base reflectors show, more than one of
+        their readings, and no reading along the travel asks for, these have nothing to say; nor of what only keeps
+        others from what cannot be.
 
         Args:
             nats: that they have to gain; plain squares may tell as well, where no share is asked for.
             share: of what they leave without it that has to go.
         """
-        if self.needed or self.shown < 2.0 * nats < self.elsewhere:
+        if self.needed or (self.shown < 2.0 * nats and _at_base(self.elsewhere, 2.0 * nats)):
             return True
         as_known = self.without - self.with_it
         if share:
             return _gains(as_known, max(2.0 * nats, share * float(self.without.sum())))
         return _gains(as_known, 2.0 * nats) or _gains(self.plainly, 2.0 * nats)
+
+
+def _at_base(gained: np.ndarray, least: float) -> bool:
+    """Whether base reflectors ask for an atom, and not one of their readings alone."""
+    return bool(gained.sum() > least) if len(gained) < 2 else _gains(gained, least)
 
 
 def _gains(gained: np.ndarray, least: float) -> bool:
@@ -102,11 +108,19 @@ def _hide(scorer: Scorer, whole: State, fewer: State) -> Trial:
         count += 3 * hidden.rows
     phi = whole.posterior.phi
     squares = np.array(pairs).reshape(-1, 2) / phi
-    everywhere = left_of(scorer, fewer) - left_of(scorer, whole)
+    elsewhere = _elsewhere(scorer, whole, fewer, shown)
     return Trial(
-        squares[:, 0], squares[:, 1], shown / phi, (everywhere - shown) / phi, count, np.array(plainly) / phi,
+        squares[:, 0], squares[:, 1], shown / phi, elsewhere / phi, count, np.array(plainly) / phi,
         needed=bool(np.isfinite(whole.total) and not np.isfinite(fewer.total)),
     )  # fmt: skip
+
+
+def _elsewhere(scorer: Scorer, whole: State, fewer: State, shown: float) -> np.ndarray:
+    """What a set takes off each reading of base reflectors beyond another, or off all together."""
+    one, other = (scorer.system.base_squares(state.columns, state.posterior.values) for state in (fewer, whole))
+    if one is None or other is None:
+        return np.array([left_of(scorer, fewer) - left_of(scorer, whole) - shown])
+    return one - other
 
 
 def _foretold(scorer: Scorer, state: State) -> list[tuple[Hidden, Posterior]]:

@@ -147,6 +147,10 @@ class RowSystem(System):
         rows = self.flat[chosen]
         return self.values - (values @ flattened(rows)).reshape(rows.shape[1:]).T
 
+    def base_squares(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """What a solution leaves of each reading of base reflectors, (b,) in noise units."""
+        return np.asarray(np.square(self.base_values - self.base_columns[:, :, chosen] @ values).sum(axis=1))
+
     def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
         """Sums of chosen columns over each held-out block of travel."""
         columns, unit = self.flat[chosen], np.linalg.inv(self.noise.whitener)

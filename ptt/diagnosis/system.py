@@ -80,6 +80,18 @@ class System(ABC):
     def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
         """Sums of chosen columns over each held-out block of travel."""
 
+    def base_squares(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+        """Sums of squares that a solution of chosen columns leaves of base reflectors.
+
+        Args:
+            chosen: (p,) indices.
+            values: (p,).
+
+        Returns:
+            Of each reading, (b,) in noise units; None where readings are no longer known one by one.
+        """
+        return None
+
     @property
     def memories(self) -> tuple[Memory, ...] | None:
         """The only memories whose sums there are; None for any."""
