@@ -38,13 +38,12 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
         place, apart = np.searchsorted(columns, one.columns[own]), _values(one, own, columns) - told
         loose = float((seen[np.ix_(place, place)] * one.covariance[np.ix_(own, own)]).sum())
         squares.append(float(apart @ seen @ apart) + max(loose - one.decided * one.posterior.phi, 0.0))
-    odds = [odds for odds, _ in sets]
-    own = _machine(scorer, state)
+    odds, own = [odds for odds, _ in sets], _machine(scorer, state)
     place = np.searchsorted(columns, state.columns[own])
     for absent in absent_effects(scorer, state):
         if is_metrology(system.atoms[absent.key]):
-            moved = float((seen[np.ix_(place, place)] * absent.moved[np.ix_(own, own)]).sum())
-            odds, squares = [*odds, absent.odds], [*squares, squares[0] + moved]
+            odds.append(absent.odds)
+            squares.append(squares[0] + float((seen[np.ix_(place, place)] * absent.moved[np.ix_(own, own)]).sum()))
     square = float(np.average(squares, weights=odds))
     return float(np.sqrt(max(square, 0.0) / system.count * np.trace(system.noise.covariance)))
 

@@ -13,16 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views
-from ptt.diagnosis.atoms import (
-    SHAPE_POWER,
-    Atom,
-    atoms_of_blocks,
-    is_any,
-    is_block,
-    is_metrology,
-    is_sudden,
-    odds_of_block,
-)
+from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
 from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain, stand_of
 from ptt.diagnosis.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
 from ptt.diagnosis.moves import loose, without
@@ -33,6 +24,7 @@ from ptt.diagnosis.search import FEW, HOPEFUL, LEAST, improve, plainest
 from ptt.diagnosis.smooth import cosines, ends_of, reined, scaled
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import whitened
+from ptt.diagnosis.witness import drifts
 from ptt.effects.geometry import ACROSS
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
@@ -60,11 +52,14 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     blocks = tuple(key for key in free if is_block(atoms[key]))
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
-    drifts = tuple(key for key in free if _drifts(atoms[key]))
-    if not (blocks or sudden or drifts or system.errs_by_pose(state.memory)) or not isinstance(system, RowSystem):
+    drifting = tuple(key for key in free if (effect := atoms[key].effect) is not None and drifts(effect))
+    if not (blocks or sudden or drifting or system.errs_by_pose(state.memory)) or not isinstance(system, RowSystem):
         return scorer, state
-    wider, best = _with_laws(scorer, state, [without(state, *blocks), without(state, *blocks, *sudden, *drifts)]), state
-    for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifts, *curves))]):
+    wider, best = (
+        _with_laws(scorer, state, [without(state, *blocks), without(state, *blocks, *sudden, *drifting)]),
+        state,
+    )
+    for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifting, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
     for gone in (*combinations(sudden, 2), *combinations(sudden, 3)):
@@ -78,17 +73,6 @@ def _moments(scorer: Scorer, state: State) -> list[float]:
     """By the clock, when something seems to have happened, in order."""
     moments = (scorer.system.atoms[key].moment for key in loose(scorer, state))
     return sorted({moment for moment in moments if moment is not None})
-
-
-def _drifts(atom: Atom) -> bool:
-    """Whether an atom is a drift of the tracker, which a joint that warms up looks like."""
-    return (
-        is_metrology(atom)
-        and not is_sudden(atom)
-        and atom.effect is not None
-        and atom.effect.card is not None
-        and atom.effect.card.telling == "time"
-    )
 
 
 def _is_timed(atom: Atom) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.model.model import Term
 from ptt.run.problem import Problem
@@ -45,9 +46,17 @@ def own_drift(terms: Sequence[Term], problem: Problem) -> float:
     return float(np.sqrt(square))
 
 
+def drifts(effect: Effect) -> bool:
+    """Whether an effect is a drift of the tracker, which a machine that drifts looks like.
+
+    Args:
+        effect: any.
+    """
+    return effect.stage == "metrology" and effect.follows_clock and not isinstance(effect, Sudden)
+
+
 def _is_unwitnessed(term: Term, problem: Problem) -> bool:
-    slow = term.effect.stage == "metrology" and term.effect.follows_clock and not isinstance(term.effect, Sudden)
-    return slow and not _was_watched(problem)
+    return drifts(term.effect) and not _was_watched(problem)
 
 
 def _was_watched(problem: Problem) -> bool:
