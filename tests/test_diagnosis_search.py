@@ -84,7 +84,7 @@ class Scored:
         atoms = {
             key: SimpleNamespace(
                 block="b" if key in self.blocks else None,
-                effect=None if key in self.blocks else "e",
+                effect=None if key in self.blocks else SimpleNamespace(stands_for=()),
                 columns=range(30 if key == "b" else 3),
                 tested=key != "p",
                 shape=None if key in "abcpu" else {},

@@ -1,4 +1,4 @@
-"""What looks like something else: a slip between two runs, a joint that settles, a scale that hides in the screws."""
+"""What looks like something else: slips between runs, joints that settle, zeros and links that look like one offset."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,6 +20,7 @@ from ptt.effects.reversal import LONGEST
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
@@ -67,6 +68,36 @@ def test_a_slip_between_two_runs_is_placed_there(frame: str) -> None:
     assert time[rows // 2 - 2] <= float(moment) < time[rows // 2]
     ladder = climb(Model(problem.file), problem, [library()["homing-slip"]()])
     assert time[rows // 2 - 2] <= float(ladder.model.terms[0].theta[-1]) < time[rows // 2]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 5, 6, 7])
+def test_zeros_and_link_lengths_are_not_told_as_offsets_of_joints(seed: int) -> None:
+    """One effect stands for both, so it comes first; where both do as well, that is said."""
+    random = np.random.default_rng(seed)
+    file, target = stated(), random.uniform(-60.0, 60.0, (150, 3))
+    zeros, longer = random.normal(0.0, 0.1, 3), random.normal(0.0, 0.1, 3) * [1.0, 1.0, 0.0]
+    robot = build_mechanism(file.machine)
+    assert isinstance(robot, ThreePtt)
+    joints = robot.inverse(torch.as_tensor(target))
+    built = replace(robot, link=robot.link + torch.as_tensor(longer))
+    reached = built.forward(joints + torch.as_tensor(zeros)).numpy()
+    table = replace(make_table(target, joints.numpy()), measured=reached + random.normal(0.0, NOISE, target.shape))
+    problem = build_problem(file, table)
+    found = diagnose(Model(file), problem)
+    told = {names[0] for names in found.suggested}
+    together = {found.candidates[0].effect, *found.candidates[0].sum_of}
+    assert found.verdict == "missing"
+    assert told == {"homing-offset", "link-length"} or together == {"joint-offset", "homing-offset", "link-length"}
+
+
+def test_what_happened_once_is_listed_once() -> None:
+    rows = 120
+    target = np.random.default_rng(3).uniform(-50.0, 50.0, (rows, 3))
+    slip = np.where(np.arange(rows) > 70, 0.09, 0.0)[:, None] * np.eye(3)[2]
+    problem = run_of(stated(), target, slip, 4, time_s=5.0 * np.arange(rows))
+    found = diagnose(Model(problem.file), problem)
+    assert found.suggested == (("homing-slip",),)
+    assert not any("[" in one.effect for one in found.candidates)
 
 
 @pytest.mark.parametrize(

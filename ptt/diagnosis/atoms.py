@@ -125,10 +125,15 @@ def is_metrology(atom: Atom) -> bool:
     return atom.effect is not None and atom.effect.stage == "metrology"
 
 
+def causes(effect: Effect) -> int:
+    """How many commoner causes an effect looks like together; one where it looks like itself alone."""
+    return max(len(effect.stands_for), 1)
+
+
 def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
     """Nats against one effect out of those that the data can test, in one of its shapes."""
     each = EFFECT_ODDS + float(np.log(max(effects, 1)))
-    return effect.stands_for * each + SHAPE_POWER * float(np.log(max(shapes, 1))) + effect.odds_of_kind
+    return causes(effect) * each + SHAPE_POWER * float(np.log(max(shapes, 1))) + effect.odds_of_kind
 
 
 def odds_of_block(blocks: int) -> float:

@@ -10,28 +10,42 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import without
+from ptt.diagnosis.score import Scorer
+from ptt.diagnosis.search import FEW, PLAIN, commoner
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.fitting.sums import Projected, gain, project
 
 MOST_PARTS = 4
-PLAIN = 12  # columns up to which an effect is plain enough to be a part of a sum
 UNSEEN = 3.0  # chi-squared below which a difference is none
 CLEAR = 30.0  # chi-squared that a step has to be worth before a sum can be said to mimic it
 
 
-def find_sum(system: System, state: State, key: str) -> tuple[str, ...]:
-    """Simple effects that together leave nothing to be seen of one effect of an explanation.
+def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
+    """Simple effects that together would do as well as one effect of an explanation.
 
-    Found forward, the effect that takes most first, then without those that the others make needless.
+    The commoner causes that it looks like, where these do as well; else effects that leave nothing to be seen of it.
 
     Args:
-        system: the linearised problem.
+        scorer: of the linearised problem.
         state: with the effect in it.
         key: of the effect's atom.
 
     Returns:
         Two to four names; empty where no such sum exists, or one effect alone would do.
+    """
+    other = commoner(scorer, state, key)
+    if other is not None and other.total > state.total - PLAIN:
+        names = tuple(scorer.system.atoms[part].name for part in other.keys if part not in state.keys)
+        if len(names) > 1:
+            return names
+    return _unseen(scorer.system, state, key)
+
+
+def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
+    """Effects that leave nothing to be seen of one.
+
+    Found forward, the effect that takes most first, then without those that the others make needless.
     """
     rest = [state.of(other) for other in without(state, key)]
     base = state.columns[np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)]
@@ -62,7 +76,7 @@ def find_sum(system: System, state: State, key: str) -> tuple[str, ...]:
 
 
 def _is_plain(atom: Atom) -> bool:
-    return atom.effect is not None and len(atom.columns) <= PLAIN and not atom.shape and atom.shape is not None
+    return atom.effect is not None and len(atom.columns) <= FEW and not atom.shape and atom.shape is not None
 
 
 def _left(work: Projected, parts: list[Atom]) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_any
+from ptt.diagnosis.atoms import Atom, causes, is_any
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memories import best_memory, prior_of
 from ptt.diagnosis.memory import Hidden, Memory, Sums
@@ -281,7 +281,7 @@ def _nats_of_product(state: State, atom: Atom) -> float:
     own, posterior = state.of(atom.key), state.posterior
     width = posterior.phi * float(state.scales[atom.key][0])
     values, covariance = posterior.values[own], state.covariance[np.ix_(own, own)]
-    more = (atom.effect.stands_for_away / atom.effect.stands_for - 1.0) * atom.odds
+    more = (atom.effect.stands_for_away / causes(atom.effect) - 1.0) * atom.odds
     away = nats_of_product(values, covariance, width) - more
     return float(np.logaddexp(away, nats_of_none(values, covariance, width)) - np.log(2.0))
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ptt.diagnosis.atoms import Atom, is_any, is_block, is_effect, is_metrology
+from ptt.diagnosis.atoms import Atom, causes, is_any, is_block, is_effect, is_metrology
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, plain_moves, slow_moves, without, worth_a_try
 from ptt.diagnosis.score import Scorer
@@ -84,7 +84,7 @@ def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
 
 
 def refilled(scorer: Scorer, best: State) -> State:
-    """Ask of each curve of a set what plain effects do in its place and beside it: one curve can do several's work.
+    """Ask what plain effects do in the place of one that can do several's work, and beside it where it is a curve.
 
     Args:
         scorer: of the system.
@@ -97,6 +97,8 @@ def refilled(scorer: Scorer, best: State) -> State:
         for other in (_instead_of, _beside):
             if key in best.keys and len(scorer.system.atoms[key].columns) > FEW:
                 best = other(scorer, best, key)
+        if key in best.keys:
+            best = _commoner(scorer, best, key)
     return _asked_of_tracker(scorer, best)
 
 
@@ -130,12 +132,48 @@ def _beside(scorer: Scorer, best: State, key: str) -> State:
     return improve(scorer, other) if other.total > best.total + LEAST else best
 
 
+def _commoner(scorer: Scorer, best: State, key: str) -> State:
+    """A set with the commoner causes that an effect looks like together in its place, as far as they are needed.
+
+    None of them alone is worth as much, and what comes first without the effect may be yet another.
+    """
+    there = commoner(scorer, best, key)
+    if there is None:
+        return best
+    other = improve(scorer, there, is_plain, swaps=False)
+    return improve(scorer, other) if other.total > best.total + LEAST else best
+
+
+def commoner(scorer: Scorer, state: State, key: str) -> State | None:
+    """A set with all the commoner causes that an effect of it looks like together in its place.
+
+    Args:
+        scorer: of the system.
+        state: a set.
+        key: of the effect's atom.
+
+    Returns:
+        The set; None where the effect looks like itself alone.
+    """
+    effect = scorer.system.atoms[key].effect
+    if effect is None or not effect.stands_for:
+        return None
+    there = {scorer.system.atoms[other].name for other in state.keys}
+    names = _named(scorer, set(effect.stands_for) - there)
+    return scorer.score((*without(state, key), *names), state.memory, state.scales)
+
+
 def _lenders(scorer: Scorer, state: State, key: str) -> list[str]:
     """Atoms of the effects beyond a set whose own cause slope and level of one of its curves are."""
-    effect, atoms = scorer.system.atoms[key].effect, scorer.system.atoms
+    effect = scorer.system.atoms[key].effect
     names = {name for parameter in effect.parameters for name in parameter.lent} if effect is not None else set()
-    there = {atoms[other].name for other in state.keys}
-    return list({atom.name: atom.key for atom in atoms.values() if atom.name in names - there}.values())
+    there = {scorer.system.atoms[other].name for other in state.keys}
+    return _named(scorer, names - there)
+
+
+def _named(scorer: Scorer, names: set[str]) -> list[str]:
+    """An atom of each of some effects, as far as the system has them."""
+    return list({atom.name: atom.key for atom in scorer.system.atoms.values() if atom.name in names}.values())
 
 
 def _asked_of_tracker(scorer: Scorer, best: State) -> State:
@@ -224,12 +262,13 @@ def is_told(scorer: Scorer, state: State) -> bool:
 def _parts(scorer: Scorer, state: State) -> float:
     """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more.
 
-    A curve of many values is as much as an unknown.
+    A curve of many values is as much as an unknown, and what looks like several commoner causes as much as these.
     """
     odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
-    return len(atoms) + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
+    names = sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms)
+    return names + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
 
 
 def _bends(scorer: Scorer, state: State) -> int:

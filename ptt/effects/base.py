@@ -30,8 +30,8 @@ class Effect:
         parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
         requires: contexts of `View.varies` without which the data cannot test it.
         follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
-        stands_for: commoner causes that it looks like together, each of which it has to be likelier than.
-        stands_for_away: the same where its further values are not zero, as it then looks like more.
+        stands_for: names of commoner causes that it looks like together, each of which it has to be likelier than.
+        stands_for_away: how many where its further values are not zero, as it then looks like more.
         reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
         product: its further values are zero, or the first one times an unknown place, usually one usual size away.
         of_run: belongs to the run that it was fitted on (a set-up, a knocked tripod), not to the machine.
@@ -52,7 +52,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     requires: ClassVar[tuple[str, ...]] = ()
     follows_clock: ClassVar[bool] = False
-    stands_for: ClassVar[int] = 1
+    stands_for: ClassVar[tuple[str, ...]] = ()
     stands_for_away: ClassVar[int] = 1
     reverses: ClassVar[bool] = False
     product: ClassVar[bool] = False

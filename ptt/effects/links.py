@@ -64,7 +64,7 @@ class JointOffset(ThreePttEffect):
     """Axes of a universal joint do not meet, so the effective length varies with the link's angle."""
 
     name: ClassVar[str] = "joint-offset"
-    stands_for: ClassVar[int] = 2  # a homing offset and, to 99 %, a link length
+    stands_for: ClassVar[tuple[str, ...]] = ("homing-offset", "link-length")  # the latter to 99 %
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rail", "mm", 0.05, "times the cosine of the link's angle to the rail", True),
         Parameter("tangential", "mm", 0.05, "times the cosine of the link's sideways angle", True),
