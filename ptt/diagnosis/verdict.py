@@ -41,9 +41,11 @@ from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model, Term
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
+from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
 LEAST = 12  # readings: twice what a rigid motion alone takes
+LEAST_POSES = 4  # of three a frame takes six of nine coordinates, and any joint makes the others
 MOTION = 6  # coordinates that a rigid motion takes
 MICRO = 1e3  # um in a mm
 FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
@@ -104,6 +106,12 @@ def enough(problem: Problem) -> None:
     count, fix = int(problem.used.sum()), f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
     if count < LEAST:
         raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
+    poses = len(np.unique(pose_groups(problem.table)[problem.used]))
+    if poses < LEAST_POSES:
+        raise TableError(
+            f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
+            where=problem.table.source, fix=f"measure at least {LEAST_POSES} poses, better 30 or more",
+        )  # fmt: skip
     each = np.bincount(problem.frame[problem.used])
     if (
         problem.frames == len(each) > 1
