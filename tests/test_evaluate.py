@@ -1,6 +1,7 @@
 """Error reduction: matching, frames, z datum, and the figures of eq. 21."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,15 @@ def test_the_same_name_at_another_target_is_no_match():
     usable = np.full(40, True)
     _, _, unmatched = match_rows(run(0.0, name=NAMES), run(0.0, other, name=NAMES), usable, usable)
     assert [text.split()[-1] for text in unmatched["before"] + unmatched["after"]] == ["p7", "p7"]
+
+
+def test_a_noise_that_the_machine_file_states_tells_where_nothing_but_noise_is_left():
+    file = load_machine(DATA / "machine.toml")
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": 0.004, "frame": "trusted"}))
+    random = np.random.default_rng(8)
+    before, after = run(0.1 + random.normal(0.0, 0.004, (40, 3))), run(random.normal(0.0, 0.004, (40, 3)))
+    assert evaluate_pair(before, after, file).to_dict()["rest_is_noise"] == {"x": True, "y": True, "z": True}
+    assert evaluate_pair(before, before, file).to_dict()["rest_is_noise"] == {"x": False, "y": False, "z": False}
 
 
 def test_runs_without_a_pose_in_common_are_refused():

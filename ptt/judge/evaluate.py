@@ -11,7 +11,7 @@ from ptt.judge.match import match_rows, targets_of
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
 from ptt.run.frames import align
-from ptt.run.noise import Noise, noise_from_repeats
+from ptt.run.noise import Noise, given_noise
 from ptt.run.problem import build_problem
 from ptt.run.same_pose import count_places, same_places
 from ptt.run.table import Table
@@ -34,7 +34,7 @@ class Errors:
         raw: measured less target, frames as they come, (n, 3) mm; NaN where not observed or no pose.
         aligned: the same after the frame policy, (n, 3) mm.
         frame: the policy, in words.
-        noise: scatter of repeats, None where the run has too few.
+        noise: of one reading, by repeats, std columns or the machine file; None where nothing tells it.
     """
 
     raw: np.ndarray
@@ -131,7 +131,7 @@ def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) 
     raw = np.where(pose[:, None], table.measured - target, np.nan)
     moved, words = _align(table, file, target, pose, policy)
     aligned = np.where(pose[:, None], moved - target, np.nan)
-    return Errors(raw, aligned, words, _noise(table, moved))
+    return Errors(raw, aligned, words, _noise(table, moved, file))
 
 
 def evaluate_pair(
@@ -214,10 +214,11 @@ def _align(
     return into_base(table.measured, frame, rotations, shifts), f"{policy}: {words}, before and after alike"
 
 
-def _noise(table: Table, measured: np.ndarray) -> Noise | None:
+def _noise(table: Table, measured: np.ndarray, file: MachineFile | None) -> Noise | None:
     asked = table.target if table.command is None else table.command
     held = np.where(np.isfinite(asked), asked, 0.0)
-    return noise_from_repeats(table, measured, arrival_direction(held, held, run_starts(table.run)))
+    sigma = None if file is None else file.tracker.sigma_mm
+    return given_noise(table, measured, arrival_direction(held, held, run_starts(table.run)), sigma)
 
 
 def _found(errors: Errors) -> np.ndarray:
