@@ -19,6 +19,7 @@ from ptt.model.model import Model
 from ptt.run.base_visits import sound_visits
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
+from ptt.run.taken import set_up_lines
 
 PLACES = np.array([[400.0, 0.0, -200.0], [-300.0, 300.0, -200.0], [-300.0, -300.0, 250.0], [0.0, 300.0, 300.0]])
 SIGMA = 0.004
@@ -136,6 +137,22 @@ def test_reflectors_that_were_misread_hold_no_frame(gross):
     assert np.abs(base.reading - base.place).max() < 8.0 * SIGMA
     assert len(base.point) == 2 * len(PLACES) - len(gross)
     assert diagnose(Model(problem.file), problem).verdict == "nothing-missing"
+
+
+def test_what_holds_no_frame_is_said() -> None:
+    """A reflector drawn elsewhere, and one reading of another."""
+    problem = measured_run(0.0 * KNOCK)
+    assert set_up_lines(problem) == []
+    wrong = problem.table.measured.copy()
+    base = np.flatnonzero(problem.table.role == "base")
+    wrong[base[1]] += 0.3
+    (line,) = set_up_lines(build_problem(problem.file, replace(problem.table, measured=wrong)))
+    assert line.startswith("base reflector base 1: one of 2 readings is left out")
+    points = list(problem.file.tracker.base_point)
+    points[2] = points[2].model_copy(update={"xyz_mm": (-30.0, -300.0, 250.0)})
+    tracker = problem.file.tracker.model_copy(update={"base_point": tuple(points)})
+    (line,) = set_up_lines(build_problem(replace(problem.file, tracker=tracker), problem.table))
+    assert line.startswith("base reflector base 2 is left out") and "xyz_mm" in line
 
 
 @pytest.mark.parametrize(("off", "kept"), [(0.0, 4), (0.5, 3), (-0.5, 3)])

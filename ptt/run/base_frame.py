@@ -32,6 +32,7 @@ class BaseReadings:
         round: (m,) int, equal for reflectors that were read one after the other.
         drawn: (m,) mm, standard deviation of a coordinate of the drawn place, the same at all visits.
         apart: (m,) mm, how far rounds lie apart, which all reflectors of one share.
+        aside: (n,) bool, rows of the run with a visit that was left out.
     """
 
     view: View
@@ -41,6 +42,7 @@ class BaseReadings:
     round: np.ndarray
     drawn: np.ndarray
     apart: np.ndarray
+    aside: np.ndarray
 
     @property
     def place(self) -> np.ndarray:
@@ -181,8 +183,9 @@ def base_readings(
     total = np.stack([np.bincount(which.ravel(), column) for column in near[rows].T], axis=1)
     kept, order = np.sort(first), np.argsort(first)
     mean, own = (total / np.bincount(which.ravel())[:, None])[order], rows[kept]
+    aside = (table.role == "base") & np.isfinite(table.measured).all(axis=1) & ~sound
     seen = view.of_rows(torch.as_tensor(own)).at(p=torch.as_tensor(place[point[kept]]))
-    return BaseReadings(seen, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], apart[own])
+    return BaseReadings(seen, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], apart[own], aside)
 
 
 def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> list[str]:

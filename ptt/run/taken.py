@@ -39,7 +39,7 @@ def set_up_lines(problem: Problem) -> list[str]:
         problem: the readings.
 
     Returns:
-        One line for each frame that took more.
+        One line for each frame that took more, and for each base reflector that holds none.
     """
     lines, labels = [], problem.table.run_label
     for run, frame in enumerate(problem.stated_in):
@@ -54,7 +54,32 @@ def set_up_lines(problem: Problem) -> list[str]:
                 " correction that was sent; if targets have a frame of their own, state it under [targets] in the"
                 " machine file"
             )
-    return lines + [_frame_words(taken) for taken in _taken(problem) if taken["rms_mm"] > WORTH_MM]
+    lines += [_frame_words(taken) for taken in _taken(problem) if taken["rms_mm"] > WORTH_MM]
+    return lines + _base_words(problem)
+
+
+def _base_words(problem: Problem) -> list[str]:
+    """Base reflectors, and single readings of some, that do not hold the frame."""
+    if problem.base is None or not problem.base.aside.any():
+        return []
+    name, aside = problem.table.name, problem.base.aside
+    read = (problem.table.role == "base") & np.isfinite(problem.table.measured).all(axis=1)
+    lines = []
+    for own in dict.fromkeys(name[aside]):
+        count, of = int((aside & (name == own)).sum()), int((read & (name == own)).sum())
+        if count < of:
+            some = "one" if count == 1 else str(count)
+            verb = "is" if count == 1 else "are"
+            lines.append(
+                f"base reflector {own}: {some} of {of} readings {verb} left out: by distances to the others beside it "
+                "it was misread"
+            )
+        else:
+            lines.append(
+                f"base reflector {own} is left out: by distances to the others it is not where [[tracker.base_point]] "
+                "has it; check its xyz_mm and its name in the run"
+            )
+    return lines
 
 
 def _frame_words(taken: dict[str, Any]) -> str:
