@@ -180,6 +180,12 @@ def test_on_an_arm_it_acts_on_the_joint_in_rad(tmp_path: Path) -> None:
     assert parameter.unit == "rad"
 
 
+def test_a_curve_reaches_to_the_ends_of_what_was_visited() -> None:
+    """Not to the middles of its outermost bins: what settles is steepest before the first of them."""
+    settles = found("time", "smooth", curve={"at": [50.0, 150.0, 250.0, 400.0]})
+    assert "between = (0, 475)" in prefilled("own-cause", settles)
+
+
 def test_temperatures_are_taken_from_the_reference() -> None:
     assert "between = (2, 2.4)" in prefilled("own-cause", found("temperature", "step", place=[22.0, 22.4]))
 
