@@ -8,6 +8,7 @@ import torch
 
 from ptt.diagnosis.absent import absent_effects
 from ptt.diagnosis.atoms import Atom, is_effect
+from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.coincidence import coincidences
 from ptt.diagnosis.exchange import Exchange, exchanged_doubt, exchanged_errors
 from ptt.diagnosis.found import Found
@@ -187,7 +188,7 @@ def candidates_of_steps(
         term = next((item for item in terms if item.effect.key == name), None)
         if term is None:
             continue
-        together = find_sum(found.system, found.state, step.key)
+        together = find_sum(found.scorer, found.state, step.key)
         own = doubt if index == len(named) - 1 else None
         errors = step.before * 1e3, step.after * 1e3
         words = explain_step(term, step.others, together, errors, noise, problem, before, own)
@@ -229,6 +230,8 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
         atom = atoms[gain.key]
         if atom.name in taken or gain.nats <= 0.0 or len(result) == MOST_SHOWN:
             continue
+        if first_of(atom.name, {atom.name, *(atoms[given].name for given in scorer.given)}) != atom.name:
+            continue  # a second knock, on the model as given, says what the first does
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
         parameters = _told(state, atom, found.system.scale, problem)
         after = held_out(scorer, (gain.key,)) * 1e3
