@@ -1,4 +1,4 @@
-"""Steps: the named effects in the order of what each explains, what each is worth, and what would do as well."""
+"""Steps: the named effects in the order that hidden readings ask for, what each is worth, what would do as well."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class Named:
     """What a set of atoms names.
 
     Attributes:
-        steps: the one that explains most first.
+        steps: the one after which hidden readings are foretold best first.
         unproven: effects that the readings ask for clearly though hidden ones do not bear them out, so that they
             cannot be what is there.
         faithful: whether the whole set foretells hidden readings as well as it claims to.
@@ -183,11 +183,14 @@ def _less(scorer: Scorer, state: State, key: str) -> State:
 
 
 def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
-    """Each step is the one that explains most on top of those before it."""
+    """Each step is the one after which hidden readings are foretold best, so that their error falls as far as it can.
+
+    What explains most of those that are read may do so by values that are far off until others stand beside it.
+    """
     order: list[str] = []
     rest = list(keys)
     while rest:
-        best = max(rest, key=lambda key: scorer.score((*order, key), WHITE).posterior.total)
+        best = min(rest, key=lambda key: held_out(scorer, (*order, key)))
         order.append(best)
         rest.remove(best)
     return order
