@@ -14,7 +14,7 @@ WIDE = 10.0  # times that: what stays within less has no sides
 
 
 def coincidences(term: Term, problem: Problem) -> list[str]:
-    """Say which conditions pass a value when something sudden happens, and at no other time.
+    """Say between which runs something sudden happens, and which conditions pass a value then and at no other time.
 
     Args:
         term: an effect at its values.
@@ -28,7 +28,7 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
     shape = {"after": term.theta[-1:]}
     after = term.effect.since(problem.view, shape).numpy()[problem.used] > 0.5
     views = path_views(problem)
-    found = []
+    found = _between_runs(after, problem)
     for name in (*CONDITIONS, *problem.table.watched):
         slack = AIR if name == "temperature" else 0.0
         place = parting(after, views[name][problem.used], slack) if name in views else None
@@ -37,6 +37,14 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
             alike = "a step that follows it would look the same, until it is passed again"
             found.append(f"{what} passes {where} at that moment and at no other: {alike}.")
     return found
+
+
+def _between_runs(after: np.ndarray, problem: Problem) -> list[str]:
+    """Say between which runs a moment lies; nothing where it lies within one."""
+    run, label = problem.table.run[problem.used], problem.table.run_label
+    if after.all() or not after.any() or run[~after][-1] == run[after][0]:
+        return []
+    return [f"That is between run {label[run[~after][-1]]} and run {label[run[after][0]]}."]
 
 
 def parting(after: np.ndarray, values: np.ndarray, slack: float = 0.0) -> tuple[float, float] | None:
