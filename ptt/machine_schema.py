@@ -123,14 +123,16 @@ def explain(error: pydantic.ValidationError, where: str) -> MachineError:
     """Turn the first of pydantic's findings into one line."""
     # A misspelt key is also a missing one; the misspelling is what the user can see.
     first = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
-    place = f"{where} key {'.'.join(path)}" if path else where
+    path = [_counted(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
+    place = f"{where} key {'.'.join(path).replace('.[', '[')}" if path else where
     if first["type"] == "extra_forbidden":
         return MachineError(f"unknown key '{shown(path[-1])}'", where=where, fix=_instead_of(path))
     if first["type"] == "missing":
-        return MachineError("missing", where=place, fix="add it; README lists the keys of a machine file")
+        return MachineError("missing", where=place, fix="add it; docs/files.md shows a machine file with its keys")
     if first["type"].startswith("union_tag"):
         given = first["input"].get("kind") if isinstance(first["input"], dict) else first["input"]
+        if given is None:
+            return MachineError("key kind is missing", where=place, fix='add kind = "three-ptt" or kind = "serial"')
         return MachineError(
             f"kind {shown(given)} is not known",
             where=place,
@@ -141,9 +143,14 @@ def explain(error: pydantic.ValidationError, where: str) -> MachineError:
     return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place)
 
 
+def _counted(part: int | str) -> str:
+    """A part of a key's place; what stands in a list is counted from one, as people do."""
+    return f"[{part + 1}]" if isinstance(part, int) else part
+
+
 def _instead_of(path: list[str]) -> str:
     """What to do about a key that is not known where it stands."""
-    here = ".".join(path[:-1]) or "top"
+    here = ".".join(path[:-1]).replace(".[", "[") or "the top of the file"
     homes = [name for name, models in SECTIONS.items() if any(path[-1] in model.model_fields for model in models)]
     if homes:
         return f"it belongs in {' or '.join(homes)} (this is {here})"

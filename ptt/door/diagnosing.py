@@ -206,10 +206,9 @@ def _next(result: "Diagnosis") -> list[str]:
         lines.append(f"next: ptt add RUN.csv {names} --model M.toml --out M2.toml")
     if result.verdict == "unknown" and result.depends_on:
         first = result.depends_on[0]
-        lines.append(
-            f"look for the cause at {first.acts_on or first.residual}; more poses over the range of {first.on}, each "
-            "from both sides, show it better"
-        )
+        more = "readings over another run" if first.on == "time" else f"poses over the range of {first.on}"
+        sides = ", each from both sides" if first.on[:1] in "bqxyz" else ""
+        lines.append(f"look for the cause at {first.acts_on or first.residual}; more {more}{sides} show it better")
         if is_variable(first.on):
             lines.append(
                 "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json"
