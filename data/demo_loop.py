@@ -1,13 +1,11 @@
 """The loop of the demo on a sealed machine: compare, diagnose, add, learn the rest, predict, measure again, reveal."""
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ptt.challenge.challenge import Sealed, open_challenge
@@ -18,7 +16,6 @@ from ptt.correct.training.train import Training, correction_of, train
 from ptt.diagnosis.floor import noise_floor
 from ptt.diagnosis.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect, parse_key
-from ptt.files import write_bytes
 from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.evaluate import errors_of
 from ptt.judge.ladder.climb import climb
@@ -29,6 +26,7 @@ from ptt.rig import simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import Table
+from ptt.show.plots.common import save
 from ptt.show.plots.compare import plot_comparison
 from ptt.show.plots.ladder import plot_ladder
 
@@ -152,6 +150,7 @@ def draw_walk(walk: Walk, run: Table, path: Path) -> None:
     """Errors seen from above before and after, at one scale, and between them the ladder."""
     figure = Figure(figsize=(12.0, 4.2), dpi=DPI, layout="constrained")
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.0, 1.1, 1.0))
+    middle.set_box_aspect(1.0 / 1.1)  # as high as the maps beside it
     scale = np.nanmax(np.abs(walk.error_um[0][:, :2])) / 20.0  # um per mm of the picture
     for panel, errors, colour, title in (
         (left, walk.error_um[0], BEFORE, "1  as it is: the tool misses by"),
@@ -161,9 +160,7 @@ def draw_walk(walk: Walk, run: Table, path: Path) -> None:
         panel.set_title(f"{title}\n{rms(errors):.1f} um rms", fontsize=11)
     _draw_rungs(middle, walk.ladder)
     figure.supxlabel(f"maps: from above, arrows {1e3 / scale:.0f} times enlarged in both", fontsize=9)
-    image = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(image)
-    write_bytes(path, image.getvalue())
+    save(figure, path)
 
 
 def _draw_map(panel: Axes, target: np.ndarray, arrow: np.ndarray, colour: str) -> None:

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ptt.files import write_bytes
-from ptt.show.plots.common import png
+from ptt.show.plots.common import save
 
 AXES = ("x", "y", "z")
 BEFORE, AFTER, GOAL = "#d1495b", "#00798c", "#444444"
@@ -27,7 +26,7 @@ def plot_error_curves(
     noise_um: Mapping[str, float] | None = None,
 ) -> None:
     """Draw the error of each axis along the path and write it as PNG; arguments as `draw_error_curves`."""
-    _save(draw_error_curves(before, after, title=title, noise_um=noise_um), path)
+    save(draw_error_curves(before, after, title=title, noise_um=noise_um), path)
 
 
 def draw_error_curves(
@@ -104,7 +103,7 @@ def plot_reductions(
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     figure.suptitle(title)
-    _save(figure, path)
+    save(figure, path)
 
 
 def plot_path(
@@ -144,7 +143,7 @@ def plot_path(
     above.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", title="from above")
     figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     figure.suptitle(title)
-    _save(figure, path)
+    save(figure, path)
 
 
 def mean_by_pose(errors: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -166,7 +165,3 @@ def _make_room(panel: Axes, values: np.ndarray) -> None:
     low, high = float(values.min()), float(values.max())
     rim = max(0.08 * (high - low), 1.0)
     panel.set_ylim(min(low - rim, -rim), max(high + rim, rim))
-
-
-def _save(figure: Figure, path: str | Path) -> None:
-    write_bytes(path, png(figure))

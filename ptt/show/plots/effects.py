@@ -1,20 +1,17 @@
 """Pictures of an effect: its error over the workspace, and its residual against what tells it."""
 
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.cards import card_of
-from ptt.files import write_bytes
 from ptt.show.plots.atlas import LOAD, SPEED, UM, WARM, Field, Sign, effect_field, effect_sign, picture_theta
-from ptt.show.plots.common import round_down
+from ptt.show.plots.common import in_micro, round_down, save
 
 DPI = 120
 ARROWS = 15  # every so many points of the grid carry an arrow
@@ -34,17 +31,15 @@ def plot_effect(effect: Effect, path: str | Path) -> None:
     _draw_field(figure, left, effect_field(effect, theta, kind), kind)
     _draw_sign(figure, right, effect_sign(effect, theta, sample_view(kind), card_of(effect)))
     figure.suptitle(f"{effect.key} at usual size on the {sample_machine(kind).machine.name}, before any alignment")
-    buffer = BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer)
-    write_bytes(path, buffer.getvalue())
+    save(figure, path)
 
 
 def _draw_field(figure: Figure, panel: Axes, field: Field, kind: str) -> None:
     """Size of the error in colour, its horizontal part as arrows."""
     size = UM * np.linalg.norm(field.error, axis=-1)
     low, high = float(np.nanmin(size)), float(np.nanmax(size))
-    if high - low < 1e-6 * max(high, 1.0):
-        low, high = 0.0, 1.05 * max(high, 1e-3)  # a field of one size is one colour, not rounding noise
+    if high - low < 0.05 * max(high, 1e-3):
+        low, high = 0.0, 1.05 * max(high, 1e-3)  # a field of about one size is one colour
     mesh = panel.pcolormesh(
         field.x, field.y, size, cmap="viridis", vmin=low, vmax=high, shading="nearest", rasterized=True
     )
@@ -60,7 +55,7 @@ def _draw_field(figure: Figure, panel: Axes, field: Field, kind: str) -> None:
             edgecolor="black", linewidth=0.4, width=0.006,
         )  # fmt: skip
         nice = round_down(largest)
-        panel.quiverkey(arrows, 0.72, -0.105, nice, f"{nice:g} um in x, y", labelpos="E", color="black")
+        panel.quiverkey(arrows, 0.72, -0.105, nice, in_micro(f"{nice:g} um in x, y"), labelpos="E", color="black")
     panel.set_box_aspect(1.0)  # both axes span the same length
     panel.set_xlabel("x [mm]")
     panel.set_ylabel("y [mm]")

@@ -27,7 +27,10 @@ def draw_moved(result: Recheck) -> Figure:
     colours = [ORANGE if (one.effect, one.name) in named else BLUE for one in order]
     # Beside a change of a hundred standard errors the others would be a line: far ones are drawn to their logarithm.
     left.scatter([one.z for one in order], range(len(order)), color=colours, zorder=3)
-    left.axvspan(-2.0, 2.0, color=PALE, alpha=0.4, linewidth=0)
+    left.axvspan(-2.0, 2.0, color=PALE, alpha=0.4, linewidth=0, label="two standard errors")
+    for colour, label in ((ORANGE, "named"), (BLUE, "not named")):
+        left.scatter([], [], color=colour, label=label)
+    left.legend(frameon=False, fontsize=9, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     left.set_xscale("symlog", linthresh=4.0)
     widest = max([4.0, *(abs(one.z) for one in order)])
     ticks = np.array([0.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0, 1000.0])
