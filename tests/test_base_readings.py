@@ -147,7 +147,7 @@ def test_what_holds_no_frame_is_said() -> None:
     base = np.flatnonzero(problem.table.role == "base")
     wrong[base[1]] += 0.3
     (line,) = set_up_lines(build_problem(problem.file, replace(problem.table, measured=wrong)))
-    assert line.startswith("base reflector base 1: one of 2 readings is left out")
+    assert line.startswith("base reflector base 1: one of 2 readings left out")
     points = list(problem.file.tracker.base_point)
     points[2] = points[2].model_copy(update={"xyz_mm": (-30.0, -300.0, 250.0)})
     tracker = problem.file.tracker.model_copy(update={"base_point": tuple(points)})

@@ -208,6 +208,13 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     assert not steps.name_steps(scorer, scorer.score("eu", WHITE)).steps
 
 
+def test_the_first_step_is_the_one_that_foretells_hidden_readings_best_whatever_takes_most(monkeypatch):
+    """A curve may take most of the readings by values that are far off until others stand beside it."""
+    errors = {"": 150.0, "e": 600.0, "f": 60.0, "g": 90.0, "ef": 20.0, "fg": 30.0, "eg": 300.0, "efg": 6.0}
+    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
+    assert steps._in_order(Sums({"e": 100.0, "f": 30.0, "g": 20.0}), ["e", "f", "g"]) == ["f", "e", "g"]
+
+
 def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_well(monkeypatch):
     errors = {"": 61.0, "e": 62.0, "f": 20.0, "ef": 25.0}  # beside unknowns both may look needed
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])

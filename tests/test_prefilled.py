@@ -182,8 +182,10 @@ def test_on_an_arm_it_acts_on_the_joint_in_rad(tmp_path: Path) -> None:
 
 def test_a_curve_reaches_to_the_ends_of_what_was_visited() -> None:
     """Not to the middles of its outermost bins: what settles is steepest before the first of them."""
-    settles = found("time", "smooth", curve={"at": [50.0, 150.0, 250.0, 400.0]})
-    assert "between = (0, 475)" in prefilled("own-cause", settles)
+    settles = found("time", "smooth", curve={"at": [50.0, 150.0, 250.0, 400.0], "between": [3.0, 480.0]})
+    assert "between = (3, 480)" in prefilled("own-cause", settles)
+    older = found("time", "smooth", curve={"at": [50.0, 150.0, 250.0, 400.0]})
+    assert "between = (50, 400)" in prefilled("own-cause", older)
 
 
 def test_temperatures_are_taken_from_the_reference() -> None:

@@ -63,6 +63,8 @@ class Dependence(Record):
     def to_dict(self) -> dict[str, Any]:
         """Its figures for JSON; the error of a joint that turns is in urad."""
         told = super().to_dict()
+        if self.points is not None and len(self.points):
+            told["curve"]["between"] = [float(self.points[:, 0].min()), float(self.points[:, 0].max())]
         if self.residual.startswith("joint"):
             for key in ("mean_um", "half_width_um"):
                 told["curve"][key] = [1e3 * value for value in told["curve"][key]]

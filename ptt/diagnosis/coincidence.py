@@ -44,7 +44,8 @@ def _between_runs(after: np.ndarray, problem: Problem) -> list[str]:
     run, label = problem.table.run[problem.used], problem.table.run_label
     if after.all() or not after.any() or run[~after][-1] == run[after][0]:
         return []
-    return [f"That is between run {label[run[~after][-1]]} and run {label[run[after][0]]}."]
+    before, then = label[run[~after][-1]], label[run[after][0]]
+    return [f"That is between run {before} and run {then}." if before and then else "That is between two runs."]
 
 
 def parting(after: np.ndarray, values: np.ndarray, slack: float = 0.0) -> tuple[float, float] | None:

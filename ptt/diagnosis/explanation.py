@@ -54,7 +54,7 @@ class Candidate(Record):
         heldout_after: error on hidden blocks with it, um.
         parameters: its values; of what is no step, only those that the data tell.
         indistinguishable_from: effects that would do as well.
-        sum_of: two or more effects that would do the same together.
+        sum_of: two or more effects that would do as well together.
         words: why, for a machinist.
         tool_doubt: of the last step, root mean square by which the machine may have the tool elsewhere while the
             readings stay, um, which hidden blocks cannot show; None of the others.

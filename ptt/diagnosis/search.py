@@ -153,27 +153,31 @@ def commoner(scorer: Scorer, state: State, key: str) -> State | None:
         key: of the effect's atom.
 
     Returns:
-        The set; None where the effect looks like itself alone.
+        The set; None where the effect looks like itself alone, or where one of these may not stand beside the others.
     """
     effect = scorer.system.atoms[key].effect
     if effect is None or not effect.stands_for:
         return None
-    there = {scorer.system.atoms[other].name for other in state.keys}
-    names = _named(scorer, set(effect.stands_for) - there)
-    return scorer.score((*without(state, key), *names), state.memory, state.scales)
+    rest = without(state, key)
+    names = set(effect.stands_for) - {scorer.system.atoms[other].name for other in rest}
+    coming = _coming(scorer, rest, names)
+    return scorer.score((*rest, *coming), state.memory, state.scales) if 0 < len(names) == len(coming) else None
 
 
 def _lenders(scorer: Scorer, state: State, key: str) -> list[str]:
     """Atoms of the effects beyond a set whose own cause slope and level of one of its curves are."""
     effect = scorer.system.atoms[key].effect
     names = {name for parameter in effect.parameters for name in parameter.lent} if effect is not None else set()
-    there = {scorer.system.atoms[other].name for other in state.keys}
-    return _named(scorer, names - there)
+    return _coming(scorer, without(state, key), names)
 
 
-def _named(scorer: Scorer, names: set[str]) -> list[str]:
-    """An atom of each of some effects, as far as the system has them."""
-    return list({atom.name: atom.key for atom in scorer.system.atoms.values() if atom.name in names}.values())
+def _coming(scorer: Scorer, keys: Sequence[str], names: set[str]) -> list[str]:
+    """An atom of each effect of some names that may come beside a set and the others."""
+    found = list[str]()
+    for name in sorted(names):
+        may_come = scorer.opens([*keys, *found])
+        found += [key for key, atom in scorer.system.atoms.items() if atom.name == name and may_come(atom)][:1]
+    return found
 
 
 def _asked_of_tracker(scorer: Scorer, best: State) -> State:

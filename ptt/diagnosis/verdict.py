@@ -45,7 +45,7 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
 LEAST = 12  # readings: twice what a rigid motion alone takes
-LEAST_POSES = 4  # of three a frame takes six of nine coordinates, and any joint makes the others
+LEAST_POSES = 4  # where a frame is free: of three it takes six of nine coordinates, and any joint makes the others
 MOTION = 6  # coordinates that a rigid motion takes
 MICRO = 1e3  # um in a mm
 FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
@@ -107,10 +107,10 @@ def enough(problem: Problem) -> None:
     if count < LEAST:
         raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
     poses = len(np.unique(pose_groups(problem.table)[problem.used]))
-    if poses < LEAST_POSES:
+    if poses < (LEAST_POSES if problem.frames else 2):
         raise TableError(
             f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
-            where=problem.table.source, fix=f"measure at least {LEAST_POSES} poses, better 30 or more",
+            where=problem.table.source, fix=f"measure at least {LEAST} poses, better 100 or more",
         )  # fmt: skip
     each = np.bincount(problem.frame[problem.used])
     if (

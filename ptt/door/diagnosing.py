@@ -16,6 +16,7 @@ from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
+from ptt.effects.curve import COORDINATES, JOINT
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
 from ptt.fitting.chunks import CHUNK
@@ -206,9 +207,10 @@ def _next(result: "Diagnosis") -> list[str]:
         lines.append(f"next: ptt add RUN.csv {names} --model M.toml --out M2.toml")
     if result.verdict == "unknown" and result.depends_on:
         first = result.depends_on[0]
-        more = "readings over another run" if first.on == "time" else f"poses over the range of {first.on}"
-        sides = ", each from both sides" if first.on[:1] in "bqxyz" else ""
-        lines.append(f"look for the cause at {first.acts_on or first.residual}; more {more}{sides} show it better")
+        sides = ", each from both sides" if JOINT.fullmatch(first.on) or first.on in COORDINATES else ""
+        poses = f"more poses over the range of {first.on}{sides} show"
+        more = "a longer run, or another, shows" if first.on == "time" else poses
+        lines.append(f"look for the cause at {first.acts_on or first.residual}; {more} it better")
         if is_variable(first.on):
             lines.append(
                 "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json"

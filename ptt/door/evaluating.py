@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 Frame = Literal["fitted", "fitted-per-run", "trusted", "measured"]
 USAGE = "evaluate(before, after) or evaluate(model, run)"
 SHOWN = 5
-MICRO = 1e3  # um in a mm
-FAR_MM = 10.0  # of readings from their targets: no machine is built off by as much, so that axes differ
 HELD_OUT = ("blocks", "random")
 UNALIGNED = (
     "without frame alignment (readings as they come: where the tracker was set up anew, its place counts as error):"
@@ -221,11 +219,7 @@ def _text(data: dict[str, Any], judged: bool) -> str:
             lines += ["", f"{name}: {one['protocol']['held_out']}", *_table(one, judged)]
     else:
         lines += _table(data, judged)
-        far = max(data["unaligned"]["length"][side] for side in ("before_um", "after_um")) / MICRO
-        elsewhere = (
-            f"as they come, readings lie up to {far:.0f} mm from their targets (mean): that is the tracker's place"
-        )
-        lines += ["", *([elsewhere] if far > FAR_MM else [UNALIGNED, *_table(data["unaligned"], judged=False)])]
+        lines += ["", UNALIGNED, *_table(data["unaligned"], judged=False)]
     if data["noise_um"]:
         noise = data["noise_um"]
         figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z", "total"))

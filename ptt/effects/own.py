@@ -132,6 +132,10 @@ def _check_words(cls: type[Effect], where: str) -> None:
         values = getattr(cls, key)
         if not isinstance(values, tuple | list) or any(value not in allowed for value in values):
             refuse(f"{key} = {shown(values)} is not a tuple of these", f"use {key} = {allowed[:1]!r}, of {allowed}")
+    if not isinstance(cls.stands_for, tuple) or not all(isinstance(name, str) for name in cls.stands_for):
+        refuse(
+            f"stands_for = {shown(cls.stands_for)} is not a tuple of names", 'name effects, as in ("homing-offset",)'
+        )
     if not cls.mechanisms:
         refuse("mechanisms is empty: it fits no machine", f"name one of {', '.join(KINDS)}")
     if not isinstance(cls.parameters, tuple | list) or not all(isinstance(p, Parameter) for p in cls.parameters):

@@ -1,7 +1,7 @@
 """The file of a user's own effect, written for what a diagnosis found that no known effect describes."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from ptt.effects.curve import COORDINATES, JOINT, KINDS, OTHERS, PLACE, fits
@@ -76,7 +76,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         at = [float(value) for value in dependence["curve"]["at"]]
         place = [float(value) for value in dependence.get("place") or ()]
         period = float(dependence.get("period_mm") or 0.0)
-        low, high = place or _reach(at)
+        low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
     if not along:
@@ -87,11 +87,6 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     between = low - shift, high - shift
     return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
             "between": between, "acts_on": acts_on}  # fmt: skip
-
-
-def _reach(at: Sequence[float]) -> tuple[float, float]:
-    """Ends of what was visited: the curve has the middles of its bins, and a law is often steepest beyond the first."""
-    return at[0] - 0.5 * (at[1] - at[0]), at[-1] + 0.5 * (at[-1] - at[-2])
 
 
 def _with_size(

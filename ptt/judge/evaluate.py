@@ -218,7 +218,10 @@ def _noise(table: Table, measured: np.ndarray, file: MachineFile | None) -> Nois
     asked = table.target if table.command is None else table.command
     held = np.where(np.isfinite(asked), asked, 0.0)
     sigma = None if file is None else file.tracker.sigma_mm
-    return given_noise(table, measured, arrival_direction(held, held, run_starts(table.run)), sigma)
+    # As in a problem: encoders that report where an arm stands differ from repeat to repeat, and so does its place.
+    arm = file is not None and file.machine.kind == "serial"
+    scatter = measured - targets_of(table, file) if arm else measured
+    return given_noise(table, scatter, arrival_direction(held, held, run_starts(table.run)), sigma)
 
 
 def _found(errors: Errors) -> np.ndarray:

@@ -59,25 +59,25 @@ def set_up_lines(problem: Problem) -> list[str]:
 
 
 def _base_words(problem: Problem) -> list[str]:
-    """Base reflectors, and single readings of some, that do not hold the frame."""
+    """Base reflectors, and single readings of some, that do not hold a frame."""
     if problem.base is None or not problem.base.aside.any():
         return []
-    name, aside = problem.table.name, problem.base.aside
-    read = (problem.table.role == "base") & np.isfinite(problem.table.measured).all(axis=1)
+    table, aside = problem.table, problem.base.aside
+    read = (table.role == "base") & np.isfinite(table.measured).all(axis=1)
     lines = []
-    for own in dict.fromkeys(name[aside]):
-        count, of = int((aside & (name == own)).sum()), int((read & (name == own)).sum())
+    for frame, own in dict.fromkeys(zip(problem.frame[aside].tolist(), table.name[aside].tolist(), strict=True)):
+        here = read & (table.name == own) & (problem.frame == frame)
+        count, of = int((here & aside).sum()), int(here.sum())
+        label = table.run_label[table.run[here][0]]
+        who = f"{label}: base reflector {own}" if len(table.run_label) > 1 and label else f"base reflector {own}"
+        why = "by distances to the others"
         if count < of:
             some = "one" if count == 1 else str(count)
-            verb = "is" if count == 1 else "are"
-            lines.append(
-                f"base reflector {own}: {some} of {of} readings {verb} left out: by distances to the others beside it "
-                "it was misread"
-            )
+            lines.append(f"{who}: {some} of {of} readings left out; {why} it was misread")
         else:
             lines.append(
-                f"base reflector {own} is left out: by distances to the others it is not where [[tracker.base_point]] "
-                "has it; check its xyz_mm and its name in the run"
+                f"{who} is left out: {why} it is not where [[tracker.base_point]] has it, or was misread each time; "
+                "check its xyz_mm and its name in the run"
             )
     return lines
 

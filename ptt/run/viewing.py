@@ -121,11 +121,16 @@ def _tensor(values: object) -> Tensor:
 
 
 def elapsed(table: "Table") -> Tensor:
-    """Seconds since the first row, (n,) s; where a clock goes back it was set anew, and what it shows is laid on."""
+    """Seconds since the first row, (n,) s; where a clock goes back it was set anew, and what it shows is laid on.
+
+    From one to the other is as long as a usual move then: what happens between them comes after the one.
+    """
     if table.time_s is None:
         return torch.zeros(table.rows, dtype=torch.float64)
     clock = np.asarray(table.time_s, dtype=float)
-    return _tensor(np.cumsum(np.maximum(np.diff(clock, prepend=clock[:1]), 0.0)))
+    step = np.diff(clock, prepend=clock[:1])
+    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
+    return _tensor(np.cumsum(np.where(step < 0.0, usual, step)))
 
 
 def joint_limits(file: "MachineFile") -> Tensor:
