@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from ptt.machine import MachineFile
     from ptt.run.table import Table
 
+MOMENT = 1.0  # s: from the last row of a run to the first of one whose clock starts anew; nobody knows how long it is
+
 
 def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
     """Joint commands of a table: its own where it has them, else the inverse of the targets.
@@ -123,14 +125,14 @@ def _tensor(values: object) -> Tensor:
 def elapsed(table: "Table") -> Tensor:
     """Seconds since the first row, (n,) s; where a clock goes back it was set anew, and what it shows is laid on.
 
-    From one to the other is as long as a usual move then: what happens between them comes after the one.
+    A run whose clock starts anew comes a moment after the one before: what happens between them is after that.
     """
     if table.time_s is None:
         return torch.zeros(table.rows, dtype=torch.float64)
     clock = np.asarray(table.time_s, dtype=float)
     step = np.diff(clock, prepend=clock[:1])
-    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
-    return _tensor(np.cumsum(np.where(step < 0.0, usual, step)))
+    anew = np.diff(table.run, prepend=table.run[:1]) != 0
+    return _tensor(np.cumsum(np.where(step < 0.0, np.where(anew, MOMENT, 0.0), step)))
 
 
 def joint_limits(file: "MachineFile") -> Tensor:
