@@ -18,6 +18,7 @@ from ptt.diagnosis.verdict import diagnose
 from ptt.effects import Curve, library
 from ptt.effects.reversal import LONGEST
 from ptt.errors import TableError
+from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -223,3 +224,37 @@ def test_an_unknown_that_the_user_has_described_is_not_told_again(how: Callable[
     torch.testing.assert_close(term.theta, described.terms[0].theta)
     told = [item.size.rms for item in after.depends_on if item.size is not None]
     assert max(told, default=0.0) < 0.2 * before.depends_on[0].size.rms
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_play_is_told_on_short_runs_that_come_from_the_other_side(seed: int) -> None:
+    """The first row of a run is taken to arrive as the second moves; three of 48 rows that did not are left aside."""
+    random = np.random.default_rng(seed)
+    rows, runs = 48, 3
+    run, target = np.repeat(np.arange(runs), rows // runs), random.uniform(-60.0, 60.0, (rows, 3))
+    file = stated()
+    joints = build_mechanism(file.machine).inverse(torch.as_tensor(target)).numpy()
+    side = np.sign(np.diff(joints, axis=0, prepend=joints[:1]))
+    starts = np.flatnonzero(np.diff(run, prepend=-1))
+    side[starts] = -side[starts + 1]
+    slip = np.where(np.arange(rows) > 30, 0.3, 0.0)[:, None] * np.eye(3)[1]
+    problem = run_of(
+        file, target, slip - 0.2 * side, seed, run=run, run_label=("a", "b", "c"), time_s=9.0 * np.arange(rows)
+    )
+    found = diagnose(Model(file), problem)
+    assert found.verdict == "missing"
+    assert {names[0] for names in found.suggested} == {"backlash", "homing-slip"}
+
+
+@pytest.mark.parametrize("share", [0.72, 1.2])
+def test_a_drift_that_settles_as_slowly_as_the_run_is_long_is_told_as_one(share: float) -> None:
+    """Between half of the run and a straight line it had been fitted as either."""
+    rows, random = 200, np.random.default_rng(4)
+    target, time = random.uniform(-50.0, 50.0, (rows, 3)), 10.0 * np.arange(rows)
+    file = stated("trusted")
+    problem = run_of(file, target, np.zeros((rows, 3)), 6, time_s=time)
+    drift = 0.3 * np.expm1(-time / (share * time[-1])) / np.expm1(-1.0 / share)
+    read = problem.table.measured + drift[:, None] * [0.6, -0.5, 0.6]
+    drifting = build_problem(file, problem.table.replace(measured=read))
+    (term,) = fit(Model(file) + library()["tracker-drift"](), drifting).model.terms
+    assert float(term.theta[-2]) == pytest.approx(share * time[-1], rel=0.15)

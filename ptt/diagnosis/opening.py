@@ -11,7 +11,7 @@ from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-MOST_FIRST = 0.05  # share of the rows that may open a run and be left out for it
+MOST_FIRST = 0.1  # share of the rows that may open a run and be left out for it: of short runs one row in ten
 MOST_REMEMBERING = 0.25  # the same where it is known what remembers: beyond, hardly a row would know of it at all
 MATTERS = 1.0  # standard deviation of a reading by which it matters from where a run came
 AT_STAKE = 10.0  # nats that a wrong guess of it may hand to whatever begins early in a run: about what a name costs
