@@ -17,7 +17,7 @@ from ptt.run.view import View
 RIGID = "small rigid motion, Rodrigues' formula to first order"
 USUAL_SCALE = 2e-5
 AWAY = 3e3  # mm along an axis, how far off a tracker usually stands
-SETTLING = (1e3, 2.0, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between
+SETTLING = (1e3, 3.0, 1.25, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class TrackerDrift(MetrologyEffect):
         return f"tracker drift, {pace}"
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """A straight line and four speeds of settling."""
+        """A straight line and five speeds of settling."""
         whole = view.time.max()
         return tuple({"settling": (part * whole).reshape(1), "duration": whole.reshape(1)} for part in SETTLING)
 
