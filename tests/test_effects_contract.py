@@ -250,6 +250,14 @@ def test_own_file_is_refused(tmp_path, stage, parameters, name, said):
     assert str(path) in str(caught.value)
 
 
+def test_what_an_own_effect_stands_for_are_names(tmp_path):
+    path = tmp_path / "own.py"
+    text = OWN.replace("NAME", "own").replace("STAGE", "drive").replace("PARAMETERS", LINEAR)
+    path.write_text(f"{text}    stands_for: ClassVar[int] = 2\n")
+    with pytest.raises(InputError, match="stands_for = 2 is not a tuple of names"):
+        library(path)
+
+
 def test_own_file_with_postponed_annotations_loads(tmp_path):
     path = tmp_path / "own.py"
     path.write_text(OWN.replace("NAME", "own").replace("STAGE", "drive").replace("PARAMETERS", LINEAR))

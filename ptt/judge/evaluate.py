@@ -131,7 +131,7 @@ def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) 
     raw = np.where(pose[:, None], table.measured - target, np.nan)
     moved, words = _align(table, file, target, pose, policy)
     aligned = np.where(pose[:, None], moved - target, np.nan)
-    return Errors(raw, aligned, words, _noise(table, moved, file))
+    return Errors(raw, aligned, words, _noise(table, target, moved, file))
 
 
 def evaluate_pair(
@@ -214,13 +214,13 @@ def _align(
     return into_base(table.measured, frame, rotations, shifts), f"{policy}: {words}, before and after alike"
 
 
-def _noise(table: Table, measured: np.ndarray, file: MachineFile | None) -> Noise | None:
+def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None) -> Noise | None:
     asked = table.target if table.command is None else table.command
     held = np.where(np.isfinite(asked), asked, 0.0)
     sigma = None if file is None else file.tracker.sigma_mm
     # As in a problem: encoders that report where an arm stands differ from repeat to repeat, and so does its place.
     arm = file is not None and file.machine.kind == "serial"
-    scatter = measured - targets_of(table, file) if arm else measured
+    scatter = measured - target if arm else measured
     return given_noise(table, scatter, arrival_direction(held, held, run_starts(table.run)), sigma)
 
 
