@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.challenge.truth import table_of
 from ptt.diagnosis import doubt
 from ptt.diagnosis.absent import Absent
 from ptt.diagnosis.diagnosis import Diagnosis
@@ -25,6 +26,8 @@ from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model
+from ptt.rig import format_rig, parse_rig, simulate
+from ptt.rig.draw import draw_rig
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 
@@ -258,3 +261,30 @@ def test_a_drift_that_settles_as_slowly_as_the_run_is_long_is_told_as_one(share:
     drifting = build_problem(file, problem.table.replace(measured=read))
     (term,) = fit(Model(file) + library()["tracker-drift"](), drifting).model.terms
     assert float(term.theta[-2]) == pytest.approx(share * time[-1], rel=0.15)
+
+
+@pytest.mark.parametrize("left", [0.05, 0.0])
+def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float) -> None:
+    """A constant in its middle would be sent, and be wrong by half of it at either end."""
+    random, rows = np.random.default_rng(5), 300
+    file, target = stated(), random.uniform(-60.0, 60.0, (rows, 3))
+    side = np.sign(np.diff(build_mechanism(file.machine).inverse(torch.as_tensor(target)).numpy(), axis=0, prepend=0.0))
+    play = 0.08 * np.maximum(np.exp(-4.0 * np.linspace(0.0, 1.0, rows)), left)
+    problem = run_of(file, target, -0.5 * play[:, None] * side, 5, time_s=10.0 * np.arange(rows))
+    found = diagnose(Model(file), problem)
+    assert found.verdict == "unknown" and found.suggested == ()
+    assert {item.on for item in found.depends_on} == {"direction1", "direction2", "direction3"}
+    assert all("lower when it arrives upward" in item.words for item in found.depends_on)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_constant_play_beside_an_unknown_stays_a_play_at_two_speeds(seed: int) -> None:
+    """A play that differs with the speed says the same and more: that it might is nothing against the name."""
+    drawn = draw_rig("none", seed, bench(), "speed", rows=120)
+    odd = "[[odd]]\nkind = 'periodic'\nleg = 2\nsize_um = 12.0\nperiod_mm = 3.1\n"
+    hidden = parse_rig(f"{format_rig(drawn.rig)}\n{odd}")
+    gap = hidden.drive.model_copy(update={"backlash_mm": (0.03, 0.0, 0.0)})
+    table = table_of(simulate(replace(hidden, drive=gap), drawn.targets).frame)
+    found = diagnose(Model(bench()), build_problem(bench(), table))
+    assert found.verdict == "unknown"
+    assert [names[0] for names in found.suggested] == ["backlash"]

@@ -70,6 +70,11 @@ class Block:
         return self.place.residual == other.place.residual and self.on[0] == other.on[0]
 
     @property
+    def reverses(self) -> bool:
+        """Whether it changes sides with the way a joint came, as play does."""
+        return self.on[0].startswith("direction")
+
+    @property
     def width(self) -> int:
         """Number m of its features."""
         return int(self.place.slopes.shape[2] * self.shapes.shape[1])
@@ -196,7 +201,11 @@ def _reversal(
     yield _named(place, (name, own), partial(np.multiply, side, low))
     for context in contexts:
         if context.joints and context.name not in ("memory of temperature", "velocity"):
-            yield _named(place, (name, context.name), partial(np.multiply, side, context.shapes[:, :COARSE]))
+            yield _named(place, (name, context.name), partial(_with_its_level, side, context.shapes[:, :COARSE]))
+
+
+def _with_its_level(side: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    return side * np.column_stack([np.ones(len(shapes)), shapes])
 
 
 def _set_up(problem: Problem, span: Span) -> Place:

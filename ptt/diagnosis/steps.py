@@ -129,10 +129,15 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
 
     Whatever is missing, some effect takes a part of it: a name says more only where the unknown would not do as well.
     Laws of one variable are no rivals: on one path some law runs with any effect, and effects are laws that physics
-    knows.
+    knows. Nor is a play that varies one of a play: it says the same and more.
     """
-    less = _less(scorer, state, key)
-    unknown = scorer.screen(less, is_broad)[:MOST_UNKNOWN]
+    less, effect = _less(scorer, state, key), scorer.system.atoms[key].effect
+    reverses = effect is not None and effect.reverses
+
+    def is_rival(atom: Atom) -> bool:
+        return is_broad(atom) and not (reverses and atom.block is not None and atom.block.reverses)
+
+    unknown = scorer.screen(less, is_rival)[:MOST_UNKNOWN]
     return max((added(scorer, less, gain).total for gain in unknown), default=-np.inf)
 
 
