@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
+from ptt.challenge.truth import table_of
 from ptt.diagnosis.lost import lost_by_one
+from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.errors import PosesError
+from ptt.fitting.solve import fit
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
+from ptt.rig import simulate
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
@@ -48,3 +54,21 @@ def test_play_and_windup_are_told_apart_where_each_is_fitted(true, named):
     assert best.keys == (true[0],)
     torch.testing.assert_close(best.terms[0].theta[:3], told.theta[:3], atol=2e-3, rtol=0.0)
     assert lost_by_one(model, model, found, problem) is model
+
+
+def test_no_effect_is_opened_beside_values_beyond_reach():
+    """What a tangent asks for may have no place for the tool; nothing is known of other effects there."""
+    place = np.random.default_rng(1).uniform(-40.0, 40.0, (40, 3))
+    problem = build_problem(MACHINE, make_table(place, measured=place))
+    beyond = model_of(("homing-offset", [1e6, 0.0, -1e6])) + library()["windup"]()
+    with pytest.raises(PosesError, match="cannot stand where it was commanded to"):
+        fit(beyond, problem, noise=NOISE)
+
+
+def test_a_search_that_strays_far_comes_back():
+    """Curves on a few heights of a small circle have values of metres for a while, and columns that drown the rest."""
+    (case,) = plan("unknown", 1, 2110017, kinds="all", noise=None, bench=None, rows=None, visible=True)
+    drawn, _ = draw(case)
+    problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    found = diagnose(Model(drawn.rig.machine), problem)
+    assert found.verdict == "unknown" and found.suggested == (("following-error",),)

@@ -16,6 +16,7 @@ from ptt.fitting.factor import factor_of
 POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
 REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
 UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
+STRONG = 1e5  # deviations that a column may well make: more widens no evidence, and rounding would drown weak ones
 AT_REST = int(np.searchsorted(SHARES, 1.0)) - 1  # number of the share that a wander may have without a run showing it
 FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 Value = Callable[[Memory], float]
@@ -80,7 +81,8 @@ def prior_of(memory: Memory) -> float:
 
 def _ways(system: System, state: State) -> np.ndarray:
     """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
-    size, gram = np.sqrt(state.posterior.prior), system.sums_of(state.columns, state.memory).gram
+    gram = system.sums_of(state.columns, state.memory).gram
+    size = np.minimum(np.sqrt(state.posterior.prior), STRONG / np.sqrt(np.maximum(gram.diagonal(), 1e-300)))
     strength, ways = np.linalg.eigh(gram * size[:, None] * size)
     kept = np.cumsum(np.maximum(strength, 0.0)) > UNSEEN
     return np.asarray(size[:, None] * ways[:, kept])

@@ -11,6 +11,7 @@ from ptt.effects.base import flatten
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Linear, Shape, assemble, tried_sizes
 from ptt.fitting.outliers import linear_residual
+from ptt.fitting.reach import require_reach
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -48,6 +49,9 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
 
     Returns:
         All terms, in the order given.
+
+    Raises:
+        PosesError: with the values of the others the machine could not have stood at some row.
     """
     new = [term for term in terms if not len(term.theta)]
     if not new:
@@ -109,6 +113,7 @@ def _linearise(
     layout = lay_out(Model(problem.file), problem, known)
     linear = assemble(layout, layout.start(), problem, noise, new, {key: each[:1] for key, each in shapes.items()})
     rows, held = linear.rows, linear.held
+    require_reach(rows, known, problem)  # what would be opened beside them had no columns there
     root = np.zeros((len(rows), 1, 1))
     _, weight = linear_residual(
         linear.residual[rows], linear.columns[rows], np.zeros(int(held.sum())), np.diag(held.astype(float))[held]

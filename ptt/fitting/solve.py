@@ -5,9 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.effects.phrases import listed
 from ptt.effects.sudden import Sudden
-from ptt.errors import PosesError
 from ptt.fitting.alike import excess, times_of
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.gauss_newton import DONE, HOPELESS, Equations, descend
@@ -15,6 +13,7 @@ from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator, LongSystem
 from ptt.fitting.outliers import inside, linear_residual
 from ptt.fitting.prior import Prior, crowding_of, learn_prior, usual_prior
+from ptt.fitting.reach import require_reach
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
 from ptt.fitting.stated import Witness, conclude
@@ -135,27 +134,15 @@ def _begin(
     layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
     evaluate = Evaluator(layout, problem, noise, coarse=coarse)
     unknowns = np.clip(layout.start(), layout.lower, layout.upper)
-    _require_reach(evaluate(unknowns), model, problem)
+    require_reach(_stood(evaluate(unknowns)), model.terms, problem)
     kept = _without_outliers(evaluate(unknowns), problem, layout, noise) if robust else problem.used.copy()
     return evaluate, unknowns, kept, usual_prior(layout)
 
 
-def _require_reach(system: System, model: Model, problem: Problem) -> None:
-    """Refuse values with which the machine could not have stood where it was commanded to: nothing follows from them.
-
-    Raises:
-        PosesError: there are such rows.
-    """
-    stood = np.isfinite(system.prediction.reading.numpy()).all(axis=1) & np.isfinite(system.jacobian).all(axis=(1, 2))
-    lost = np.flatnonzero(problem.used & ~stood)
-    if not len(lost):
-        return
-    values = listed([term.effect.key for term in model.terms if len(term.theta)]) or "the drawing"
-    more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
-    raise PosesError(
-        f"{problem.table.place(int(lost[0]))}{more}: with the values that the readings ask of {values}, the machine "
-        "cannot stand where it was commanded to; look for readings far off (ptt compare) or columns in another unit"
-    )
+def _stood(system: System) -> np.ndarray:
+    """Rows at which the machine can stand, (n,) bool."""
+    reached = np.isfinite(system.prediction.reading.numpy()).all(axis=1)
+    return np.asarray(reached & np.isfinite(system.jacobian).all(axis=(1, 2)))
 
 
 def _begin_long(
