@@ -138,7 +138,13 @@ class SaysTheSide(Good):
     phrases = (Phrase("pull", "pulls {what} toward +{axis}", "pulls {what} toward -{axis}", "the hose"),)
 
 
+class SumsOtherwise(Good):
+    def summed(self, theta, view):
+        return 1.01 * self.shift(theta, view)
+
+
 BROKEN = [
+    (SumsOtherwise, "derivative by input"),
     (SaysNothingOfTheSign, "words have a side"),
     (SaysAnotherName, "units stated"),
     (NoUnit, "units stated"),

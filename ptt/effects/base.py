@@ -187,6 +187,18 @@ class Effect:
         linear = linear_size(self, view.joints)
         return weigh(self.basis(view, shape_of(self, theta, view.joints)), theta[:linear])
 
+    def summed(self, theta: Tensor, view: View) -> Tensor:
+        """The same shift for who derives it by the view: what has many values may sum them before it spreads them out.
+
+        Args:
+            theta: as in `shift`.
+            view: as in `shift`.
+
+        Returns:
+            As `shift`.
+        """
+        return self.shift(theta, view)
+
     def slope(self, theta: Tensor, view: View) -> Tensor:
         """Derivative of a shift that is not linear in its parameters by these.
 

@@ -192,7 +192,12 @@ def check_input(case: Case) -> str:
     def shift(value: Tensor) -> Tensor:
         return case.shift(case.view.at(**{name: value}))
 
-    exact = by_input(shift, x).permute(2, 0, 1)
+    def summed(value: Tensor) -> Tensor:
+        return case.effect.summed(case.theta, case.view.at(**{name: value}))
+
+    if float((summed(x) - shift(x)).abs().max()) > ALIKE:
+        return "summed is not the shift"
+    exact = by_input(summed, x).permute(2, 0, 1)
     for column, direction in zip(exact, directions, strict=True):
         broken = _compare(column, [shift(x + h * direction), shift(x - h * direction)], h)
         if broken:

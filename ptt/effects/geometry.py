@@ -48,6 +48,11 @@ def centre_basis(*columns: Tensor) -> Tensor:
     return basis
 
 
+def centre_slots(centres: Tensor) -> Tensor:
+    """Shifts of the legs' joint centres, (n, leg, xyz), as shifts of all slots, (n, 15)."""
+    return torch.nn.functional.pad(torch.nn.functional.pad(centres, (0, 1)).flatten(1), (0, SLOTS - 4 * LEGS))
+
+
 def length_basis(*columns: Tensor) -> Tensor:
     """Geometry basis of parameters that each change the link length of their own leg.
 

@@ -7,15 +7,15 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Parameter
+from ptt.effects.base import Parameter, shape_of
 from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.geometry import (
     CLOSURE,
     LEGS,
-    SLOTS,
     ThreePttEffect,
     centre_basis,
+    centre_slots,
     horizontal_axes,
     machine,
 )
@@ -128,8 +128,7 @@ class TowerTilt(ThreePttEffect):
         turn = _turn(theta, view)
         once = torch.linalg.cross(turn, machine(view).rail)
         lean = once + 0.5 * torch.linalg.cross(turn, once)
-        centres = (view.q - view.home)[..., None] * lean
-        return torch.nn.functional.pad(torch.nn.functional.pad(centres, (0, 1)).flatten(1), (0, SLOTS - 4 * LEGS))
+        return centre_slots((view.q - view.home)[..., None] * lean)
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
         """What a further turn of each rail adds where it leans already."""
@@ -223,6 +222,16 @@ class GuideStraightness(ThreePttEffect):
     def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
         """Six shapes on nine knots, as files had them, in the present shapes."""
         return renew_curves(values, ("radial", "tangential"), joints)
+
+    def summed(self, theta: Tensor, view: View) -> Tensor:
+        """Each rail's two curves as one height each, before any column is spread over the slots."""
+        shape = shape_of(self, theta, view.joints)
+        place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
+        curved, straight = torch.split(theta[: LEGS * (2 * SHAPES + 4)], [2 * LEGS * SHAPES, 4 * LEGS])
+        curves, lines = smooth_shapes(place), straight_shapes(place)  # shape: (n, leg, c)
+        bent = (curves * curved.view(2, 1, LEGS, SHAPES)).sum(dim=-1)  # shape: (axis, n, leg)
+        level = (lines * straight.view(LEGS, 2, 2).transpose(0, 1)[:, None]).sum(dim=-1)
+        return centre_slots(torch.einsum("anl,alx->nlx", bent + level, torch.stack(horizontal_axes(view))))
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Spline shapes of each rail, outward and along the azimuth."""

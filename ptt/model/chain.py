@@ -243,6 +243,6 @@ def _by_input(terms: Shifts, stage: str, x: Tensor, see: Callable[[Tensor], View
         return None
 
     def total(value: Tensor) -> Tensor:
-        return torch.stack([effect.shift(theta, see(value)) for effect, theta in here]).sum(dim=0)
+        return torch.stack([effect.summed(theta, see(value)) for effect, theta in here]).sum(dim=0)
 
     return by_input(total, x)
