@@ -7,15 +7,14 @@ from functools import partial
 import numpy as np
 
 from ptt.dependence.contexts import rigid_slopes
-from ptt.diagnosis.smooth import cosines, harmonics, legendre, product, scaled
+from ptt.diagnosis.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.span import Context, Span, span_of
 from ptt.effects.geometry import horizontal_axes
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
 SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
-FINE, COARSE = 24, 4  # shapes along a joint's own travel, and where that only modulates something else
-DECAY = 0.7  # higher orders of a smooth modulation are smaller by this ratio
+FINE = 24  # shapes along a joint's own travel
 FIELD, FIELD_OF_CONTEXT = 5, 3  # total degree of a field over the workspace, and of one that a context modulates
 STILL = 1e-6  # mm or less of the tool to a mm or a rad of a place: it moves nothing
 FIELD_DECAY, GENTLE = 0.6, 2  # and the degree of one that bends but once
@@ -130,7 +129,7 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
         if place.residual.startswith("rail"):
             continue
         yield _named(place, ("x", "y", "z"), partial(_field, p, _degree(problem)))
-        low = _modulation(q[:, place.joint])
+        low = modulation(q[:, place.joint])
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
@@ -201,11 +200,7 @@ def _reversal(
     yield _named(place, (name, own), partial(np.multiply, side, low))
     for context in contexts:
         if context.joints and context.name not in ("memory of temperature", "velocity"):
-            yield _named(place, (name, context.name), partial(_with_its_level, side, context.shapes[:, :COARSE]))
-
-
-def _with_its_level(side: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    return side * np.column_stack([np.ones(len(shapes)), shapes])
+            yield _named(place, (name, context.name), partial(np.multiply, side, context.measure))
 
 
 def _set_up(problem: Problem, span: Span) -> Place:
@@ -228,16 +223,12 @@ def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
 
 
 def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
-    return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else _modulation(scaled)
+    return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(scaled)
 
 
 def _with_level(context: Context) -> np.ndarray:
     """Shapes of a context; what changes with time has a mean over the run, which is nothing by itself."""
     return np.column_stack([np.ones(len(context.shapes)), context.shapes]) if context.name == "time" else context.shapes
-
-
-def _modulation(scaled: np.ndarray) -> np.ndarray:
-    return legendre(scaled, COARSE) * DECAY ** np.arange(COARSE + 1)
 
 
 def _field(scaled: np.ndarray, degree: int, first: int = 0) -> np.ndarray:

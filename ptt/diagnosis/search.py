@@ -246,12 +246,14 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
 
     Returns:
         The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
-        to anything says little, and of a few rows no more than an unknown does; then the best, what the model has by a
+        to anything says little, and of a few rows no more than an unknown does; then the one with the fewest unknowns
+        that follow the time, which is no cause: what goes with it says more; then the best, what the model has by a
         nat before what it has not: of two that do alike each would be the better one, linearised at the other.
     """
 
-    def plain(state: State) -> tuple[float, int, float]:
-        return _parts(scorer, state), _bends(scorer, state), -state.total - SEEN * is_told(scorer, state)
+    def plain(state: State) -> tuple[float, int, int, float]:
+        least = -state.total - SEEN * is_told(scorer, state)
+        return _parts(scorer, state), _bends(scorer, state), _timed(scorer, state), least
 
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
     first = min([best, *(state for state in near if nothing or _parts(scorer, state))], key=plain)
@@ -279,6 +281,12 @@ def _bends(scorer: Scorer, state: State) -> int:
     """Curves and unknowns of a set."""
     unknowns = sum(scorer.system.atoms[key].block is not None for key in loose(scorer, state))
     return _curves(scorer, state) + unknowns
+
+
+def _timed(scorer: Scorer, state: State) -> int:
+    """Unknowns of a set that follow the time."""
+    blocks = [scorer.system.atoms[key].block for key in state.keys]
+    return sum(block is not None and "time" in block.on for block in blocks)
 
 
 def _curves(scorer: Scorer, state: State) -> int:

@@ -4,6 +4,9 @@ import numpy as np
 
 FEW = 3  # rows that a value, or one further out, needs
 
+COARSE = 4  # bends of what only modulates something else
+DECAY = 0.7  # each is smaller than the one before by this ratio
+
 
 def ends_of(values: np.ndarray) -> np.ndarray:
     """Lowest and highest of each column, (2, ...)."""
@@ -35,6 +38,11 @@ def reined(values: np.ndarray) -> np.ndarray:
 def legendre(values: np.ndarray, degree: int) -> np.ndarray:
     """Legendre polynomials of unit mean square over the range, (n, degree + 1)."""
     return np.asarray(np.polynomial.legendre.legvander(values, degree) * np.sqrt(2.0 * np.arange(degree + 1) + 1.0))
+
+
+def modulation(values: np.ndarray) -> np.ndarray:
+    """A level and smooth bends over the range, the higher ones smaller: what modulates something else, (n, s)."""
+    return legendre(values, COARSE) * DECAY ** np.arange(COARSE + 1)
 
 
 def cosines(values: np.ndarray, count: int) -> np.ndarray:

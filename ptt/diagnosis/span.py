@@ -8,7 +8,7 @@ from scipy import linalg
 
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import ways_of
-from ptt.diagnosis.smooth import cosines, ends_of, product, reined, scaled, unit
+from ptt.diagnosis.smooth import COARSE, cosines, ends_of, modulation, product, reined, scaled, unit
 from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
 
@@ -25,14 +25,20 @@ class Context:
         name: 'payload', 'temperature', 'time', 'speed', 'feed', 'way', 'turn', or the title of a column that a person
             wants watched.
         shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
+        measure: what a play may vary in proportion to, (n, m): a level, for one that stays is the simplest, and bends.
         fields: whether a field over the workspace may go with it beyond scale and turn.
         joints: whether it may act on joints; what only the tool knows acts on the tool.
     """
 
     name: str
     shapes: np.ndarray
+    measure: np.ndarray
     fields: bool = True
     joints: bool = True
+
+    def of(self, rows: np.ndarray) -> "Context":
+        """The same for some of the rows, (m,) int."""
+        return replace(self, shapes=self.shapes[rows], measure=self.measure[rows])
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class Span:
 
     def of(self, rows: np.ndarray) -> "Span":
         """The same for some of the rows, (m,) int."""
-        contexts = tuple(replace(context, shapes=context.shapes[rows]) for context in self.contexts)
+        contexts = tuple(context.of(rows) for context in self.contexts)
         return replace(self, contexts=contexts)
 
     @property
@@ -86,33 +92,41 @@ def _contexts(problem: Problem) -> Iterator[Context]:
     view = problem.view
     if "payload" in view.varies:
         load = reined(view.payload.numpy())
-        yield Context("payload", np.column_stack([unit(load), unit(load**2)]))
+        yield _context("payload", np.column_stack([unit(load), unit(load**2)]))
     if "temperature" in view.varies:
         warm = reined(view.warmth.numpy())
-        yield Context("temperature", np.column_stack([unit(warm), unit(warm**2)]))
+        yield _context("temperature", np.column_stack([unit(warm), unit(warm**2)]))
         if "time" in view.varies:
-            yield Context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()))
-    yield Context("time", cosines(_time(problem), SLOW), fields=False)
+            yield _context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()))
+    yield _context("time", cosines(_time(problem), SLOW), fields=False)
     if "speed" in view.varies:
         speed = reined(np.sqrt(np.square(view.velocity.numpy()).sum(axis=1)))
-        yield Context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
+        yield _context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
         velocity = reined(view.velocity.numpy())
         signed = np.column_stack([velocity, velocity * np.abs(velocity)])
-        yield Context("velocity", signed / np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9), fields=False)
+        yield _context("velocity", signed / np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9), fields=False)
     feed = problem.table.feed_mm_s
     came, turns = ways_of(view.p.numpy(), view.starts.numpy())
     turns = reined(turns)
-    yield Context("way", reined(np.column_stack(list(came))), fields=False, joints=False)
+    yield _context("way", reined(np.column_stack(list(came))), fields=False, joints=False)
     if feed is None or np.ptp(feed := reined(np.nan_to_num(feed))) <= SAME_FEED * feed.max():
-        yield Context("turn", turns, fields=False, joints=False)
+        yield _context("turn", turns, fields=False, joints=False)
     else:  # how fast the machine came, also where it was read at a stop
-        yield Context("feed", _bowed(feed), fields=False)
+        yield _context("feed", _bowed(feed), fields=False)
         swift = np.column_stack([np.ones(view.rows), unit(feed), unit(feed**2)])
-        yield Context("turn", product(turns, swift), fields=False, joints=False)
+        yield _context("turn", product(turns, swift), fields=False, joints=False)
     for name, values in moves_of(problem).items():
-        yield Context(name, _bowed(reined(_by_shares(values))), fields=False)
+        yield _context(name, _bowed(reined(_by_shares(values))), fields=False)
     for title, values in watched_values(problem.table).items():
-        yield Context(title, _bowed(np.nan_to_num((held := reined(values)) - np.nanmean(held))))
+        yield _context(title, _bowed(np.nan_to_num((held := reined(values)) - np.nanmean(held))))
+
+
+def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool = True) -> Context:
+    if name == "time":
+        measure = np.column_stack([np.ones(len(shapes)), shapes[:, :COARSE]])
+    else:
+        measure = modulation(scaled(shapes[:, 0], ends_of(shapes[:, 0])))
+    return Context(name, shapes, measure, fields, joints)
 
 
 def _by_shares(values: np.ndarray) -> np.ndarray:

@@ -1,6 +1,8 @@
 """What a fit found and what it could not find: one frozen report, as text in the manner of lmfit and as JSON."""
 
+from collections import Counter
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -17,6 +19,11 @@ from ptt.run.problem import Problem
 
 IN_PART = 0.98  # share in unseen directions from which nothing of a parameter is measured
 SHOWN = 12  # outliers and correlations listed in the text
+MOST_LISTED = 8  # values of one curve that are listed: the picture of a longer one says more than its values
+MEASURED = {
+    "yes": "measured", "in part": "measured in combinations", "no": "not measured", "fixed": "fixed",
+    "searched": "searched",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -212,13 +219,23 @@ def _errors(report: FitReport) -> list[str]:
 
 
 def _parameters(report: FitReport) -> list[str]:
-    lines, last = [], ""
-    for value in report.values:
-        if value.effect != last:
-            lines += [f"[[{value.effect}]]"]
-            last = value.effect
-        lines.append(f"    {value.name:<22} {_words(value)}")
+    lines = list[str]()
+    for effect, own in groupby(report.values, lambda value: value.effect):
+        lines.append(f"[[{effect}]]")
+        for _, some in groupby(own, lambda value: value.name.rpartition(".")[0] or value.name):
+            lines += _lines_of(tuple(some))
     return lines
+
+
+def _lines_of(values: tuple[Value, ...]) -> list[str]:
+    """A line for each value, or one for all that together are one curve: by itself none of its many says anything."""
+    if len(values) <= MOST_LISTED:
+        return [f"    {value.name:<22} {_words(value)}" for value in values]
+    name = f"{values[0].name} to {values[-1].name.rpartition('.')[2]}"
+    low, high = (end(value.value for value in values) for end in (min, max))
+    counts = Counter(value.measured for value in values)
+    kinds = ", ".join(f"{counts[kind]} {words}" for kind, words in MEASURED.items() if counts[kind])
+    return [f"    {name:<22} {low:.3g} to {high:.3g}, {len(values)} values of a curve: {kinds}; --json has each"]
 
 
 def _words(value: Value) -> str:
