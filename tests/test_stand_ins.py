@@ -264,6 +264,35 @@ def test_a_drift_that_settles_as_slowly_as_the_run_is_long_is_told_as_one(share:
 
 
 @pytest.mark.parametrize("left", [0.05, 0.0])
+def knocked(after: int, frame: str, *, runs: int = 1, rounds: int = 1) -> Problem:
+    """Poses that are gone through so often, in so many runs, whose readings jump after a row."""
+    rows = 240
+    target = np.tile(np.random.default_rng(3).uniform(-60.0, 60.0, (rows // rounds, 3)), (rounds, 1))
+    run, labels = np.repeat(np.arange(runs), rows // runs), tuple("abc"[:runs])
+    problem = run_of(stated(frame), target, np.zeros((rows, 3)), 3, run=run, run_label=labels)
+    moved = np.array([0.1, -1.0, 0.8]) + np.cross([-1.5e-3, -4e-3, 6e-3], problem.measured)
+    read = problem.measured + np.where(np.arange(rows) > after, 1.0, 0.0)[:, None] * moved
+    return build_problem(problem.file, replace(problem.table, measured=read))
+
+
+def test_add_finds_a_knock_that_each_runs_own_frame_all_but_takes() -> None:
+    """Few rows see it, and those by little of what it is: it is many times larger than knocks are."""
+    problem = knocked(135, "fitted-per-run", runs=2)
+    ladder = climb(Model(problem.file), problem, [library()["setup-jump"]()])
+    assert float(ladder.model.terms[0].theta[-1]) == 135.0
+    assert ladder.steps[-1].rms_um["total"] < 1.1 * 1e3 * NOISE * 3**0.5
+
+
+def test_add_takes_no_knock_between_repeats_for_noise() -> None:
+    problem = knocked(119, "fitted", rounds=4)
+    problem = build_problem(replace(problem.file, tracker=bench().tracker), problem.table)
+    assert problem.noise is not None and problem.noise.total > 0.1
+    ladder = climb(Model(problem.file), problem, [library()["setup-jump"]()])
+    assert ladder.noise_um["source"] == "repeats"
+    assert ladder.noise_um["total"] == pytest.approx(1e3 * NOISE * 3**0.5, rel=0.15)
+    assert ladder.steps[-1].heldout_rms_um["total"] < 1.1 * 1e3 * NOISE * 3**0.5
+
+
 def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float) -> None:
     """A constant in its middle would be sent, and be wrong by half of it at either end."""
     random, rows = np.random.default_rng(5), 300

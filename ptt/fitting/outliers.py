@@ -3,6 +3,7 @@
 import numpy as np
 from scipy import linalg
 
+from ptt.fitting.factor import factor_of
 from ptt.fitting.stretches import confirmed_by_pose, in_a_row, shifted_stretches
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -92,12 +93,13 @@ def linear_residual(
     weight, left = np.ones(len(rows)), rows
     if not width:
         return left, _weights(left)
-    pull = np.eye(width) * 1e-9
     for _ in range(ROUNDS):
         heavy = (columns * weight[:, None, None]).reshape(-1, width)
         normal = heavy.T @ flat + base_columns.T @ base_columns
         side = heavy.T @ rows.ravel() + base_columns.T @ base_rows
-        step = linalg.solve(normal + pull * np.trace(normal), side, assume_a="pos")
+        # Each column is held by a part of its own strength: one of the strongest would hold weak ones where they are.
+        factor = factor_of(normal, 1e-9 * (1.0 + normal.diagonal()))
+        step = linalg.cho_solve((factor, True), side)
         left = rows - (flat @ step).reshape(-1, 3)
         before, weight = weight, _weights(left)
         if np.abs(weight - before).max(initial=0.0) < 0.02:

@@ -16,8 +16,10 @@ from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+WIDE = 1e5  # variance in usual sizes that a new effect may have: what rows hardly see may still be large
 SEEN = 1.0  # information, in usual sizes, below which a direction is left out
 WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
+Choice = dict[str, tuple[Shape, np.ndarray]]  # of each new effect its shape, and its amplitudes in usual sizes
 OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes
 
 
@@ -56,38 +58,37 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
     new = [term for term in terms if not len(term.theta)]
     if not new:
         return list(terms)
-    shapes = {term.effect.key: _trials(term.effect, problem) for term in new}
-    known = [term for term in terms if len(term.theta)]
-    stage, blocks = _linearise(known, [term.effect for term in new], shapes, problem, noise)
-    for term in new:
-        key = term.effect.key
-        if len(shapes[key]) > 1:
-            others = [block for name, block in blocks.items() if name != key]
-            shapes[key] = [_profile(stage, term.effect, shapes[key], others)]
-            blocks[key] = stage.columns(term.effect, shapes[key][0])
-    amplitudes = _amplitudes(stage, blocks)
-    if _choose_meant(stage, new, shapes, blocks, amplitudes, problem):
-        amplitudes = _amplitudes(stage, blocks)
-    opened = {
-        term.effect.key: _opened(term, shapes[term.effect.key][0], amplitudes[term.effect.key], problem) for term in new
-    }
+    trials = {term.effect.key: _trials(term.effect, problem) for term in new}
+    stage = _linearise([term for term in terms if len(term.theta)], new, trials, problem, noise)
+    chosen = _choose(stage, new, trials, problem)
+    opened = {term.effect.key: _opened(term, *chosen[term.effect.key], problem) for term in new}
     return [opened.get(term.effect.key, term) for term in terms]
 
 
-def _choose_meant(
-    stage: _Stage, new: Sequence[Term], shapes: dict[str, list[Shape]], blocks: dict[str, np.ndarray],
-    amplitudes: Mapping[str, np.ndarray], problem: Problem,
-) -> bool:  # fmt: skip
-    """Put shapes that are one while amounts are small to what the readings say of them; whether there were any."""
-    chosen = False
+def _choose(stage: _Stage, new: Sequence[Term], trials: Mapping[str, Sequence[Shape]], problem: Problem) -> Choice:
+    """The best shape of each new effect beside the first ones of the others, and its amplitudes."""
+    shapes = {key: each[0] for key, each in trials.items()}
+    blocks = {"": stage.linear.columns[..., stage.linear.simple] * stage.root}
+    blocks |= {term.effect.key: stage.columns(term.effect, shapes[term.effect.key]) for term in new}
+
+    def profile(effect: Effect, among: Sequence[Shape]) -> None:
+        others = [block for name, block in blocks.items() if name != effect.key]
+        shapes[effect.key] = _profile(stage, effect, among, others)
+        blocks[effect.key] = stage.columns(effect, shapes[effect.key])
+
+    for term in new:
+        if len(trials[term.effect.key]) > 1:
+            profile(term.effect, trials[term.effect.key])
+    amplitudes, before = _amplitudes(stage, blocks), dict(shapes)
     for term in new:
         key = term.effect.key
         amounts = torch.as_tensor(amplitudes[key] * tried_sizes(term.effect, problem))
-        meant = term.effect.meant_by(problem.view, shapes[key][0], amounts)
-        if meant:
-            shapes[key] = [_profile(stage, term.effect, meant, [b for name, b in blocks.items() if name != key])]
-            blocks[key], chosen = stage.columns(term.effect, shapes[key][0]), True
-    return chosen
+        meant = term.effect.meant_by(problem.view, shapes[key], amounts)
+        if meant:  # shapes that are one while amounts are small
+            profile(term.effect, meant)
+    if any(shapes[key] is not before[key] for key in shapes):
+        amplitudes = _amplitudes(stage, blocks)
+    return {key: (shape, amplitudes[key]) for key, shape in shapes.items()}
 
 
 def _trials(effect: Effect, problem: Problem) -> list[Shape]:
@@ -107,11 +108,12 @@ def _trials(effect: Effect, problem: Problem) -> list[Shape]:
 
 
 def _linearise(
-    known: Sequence[Term], new: Sequence[Effect], shapes: Mapping[str, Sequence[Shape]], problem: Problem, noise: Noise
-) -> tuple[_Stage, dict[str, np.ndarray]]:
-    """The stage, and weighted columns by key: known terms and frame together under ''."""
+    known: Sequence[Term], new: Sequence[Term], trials: Mapping[str, Sequence[Shape]], problem: Problem, noise: Noise
+) -> _Stage:
+    """The known model, rows weighted as the first trial of each new effect has them."""
     layout = lay_out(Model(problem.file), problem, known)
-    linear = assemble(layout, layout.start(), problem, noise, new, {key: each[:1] for key, each in shapes.items()})
+    first = {key: each[:1] for key, each in trials.items()}
+    linear = assemble(layout, layout.start(), problem, noise, [term.effect for term in new], first)
     rows, held = linear.rows, linear.held
     require_reach(rows, known, problem)  # what would be opened beside them had no columns there
     root = np.zeros((len(rows), 1, 1))
@@ -119,8 +121,7 @@ def _linearise(
         linear.residual[rows], linear.columns[rows], np.zeros(int(held.sum())), np.diag(held.astype(float))[held]
     )
     root[rows, 0, 0] = np.sqrt(weight)
-    columns = {"": linear.simple} | {trial.effect.key: trial.columns for trial in linear.trials}
-    return _Stage(linear, root), {key: linear.columns[..., own] * root for key, own in columns.items()}
+    return _Stage(linear, root)
 
 
 def _profile(stage: _Stage, effect: Effect, trials: Sequence[Shape], others: Sequence[np.ndarray]) -> Shape:
@@ -147,10 +148,8 @@ def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:
     """Chi-squared that columns take off what the base leaves."""
     flat = columns.reshape(-1, columns.shape[-1])
     flat = flat - base @ (base.T @ flat)
-    strength, directions = np.linalg.eigh(flat.T @ flat)
-    along = directions.T @ (flat.T @ left)
-    seen = strength > SEEN
-    return float((along[seen] ** 2 / strength[seen]).sum())
+    side = flat.T @ left
+    return float(side @ np.linalg.solve(flat.T @ flat + np.eye(len(side)) / WIDE, side))
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:

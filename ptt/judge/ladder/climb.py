@@ -20,12 +20,13 @@ from ptt.judge.ladder.rung import fit_rung
 from ptt.model.model import Model, Term
 from ptt.progress import Progress, unwatched
 from ptt.run.holdout import folds, pose_groups
-from ptt.run.noise import Noise
+from ptt.run.noise import Noise, given_noise
 from ptt.run.problem import Problem
 from ptt.run.ranges import ranges_of
 
 FOLDS = 5
 FRAME_ROWS = 4  # readings of a frame that must stay visible for its hidden ones to be judged
+QUIETER = 0.8  # of what repeats scatter by, below which a model has explained a part of that
 GIVEN, REFIT = "as given", "refit"
 
 
@@ -125,6 +126,9 @@ def _measure(
     tell = progress or unwatched
     hidden = folds(problem.table, FOLDS)
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
+    narrower = _noise_beside(fits[-1], problem) if noise is None else None
+    if narrower is not None:
+        fits, held_out = _fitted(rungs, problem, narrower, hidden, tell)
     if rungs[-1][1] != "given":  # the last is what is stated
         fits[-1] = with_frame_doubt(fits[-1], problem)
     rows = problem.used & ~fits[-1].outliers
@@ -147,6 +151,18 @@ def _measure(
         protocol += "; moments, ranges and periods as all rows tell them"
     masked = masked_effects(steps[-1].fitted, problem)
     return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem), masked)
+
+
+def _noise_beside(fitted: FitResult, problem: Problem) -> Noise | None:
+    """What repeats scatter by beside what a model explains between them; None where they are no quieter so.
+
+    A knock between two rounds makes their repeats differ, and held as noise it would hide itself.
+    """
+    given, view = problem.noise, problem.view
+    if given is None or given.source != "repeats":
+        return None
+    again = given_noise(problem.table, fitted.residual, view.direction.numpy(), problem.file.tracker.sigma_mm)
+    return again if again is not None and again.total < QUIETER * given.total else None
 
 
 def _fitted(
