@@ -9,7 +9,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.verdict import diagnose
-from ptt.diagnosis.witness import ALIKE
+from ptt.diagnosis.witness import ALIKE, WARM
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model
 from ptt.rig import simulate
@@ -38,3 +38,22 @@ def test_a_drift_is_the_trackers_alone_where_base_reflectors_were_read_along_the
     # A settling drift lies within a half of its way about its middle, and is the machine's in one of two.
     far = 1e3 * np.linalg.norm(DRIFT)
     assert (drift.tool_doubt > 0.1 * far) is not watched and drift.tool_doubt < 0.36 * far
+
+
+@pytest.mark.parametrize("um_per_k", [-40.0, -17.0, 9.0, 17.0, 40.0])
+def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_per_k: float) -> None:
+    """Told is a machine that could be, and that a tracker looks the same; or that no known effect describes it."""
+    drawn = draw_rig("none", 31, bench_machine(), "warmup", rows=120)
+    table = table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent)
+    rise = 1e-3 * um_per_k * (table.temp_c - 20.0)[:, None] * [0.0, 0.0, 1.0]
+    file = drawn.rig.machine
+    found = diagnose(Model(file), build_problem(file, replace(table, measured=table.measured + rise)))
+    if found.verdict == "unknown":
+        assert found.depends_on[0].residual == "z" and found.depends_on[0].on in ("temperature", "time")
+        return
+    (step,) = (one for one in found.candidates if (one.effect,) == tuple(key for key in found.model.keys))
+    assert found.verdict == "missing" and step.effect in ("frame-growth", "screw-growth", "tracker-drift")
+    assert (ALIKE if step.effect == "tracker-drift" else WARM) in step.words
+    assert step.effect == "tracker-drift" or step.tool_doubt > 10.0
+    for name, value in ((each.name, each.value) for each in step.parameters):
+        assert step.effect != "frame-growth" or 0.0 <= value < 4e-5, name

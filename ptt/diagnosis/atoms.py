@@ -228,9 +228,10 @@ def effect_atom(
         free: of all its values those that have a column, bool; None for as many of the first as there are columns.
     """
     chosen = slice(0, len(columns)) if free is None else free
-    group, bounded, held, joint, detail = _kinds_of_values(effect, problem, chosen)
+    group, bounded, held, joint, detail, within = _kinds_of_values(effect, problem, chosen)
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
+    np.minimum.at(most, group, within**2)
     most[group[held]] = 1.0
     alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
     fine = np.isin(np.arange(len(most)), group[detail])
@@ -241,7 +242,7 @@ def effect_atom(
 
 
 def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slice) -> tuple[np.ndarray, ...]:
-    """Of each value: its variance, whether it cannot be negative, is near zero by definition, whose it is, if detail.
+    """Of each value: variance, whether it cannot be negative, is near zero by definition, whose, if detail, how large.
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
@@ -250,7 +251,7 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
     from sines, which nature does not.
     """
     joints, first, curves = problem.view.joints, 1, 0
-    group, bounded, held, joint, detail = list[np.ndarray](), [], [], [], []
+    group, bounded, held, joint, detail, within = list[np.ndarray](), [], [], [], [], []
     for parameter in effect.parameters:
         size = parameter.size(joints)
         if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 and not parameter.fine:
@@ -261,11 +262,12 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
             own = parameter.held or parameter.fine or parameter.role != "linear"
             group.append(np.full(size, first if own else 0))
             first += 1
-        bounded.append(np.full(size, parameter.lower >= 0.0))
+        bounded.append(np.full(size, parameter.lower >= 0.0 or parameter.positive))
         held.append(np.full(size, parameter.held and not parameter.lent))
         joint.append(np.arange(joints) if parameter.per_joint and size == joints else np.full(size, -1))
         detail.append(np.full(size, parameter.fine))
-    return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail))
+        within.append(np.full(size, parameter.within))
+    return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail, within))
 
 
 def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:

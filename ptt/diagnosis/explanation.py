@@ -181,7 +181,7 @@ def candidates_of_steps(
     """
     result: list[Candidate] = []
     named = told.steps
-    parts = told.doubt, own_drift(terms, problem), exchanged_doubt(found, others, problem)
+    parts = told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)
     doubt = 1e3 * float(np.linalg.norm(parts))
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
@@ -202,7 +202,7 @@ def candidates_of_steps(
                 _parameters(term, problem),
                 step.others,
                 together,
-                " ".join([words, *coincidences(term, problem), *unwitnessed(term, problem)]),
+                " ".join([words, *coincidences(term, problem), *unwitnessed(term, problem, noise)]),
                 own,
             )
         )

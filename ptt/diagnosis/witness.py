@@ -1,43 +1,58 @@
-"""Whether anything at rest was read along a run: else a machine that drifts looks like a tracker that does."""
+"""Whether anything at rest was read along a run: else a machine that moves as a whole looks like a tracker that does.
+
+A tripod grows with the room as a frame does, by 15 to 35 um/K.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from ptt.diagnosis.at_tool import at_tool_um, off_set_up
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
+from ptt.model.chain import predict
 from ptt.model.model import Term
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 HALF = 0.5  # of a frame's time that visits to base reflectors have to span; and the odds of either, for both are usual
 ALIKE = "No base reflector was read over half of the run: a machine that drifts as a whole would look the same."
 
+WARM = "No base reflector was read over half of the run: a tracker that moves with the warmth would look the same."
+CLEAR = 30.0  # chi-squared from which readings show that a growth is no shift of all of them
 
-def unwitnessed(term: Term, problem: Problem) -> list[str]:
-    """Say that a tracker's drift may as well be the machine's, where nothing shows which.
+
+def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
+    """Say that a tracker's drift may as well be the machine's, or a growth the tracker's, where nothing shows which.
 
     Args:
         term: an effect at its values.
         problem: n rows.
+        noise: the noise floor.
 
     Returns:
-        One sentence; none for what is no drift, or was seen at rest.
+        One sentence; none for what is neither, or was seen at rest.
     """
-    return [ALIKE] if _is_unwitnessed(term, problem) else []
+    if _is_unwitnessed(term, problem):
+        return [ALIKE]
+    return [WARM] if _moves_as_one(term, problem, noise) else []
 
 
-def own_drift(terms: Sequence[Term], problem: Problem) -> float:
-    """How far the tool itself may have drifted, root mean square about the middle of each frame, mm.
+def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
+    """How far the tool may be elsewhere, as nothing shows whether it or the tracker moved, root mean square, mm.
 
     Args:
         terms: what is named, at its values.
         problem: n rows.
+        noise: the noise floor.
 
     Returns:
-        Zero where base reflectors saw that it is the tracker, or nothing drifts.
+        Zero where base reflectors saw which it is, or nothing moves as a whole.
     """
     square = 0.0
     for term in terms:
+        if _moves_as_one(term, problem, noise):
+            square += HALF * (1e-3 * at_tool_um(term, problem)) ** 2
         if _is_unwitnessed(term, problem):
             moved = term.effect.shift(term.theta, problem.view).numpy()[problem.used]
             for frame in np.unique(problem.frame[problem.used]):
@@ -57,6 +72,18 @@ def drifts(effect: Effect) -> bool:
 
 def _is_unwitnessed(term: Term, problem: Problem) -> bool:
     return drifts(term.effect) and not _was_watched(problem)
+
+
+def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
+    """Whether a growth is, to the readings, a shift of all of them with the warmth."""
+    if term.effect.stage == "metrology" or "temperature" not in term.effect.requires or _was_watched(problem):
+        return False
+    view = problem.view
+    moved = (predict([(term.effect, term.theta)], view).reading - predict([], view).reading).detach().numpy()
+    left = off_set_up(moved, problem).ravel()
+    warm = np.stack([off_set_up(view.warmth.numpy()[:, None] * axis, problem).ravel() for axis in np.eye(3)], axis=1)
+    rest = (left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3)
+    return float(np.square(rest @ noise.whitener.T).sum()) < CLEAR
 
 
 def _was_watched(problem: Problem) -> bool:

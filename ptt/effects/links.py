@@ -159,7 +159,7 @@ class LinkCompliance(ThreePttEffect):
 
     name: ClassVar[str] = "link-compliance"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("compliance", "mm/N", 5e-5, "stretch of link and joints per unit of pull", True),
+        Parameter("compliance", "mm/N", 5e-5, "stretch of link and joints per unit of pull", True, positive=True),
     )
     noun: ClassVar[str] = "link"
     called: ClassVar[str] = "link compliance"

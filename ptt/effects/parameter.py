@@ -19,6 +19,8 @@ class Parameter:
         lower: physical lower bound.
         upper: physical upper bound.
         most: value beyond which no fit goes, though a file may hold it: there it would be something else.
+        positive: physics knows none below zero. A fit may end there and a file hold it, but no diagnosis names it.
+        within: usual sizes within which it mostly lies; far beyond, a diagnosis takes it for something else.
         role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
             the fit).
         axis: measured along the axis, so its unit follows the joint's.
@@ -43,6 +45,8 @@ class Parameter:
     lower: float = -float("inf")
     upper: float = float("inf")
     most: float = float("inf")
+    positive: bool = False
+    within: float = float("inf")
     role: Literal["linear", "searched", "given"] = "linear"
     axis: bool = False
     usual_rad: float | None = None

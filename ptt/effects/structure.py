@@ -13,6 +13,8 @@ from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
+METALS = 3.0  # usual sizes: zinc, which grows most of all that machines are made of, has 2.5 of steel
+
 
 @dataclass(frozen=True)
 class ColumnBend(Effect):
@@ -74,8 +76,10 @@ class FrameGrowth(Effect):
     name: ClassVar[str] = "frame-growth"
     stage: ClassVar[Stage] = "structure"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("radius", "1/K", 1.2e-5, "expansion of the base radius (serial: of every a)"),
-        Parameter("link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)"),
+        Parameter(
+            "radius", "1/K", 1.2e-5, "expansion of the base radius (serial: of every a)", positive=True, within=METALS
+        ),
+        Parameter("link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)", positive=True, within=METALS),
     )
     requires: ClassVar[tuple[str, ...]] = ("temperature",)
     follows_clock: ClassVar[bool] = True
