@@ -51,9 +51,9 @@ def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_pe
     if found.verdict == "unknown":
         assert found.depends_on[0].residual == "z" and found.depends_on[0].on in ("temperature", "time")
         return
-    (step,) = (one for one in found.candidates if (one.effect,) == tuple(key for key in found.model.keys))
+    (step,) = (one for one in found.candidates if (one.effect,) == found.model.keys)
     assert found.verdict == "missing" and step.effect in ("frame-growth", "screw-growth", "tracker-drift")
     assert (ALIKE if step.effect == "tracker-drift" else WARM) in step.words
     assert step.effect == "tracker-drift" or step.tool_doubt > 10.0
-    for name, value in ((each.name, each.value) for each in step.parameters):
-        assert step.effect != "frame-growth" or 0.0 <= value < 4e-5, name
+    for each in step.parameters if step.effect == "frame-growth" else ():
+        assert -3.0 * each.std < each.value < 4.8e-5 + 3.0 * each.std

@@ -50,6 +50,7 @@ class Atom:
         effect: the effect; None for a block.
         shape: its searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
+        within: values beyond which the cause would be another, (m,) in units of its columns; None where there are none.
         turn: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.
@@ -75,6 +76,7 @@ class Atom:
     tested: bool = True
     since: float | None = None
     reach: float | None = None
+    within: np.ndarray | None = None
 
     @property
     def moment(self) -> float | None:
@@ -231,13 +233,13 @@ def effect_atom(
     group, bounded, held, joint, detail, within = _kinds_of_values(effect, problem, chosen)
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
-    np.minimum.at(most, group, within**2)
     most[group[held]] = 1.0
     alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
     fine = np.isin(np.arange(len(most)), group[detail])
     return Atom(
         key, effect.key, columns, group, most, odds, bounded, effect, shape,
         joint=joint if alike else None, fine=fine if fine.any() else None, reach=effect.reach(problem.view),
+        within=within if np.isfinite(within).any() else None,
     )  # fmt: skip
 
 

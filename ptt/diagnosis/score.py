@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ptt.diagnosis.hidden import Trial
 
 UNDONE = 0.25  # of the squares of what something did, less than which is left once something else has taken it back
-WRONG_SIDE = 3.0  # standard errors below zero at which a value that cannot be negative speaks against its effect
+WRONG_SIDE = 3.0  # standard errors beyond what a value can be at which it speaks against its effect
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
@@ -188,12 +188,16 @@ class Scorer:
             yield self._learned(atoms, less, max(count, 1.0), state.posterior.scales)
 
     def _absurd(self, state: State) -> bool:
-        """Whether a value that physics does not let be negative is clearly so."""
-        flags = [self.system.atoms[key].bounded for key in state.keys]
-        bounded = np.concatenate([np.zeros(len(self.system.frame), dtype=bool), *flags])
-        if not bounded.any() or (state.posterior.values[bounded] >= 0).all():
-            return False
-        return bool((state.posterior.values[bounded] < -WRONG_SIDE * state.std[bounded]).any())
+        """Whether a value is clearly negative that physics does not let be so, or larger than its cause can make it."""
+        atoms, system = [self.system.atoms[key] for key in state.keys], self.system
+        bounded = np.concatenate([np.zeros(len(system.frame), dtype=bool), *(atom.bounded for atom in atoms)])
+        if bounded.any() and (state.posterior.values[bounded] < -WRONG_SIDE * state.std[bounded]).any():
+            return True
+        limited = [atom for atom in atoms if atom.within is not None]
+        return any(
+            bool((state.posterior.values[own] > atom.within + WRONG_SIDE * state.std[own]).any())
+            for atom, own in ((atom, state.of(atom.key)) for atom in limited)
+        )
 
     def _beyond_reach(self, state: State, atom: Atom) -> float:
         return 0.0 if atom.key in self.given else _nats_beyond_reach(state, atom, self.system.scale)

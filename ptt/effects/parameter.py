@@ -20,7 +20,7 @@ class Parameter:
         upper: physical upper bound.
         most: value beyond which no fit goes, though a file may hold it: there it would be something else.
         positive: physics knows none below zero. A fit may end there and a file hold it, but no diagnosis names it.
-        within: usual sizes within which it mostly lies; far beyond, a diagnosis takes it for something else.
+        within: usual sizes beyond which the cause would be another, so that no diagnosis names it.
         role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
             the fit).
         axis: measured along the axis, so its unit follows the joint's.

@@ -13,7 +13,7 @@ from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
-METALS = 3.0  # usual sizes: zinc, which grows most of all that machines are made of, has 2.5 of steel
+METALS = 4.0  # usual sizes: zinc has 2.5 of steel, and a sensor in the room sees less of the warmth than the frame has
 
 
 @dataclass(frozen=True)
