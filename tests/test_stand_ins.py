@@ -263,7 +263,6 @@ def test_a_drift_that_settles_as_slowly_as_the_run_is_long_is_told_as_one(share:
     assert float(term.theta[-2]) == pytest.approx(share * time[-1], rel=0.15)
 
 
-@pytest.mark.parametrize("left", [0.05, 0.0])
 def knocked(after: int, frame: str, *, runs: int = 1, rounds: int = 1) -> Problem:
     """Poses that are gone through so often, in so many runs, whose readings jump after a row."""
     rows = 240
@@ -293,6 +292,7 @@ def test_add_takes_no_knock_between_repeats_for_noise() -> None:
     assert ladder.steps[-1].heldout_rms_um["total"] < 1.1 * 1e3 * NOISE * 3**0.5
 
 
+@pytest.mark.parametrize("left", [0.05, 0.0])
 def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float) -> None:
     """A constant in its middle would be sent, and be wrong by half of it at either end."""
     random, rows = np.random.default_rng(5), 300

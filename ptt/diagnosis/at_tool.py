@@ -34,14 +34,19 @@ def _set_ups(problem: Problem) -> Iterator[np.ndarray]:
         yield from (frame == index for index in np.unique(frame))
 
 
-def at_tool_um(term: Term, problem: Problem) -> float:
-    """How far an effect alone moves the tool as it is read, less what a frame that is fitted takes of it, um rms.
+def moved_by(term: Term, problem: Problem) -> np.ndarray:
+    """How far an effect alone moves the tool as it is read, less what a frame that is fitted takes of it, (m, 3) mm.
 
     Args:
         term: the effect, at its values.
-        problem: the readings.
+        problem: the readings, of which m count.
     """
     view = problem.view
     moved = predict([(term.effect, term.theta)], view).reading - predict([], view).reading
-    left = off_set_up(moved.detach().numpy(), problem)
+    return off_set_up(moved.detach().numpy(), problem)
+
+
+def at_tool_um(term: Term, problem: Problem) -> float:
+    """The same as a root mean square, um."""
+    left = moved_by(term, problem)
     return 1e3 * float(np.sqrt(np.square(left).sum(axis=1).mean())) if len(left) else 0.0

@@ -183,7 +183,7 @@ def _search(scorer: Scorer, state: State, known: set[str]) -> tuple[Scorer, Stat
         new = [key for key in found.keys if atoms[key].name not in known and key not in scorer.given]
         less = {key: scorer.score(without(found, key), found.memory, found.scales).total for key in new}
         little = {atoms[key].name for key in new if found.total - less[key] < 0.5 * WORTH * scorer.system.count}
-        if not little:
+        if little <= small:  # none is left to leave out
             return scorer, found
         small |= little
         scorer = Scorer(scorer.system, scorer.given, scorer.steps)

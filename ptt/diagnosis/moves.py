@@ -57,7 +57,7 @@ def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     # From a set that cannot be, and stays so whatever comes, any may go.
     most = max((other.total for other in moves), default=-np.inf)
     may_go = [key for key in loose(scorer, state) if state.total + FREED + scorer.system.atoms[key].odds >= most]
-    weak = [key for key in may_go if state.worth(key) < SAFE]
+    weak = [key for key in may_go if state.worth(key) < SAFE or not np.isfinite(state.total)]
     for key in weak:
         moves.append(scorer.score(without(state, key), state.memory, state.scales, _least(state, moves)))
     return moves

@@ -8,6 +8,7 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.aside import against_gross
+from ptt.diagnosis.at_tool import moved_by
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.exchange import Exchange, exchanges
@@ -48,6 +49,7 @@ LEAST = 12  # readings: twice what a rigid motion alone takes
 LEAST_POSES = 4  # where a frame is free: of three it takes six of nine coordinates, and any joint makes the others
 MOTION = 6  # coordinates that a rigid motion takes
 MICRO = 1e3  # um in a mm
+IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has to bring
 FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
 
 
@@ -212,12 +214,28 @@ def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _S
     told, others = name_steps(found.scorer, found.state), exchanges(found, problem)
     keys = tuple(step.key for step in told.steps)
     terms = fitted_terms(found, model, keys, others)
+    idle = _idle(found, keys, terms, shown, problem)
+    if idle:
+        keys = tuple(key for key in keys if key not in idle)
+        steps = tuple(step for step in told.steps if step.key not in idle)
+        told = replace(told, steps=steps, unproven=(*told.unproven, *idle))
+        terms = fitted_terms(found, model, keys, others)
     sent = sent_terms(found, terms, keys)
     if stands(terms, shown) and stands(sent, shown):
         return _Said(told, others, terms, sent)
     given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
     beyond = tuple(found.system.atoms[key].name for key in keys)
     return _Said(replace(told, steps=()), others, given, given, beyond)
+
+
+def _idle(
+    found: Found, keys: tuple[str, ...], terms: tuple[Term, ...], shown: Problem, problem: Problem
+) -> tuple[str, ...]:
+    """Effects that at their fitted values do nothing to be seen: the readings asked for something else than these."""
+    atoms, white = found.system.atoms, noise_after(problem, found.system, found.state).whitener
+    values = {term.effect.key: term for term in terms}
+    named = [(key, values[atoms[key].name]) for key in keys if atoms[key].name in values]
+    return tuple(key for key, term in named if float(np.square(moved_by(term, shown) @ white.T).sum()) < IDLE)
 
 
 def _objected(rest: Rest, found: Found, said: _Said, problem: Problem, error: float) -> Rest:

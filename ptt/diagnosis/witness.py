@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.at_tool import at_tool_um, off_set_up
+from ptt.diagnosis.at_tool import at_tool_um, moved_by, off_set_up
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
-from ptt.model.chain import predict
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -78,10 +77,8 @@ def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
     """Whether a growth is, to the readings, a shift of all of them with the warmth."""
     if term.effect.stage == "metrology" or "temperature" not in term.effect.requires or _was_watched(problem):
         return False
-    view = problem.view
-    moved = (predict([(term.effect, term.theta)], view).reading - predict([], view).reading).detach().numpy()
-    left = off_set_up(moved, problem).ravel()
-    warm = np.stack([off_set_up(view.warmth.numpy()[:, None] * axis, problem).ravel() for axis in np.eye(3)], axis=1)
+    left, warmth = moved_by(term, problem).ravel(), problem.view.warmth.numpy()[:, None]
+    warm = np.stack([off_set_up(warmth * axis, problem).ravel() for axis in np.eye(3)], axis=1)
     rest = (left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3)
     return float(np.square(rest @ noise.whitener.T).sum()) < CLEAR
 
