@@ -1,5 +1,6 @@
 """Columns of the user's own: watched where named, and an error that follows one is said to follow it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,15 @@ import torch
 import ptt
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.verdict import diagnose
 from ptt.errors import TableError
 from ptt.machine import save_machine
 from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
-from ptt.run.table import table_to_frame, take_rows
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table, table_to_frame, take_rows
 from ptt.run.watched import watch, watched_values
 
 TITLE, IDLE = "coolant flow [l/min]", "shift"
@@ -53,6 +57,21 @@ def test_an_error_that_follows_a_column_of_ones_own_is_said_to_follow_it(folder)
     summed = ptt.diagnose(machine, run, chunk_rows=60)
     assert [(line.residual, line.on) for line in summed.result.depends_on][:1] == [("slider 2", TITLE)]
     assert ptt.compare(machine, run).to_dict()["depends_on"][0]["on"] == TITLE
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_shift_that_follows_a_column_is_no_wander_of_the_tracker(seed: int) -> None:
+    """Of few rows, where nothing states their noise: a field over the workspace would be too much to ask for."""
+    random, rows = np.random.default_rng(seed), 90
+    target = random.uniform(-60.0, 60.0, (rows, 3))
+    flow = np.cumsum(random.normal(0.0, 0.3, rows))
+    read = target + random.normal(0.0, 0.004, (rows, 3)) + 0.01 * flow[:, None] * [0.0, 0.0, 1.0]
+    file = bench()
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None, "frame": "fitted"}))
+    table = replace(make_table(target, measured=read), extra={TITLE: tuple(f"{value:.3f}" for value in flow)})
+    found = diagnose(Model(file), build_problem(file, watch(table, [TITLE])))
+    assert found.verdict == "unknown" and not found.suggested
+    assert (found.depends_on[0].residual, found.depends_on[0].on) == ("z", TITLE)
 
 
 def test_what_cannot_be_watched_is_refused_with_the_way_out(folder, tmp_path):

@@ -142,6 +142,7 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
         if not context.joints:
             yield _named(tool, (context.name,), lambda context=context: context.shapes)  # type: ignore[misc]
         elif context.name != "time":
+            yield f"tool gently on {context.name}", tool, (context.name,), partial(_shapes, context)
             degree = FIELD_OF_CONTEXT if context.fields else 1
             yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
     if span.two_sided.any():
@@ -224,6 +225,10 @@ def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
 
 def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
     return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(scaled)
+
+
+def _shapes(context: Context) -> np.ndarray:
+    return context.shapes
 
 
 def _with_level(context: Context) -> np.ndarray:
