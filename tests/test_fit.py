@@ -18,7 +18,7 @@ from ptt.errors import MachineError, ModelError, PosesError, TableError
 from ptt.fitting.gauss_newton import HOPELESS, bounded_step, descend
 from ptt.fitting.observability import correlations, unobservable
 from ptt.fitting.outliers import inside
-from ptt.fitting.report import format_fit, report_fit
+from ptt.fitting.report import Value, format_fit, report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
 from ptt.fitting.solve import fit, residual_of, rms
@@ -490,6 +490,24 @@ def test_the_drawing_after_alignment_is_one_figure_whoever_prints_it() -> None:
         compared = compare_run(opened.model, opened.problem).to_dict()["rms_um"]["total"]
         told = [ladder.report.rms_um[stage]["total"] for stage in ("aligned", "given")]
         assert [*told, ladder.steps[0].rms_um["total"]] == pytest.approx([compared] * 3, rel=1e-3)
+
+
+def test_a_long_curve_is_one_line_of_a_report_and_a_short_list_is_none() -> None:
+    problem, _ = hidden_backlash()
+    report = report_fit(fitted(["backlash"], problem), problem)
+    values = tuple(
+        Value("screw-error-map", f"curve_mm {joint}.{n}", 0.01 * n, 0.002, kind)
+        for joint, kind in ((1, "yes"), (2, "in part"))
+        for n in range(1, 16)
+    )
+    few = tuple(Value("lead-scale", f"scale {joint}", 1e-4, 1e-5, "yes") for joint in (1, 2, 3))
+    text = format_fit(replace(report, values=(*few, *values)))
+    curves = [" ".join(line.split()).partition("; ")[0] for line in text.splitlines() if "curve_mm" in line]
+    assert curves == [
+        "curve_mm 1.1 to 15 0.01 to 0.15, 15 values of a curve: 15 measured",
+        "curve_mm 2.1 to 15 0.01 to 0.15, 15 values of a curve: 15 measured in combinations",
+    ]
+    assert [line.split()[1] for line in text.splitlines() if line.startswith("    scale ")] == ["1", "2", "3"]
 
 
 def test_report_in_words_and_figures() -> None:

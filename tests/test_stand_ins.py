@@ -24,8 +24,9 @@ from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.model.chain import predict
 from ptt.model.entries import read_model, write_model
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw import draw_rig
 from ptt.run.problem import Problem, build_problem
@@ -317,3 +318,18 @@ def test_a_constant_play_beside_an_unknown_stays_a_play_at_two_speeds(seed: int)
     found = diagnose(Model(bench()), build_problem(bench(), table))
     assert found.verdict == "unknown"
     assert [names[0] for names in found.suggested] == ["backlash"]
+
+
+def test_what_a_file_holds_is_diagnosed_though_no_diagnosis_would_name_it() -> None:
+    """A fit of few readings may end at links that shorten under pull; what follows is not of that."""
+    file = stated()
+    file = replace(file, machine=file.machine.model_copy(update={"platform_mass_kg": 4.0}))
+    target = np.random.default_rng(2).uniform(-60.0, 60.0, (120, 3))
+    held = Term(library()["link-compliance"](), torch.full((3,), -2e-4, dtype=torch.float64))
+    model = Model(file) + held
+    problem = run_of(file, target, np.zeros((120, 3)), 2)
+    shift = predict([(held.effect, held.theta)], problem.view).reading - predict([], problem.view).reading
+    problem = build_problem(file, replace(problem.table, measured=problem.measured + shift.numpy()))
+    found = diagnose(model, problem)
+    assert found.verdict == "nothing-missing" and sum(found.verdict_probability.values()) == pytest.approx(1.0)
+    assert diagnose(Model(file), problem).suggested != (("link-compliance",),)

@@ -48,7 +48,7 @@ def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_pe
     rise = 1e-3 * um_per_k * (table.temp_c - 20.0)[:, None] * [0.0, 0.0, 1.0]
     file = drawn.rig.machine
     found = diagnose(Model(file), build_problem(file, replace(table, measured=table.measured + rise)))
-    if found.verdict == "unknown":
+    if found.verdict == "unknown" and um_per_k != 17.0:  # as much as steel would do
         assert found.depends_on[0].residual == "z" and found.depends_on[0].on in ("temperature", "time")
         return
     (step,) = (one for one in found.candidates if (one.effect,) == found.model.keys)

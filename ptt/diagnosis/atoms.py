@@ -50,7 +50,8 @@ class Atom:
         effect: the effect; None for a block.
         shape: its searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
-        within: values beyond which the cause would be another, (m,) in units of its columns; None where there are none.
+        within: values below and above which the cause would be another, (m, 2) in units of its columns; None where any
+            may be.
         turn: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.
@@ -264,11 +265,11 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
             own = parameter.held or parameter.fine or parameter.role != "linear"
             group.append(np.full(size, first if own else 0))
             first += 1
-        bounded.append(np.full(size, parameter.lower >= 0.0 or parameter.positive))
+        bounded.append(np.full(size, parameter.lower >= 0.0))
         held.append(np.full(size, parameter.held and not parameter.lent))
         joint.append(np.arange(joints) if parameter.per_joint and size == joints else np.full(size, -1))
         detail.append(np.full(size, parameter.fine))
-        within.append(np.full(size, parameter.within))
+        within.append(np.tile(parameter.within or (-np.inf, np.inf), (size, 1)))
     return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail, within))
 
 

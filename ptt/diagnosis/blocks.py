@@ -71,7 +71,7 @@ class Block:
     @property
     def reverses(self) -> bool:
         """Whether it changes sides with the way a joint came, as play does."""
-        return self.on[0].startswith("direction")
+        return self.on[0].rstrip("0123456789") == "direction"
 
     @property
     def width(self) -> int:
@@ -140,7 +140,7 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
             yield from _reversal(problem, place, own, low, span.contexts)
     for context in span.contexts:
         if not context.joints:
-            yield _named(tool, (context.name,), lambda context=context: context.shapes)  # type: ignore[misc]
+            yield _named(tool, (context.name,), partial(_shapes, context))
         elif context.name != "time":
             yield f"tool gently on {context.name}", tool, (context.name,), partial(_shapes, context)
             degree = FIELD_OF_CONTEXT if context.fields else 1

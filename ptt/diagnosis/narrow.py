@@ -103,7 +103,7 @@ def _by_width(atoms: Mapping[str, Atom], wide: Collection[str], count: int) -> n
 
 def _pays(atom: Atom, coordinates: int) -> bool:
     width, is_map = len(atom.columns), atom.effect is not None and len(atom.columns) > MAP
-    return (is_map or WIDE < width < coordinates / REPAID) and not atom.bounded.any()
+    return (is_map or WIDE < width < coordinates / REPAID) and not atom.bounded.any() and atom.within is None
 
 
 def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

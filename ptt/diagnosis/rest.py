@@ -93,7 +93,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
 
 def with_objections(
     rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None, beyond: Sequence[str] = (),
-    aside: str | None = None, unsaid: str | None = None,
+    aside: str | None = None, unsaid: str | None = None, idle: Sequence[str] = (),
 ) -> Rest:  # fmt: skip
     """The rest with what else speaks against an explanation: hidden readings, and far more left than is stated.
 
@@ -105,6 +105,7 @@ def with_objections(
         stated: the noise as stated; None where nobody did.
         beyond: names of effects with whose values the machine could not stand where it was commanded to.
         aside: what the readings that were set aside have in common, in words; None for nothing.
+        idle: names of effects that the readings ask for and that do nothing at their fitted values.
         unsaid: why the error is not nothing though no effect is named, in words; None where it may be.
 
     Returns:
@@ -117,6 +118,8 @@ def with_objections(
         reasons.append("hidden readings are foretold far worse than the explanation claims to")
     if beyond:
         reasons.append(f"the readings ask for values of {listed(beyond)} with which the machine could not stand there")
+    if idle:
+        reasons.append(f"the readings ask for {listed(idle)}, and not for values at which that does anything")
     if aside:
         reasons.append(f"the readings set aside {aside}: no gross errors do that")
     if stated is not None and left.total > EXCESS * stated.total:

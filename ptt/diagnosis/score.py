@@ -189,15 +189,17 @@ class Scorer:
 
     def _absurd(self, state: State) -> bool:
         """Whether a value is clearly negative that physics does not let be so, or larger than its cause can make it."""
-        atoms, system = [self.system.atoms[key] for key in state.keys], self.system
-        bounded = np.concatenate([np.zeros(len(system.frame), dtype=bool), *(atom.bounded for atom in atoms)])
-        if bounded.any() and (state.posterior.values[bounded] < -WRONG_SIDE * state.std[bounded]).any():
+        atoms, values = [self.system.atoms[key] for key in state.keys], state.posterior.values
+        bounded = np.concatenate([np.zeros(len(self.system.frame), dtype=bool), *(atom.bounded for atom in atoms)])
+        if bounded.any() and (values[bounded] < -WRONG_SIDE * state.std[bounded]).any():
             return True
-        limited = [atom for atom in atoms if atom.within is not None]
-        return any(
-            bool((state.posterior.values[own] > atom.within + WRONG_SIDE * state.std[own]).any())
-            for atom, own in ((atom, state.of(atom.key)) for atom in limited)
-        )
+        for atom in atoms:
+            if atom.within is not None and atom.key not in self.given:  # what a file holds is there
+                own = state.of(atom.key)
+                (low, high), room = atom.within.T, WRONG_SIDE * state.std[own]
+                if ((values[own] < low - room) | (values[own] > high + room)).any():
+                    return True
+        return False
 
     def _beyond_reach(self, state: State, atom: Atom) -> float:
         return 0.0 if atom.key in self.given else _nats_beyond_reach(state, atom, self.system.scale)

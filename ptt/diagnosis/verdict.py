@@ -200,6 +200,7 @@ class _Said:
         terms: effects of the model as given and those that are named, at their values.
         sent: the same at the values that are sent to a machine.
         beyond: names of effects with whose values the machine could not stand; then no step is named.
+        idle: names of effects that do nothing at their fitted values, and are no steps.
     """
 
     told: Named
@@ -207,6 +208,7 @@ class _Said:
     terms: tuple[Term, ...]
     sent: tuple[Term, ...]
     beyond: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
 
 
 def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _Said:
@@ -218,11 +220,10 @@ def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _S
     if idle:
         keys = tuple(key for key in keys if key not in idle)
         steps = tuple(step for step in told.steps if step.key not in idle)
-        told = replace(told, steps=steps, unproven=(*told.unproven, *idle))
-        terms = fitted_terms(found, model, keys, others)
+        told, terms = replace(told, steps=steps), fitted_terms(found, model, keys, others)
     sent = sent_terms(found, terms, keys)
     if stands(terms, shown) and stands(sent, shown):
-        return _Said(told, others, terms, sent)
+        return _Said(told, others, terms, sent, idle=tuple(found.system.atoms[key].name for key in idle))
     given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
     beyond = tuple(found.system.atoms[key].name for key in keys)
     return _Said(replace(told, steps=()), others, given, given, beyond)
@@ -235,7 +236,10 @@ def _idle(
     atoms, white = found.system.atoms, noise_after(problem, found.system, found.state).whitener
     values = {term.effect.key: term for term in terms}
     named = [(key, values[atoms[key].name]) for key in keys if atoms[key].name in values]
-    return tuple(key for key, term in named if float(np.square(moved_by(term, shown) @ white.T).sum()) < IDLE)
+    share = problem.used.sum() / max(shown.used.sum(), 1)
+    held = shown.anchored()  # base reflectors show what moves as a whole
+    seen = {key: share * float(np.square(moved_by(term, held) @ white.T).sum()) for key, term in named}
+    return tuple(key for key, square in seen.items() if square < IDLE)
 
 
 def _objected(rest: Rest, found: Found, said: _Said, problem: Problem, error: float) -> Rest:
@@ -248,7 +252,7 @@ def _objected(rest: Rest, found: Found, said: _Said, problem: Problem, error: fl
     silent = _verdict(found, bool(said.told.steps), rest) == "nothing-missing"
     unsaid = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
     aside = against_gross(found, problem)
-    return with_objections(rest, said.told.faithful, unproven, left, stated, said.beyond, aside, unsaid)
+    return with_objections(rest, said.told.faithful, unproven, left, stated, said.beyond, aside, unsaid, said.idle)
 
 
 def _depends_on(

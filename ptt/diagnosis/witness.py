@@ -1,6 +1,6 @@
 """Whether anything at rest was read along a run: else a machine that moves as a whole looks like a tracker that does.
 
-A tripod grows with the room as a frame does, by 15 to 35 um/K.
+The stand of a tracker grows with the room as a frame does, by 15 to 35 um/K.
 """
 
 from collections.abc import Sequence

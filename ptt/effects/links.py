@@ -1,5 +1,6 @@
 """Effects of the links and their joints: length, play, yield (3-PTT)."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -159,7 +160,9 @@ class LinkCompliance(ThreePttEffect):
 
     name: ClassVar[str] = "link-compliance"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("compliance", "mm/N", 5e-5, "stretch of link and joints per unit of pull", True, positive=True),
+        Parameter(
+            "compliance", "mm/N", 5e-5, "stretch of link and joints per unit of pull", True, within=(0.0, math.inf)
+        ),
     )
     noun: ClassVar[str] = "link"
     called: ClassVar[str] = "link compliance"

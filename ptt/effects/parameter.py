@@ -19,8 +19,8 @@ class Parameter:
         lower: physical lower bound.
         upper: physical upper bound.
         most: value beyond which no fit goes, though a file may hold it: there it would be something else.
-        positive: physics knows none below zero. A fit may end there and a file hold it, but no diagnosis names it.
-        within: usual sizes beyond which the cause would be another, so that no diagnosis names it.
+        within: usual sizes below and above which the cause would be another, so that no diagnosis names it; a fit may
+            end there all the same, and a file hold it. None where any size may be.
         role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
             the fit).
         axis: measured along the axis, so its unit follows the joint's.
@@ -45,8 +45,7 @@ class Parameter:
     lower: float = -float("inf")
     upper: float = float("inf")
     most: float = float("inf")
-    positive: bool = False
-    within: float = float("inf")
+    within: tuple[float, float] | None = None
     role: Literal["linear", "searched", "given"] = "linear"
     axis: bool = False
     usual_rad: float | None = None

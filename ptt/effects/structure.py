@@ -13,7 +13,9 @@ from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
-METALS = 4.0  # usual sizes: zinc has 2.5 of steel, and a sensor in the room sees less of the warmth than the frame has
+# Usual sizes: zinc has 2.5 of steel, and a sensor in the room sees less of the warmth than the frame has. Carbon fibre
+# shrinks by up to a tenth of that; a radius is what the base grows by less what the platform does.
+METALS = 4.0
 
 
 @dataclass(frozen=True)
@@ -76,10 +78,8 @@ class FrameGrowth(Effect):
     name: ClassVar[str] = "frame-growth"
     stage: ClassVar[Stage] = "structure"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "radius", "1/K", 1.2e-5, "expansion of the base radius (serial: of every a)", positive=True, within=METALS
-        ),
-        Parameter("link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)", positive=True, within=METALS),
+        Parameter("radius", "1/K", 1.2e-5, "expansion of the base radius (serial: of every a)", within=(-1.0, METALS)),
+        Parameter("link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)", within=(-0.1, METALS)),
     )
     requires: ClassVar[tuple[str, ...]] = ("temperature",)
     follows_clock: ClassVar[bool] = True

@@ -235,7 +235,8 @@ def _lines_of(values: tuple[Value, ...]) -> list[str]:
     low, high = (end(value.value for value in values) for end in (min, max))
     counts = Counter(value.measured for value in values)
     kinds = ", ".join(f"{counts[kind]} {words}" for kind, words in MEASURED.items() if counts[kind])
-    return [f"    {name:<22} {low:.3g} to {high:.3g}, {len(values)} values of a curve: {kinds}; --json has each"]
+    text = f"{low:.3g} to {high:.3g}, {len(values)} values of a curve: {kinds}; to_dict() and --json have each"
+    return [f"    {name:<22} {text}"]
 
 
 def _words(value: Value) -> str:

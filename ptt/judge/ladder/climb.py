@@ -129,6 +129,7 @@ def _measure(
     narrower = _noise_beside(fits[-1], problem) if noise is None else None
     if narrower is not None:
         fits, held_out = _fitted(rungs, problem, narrower, hidden, tell)
+    tell("report", 1, 1)
     if rungs[-1][1] != "given":  # the last is what is stated
         fits[-1] = with_frame_doubt(fits[-1], problem)
     rows = problem.used & ~fits[-1].outliers
@@ -182,7 +183,6 @@ def _fitted(
         else:
             given = rung if kind == "given" else fits[-1].model
             held_out.append(_held_out(given, kind, there, fits[-1].noise, hidden))
-    tell("report", total, total)
     return fits, held_out
 
 
