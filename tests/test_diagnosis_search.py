@@ -83,7 +83,7 @@ class Scored:
     def system(self) -> SimpleNamespace:
         atoms = {
             key: SimpleNamespace(
-                block="b" if key in self.blocks else None,
+                block=SimpleNamespace(on=("x",)) if key in self.blocks else None,
                 effect=None if key in self.blocks else SimpleNamespace(stands_for=()),
                 columns=range(30 if key == "b" else 3),
                 tested=key != "p",
@@ -162,9 +162,11 @@ class Sums:
 
     def __init__(self, totals: dict[str, float]) -> None:
         self.totals = totals
-        atoms = {key: SimpleNamespace(key=key, block="b" if key in "uv" else None, effect=None) for key in "uvef"}
+        atoms = {key: SimpleNamespace(key=key, block=None, effect=None) for key in "uvef"}
+        for key in "uv":
+            atoms[key].block = SimpleNamespace(on=("x",), reverses=False)
         for key in "ef":
-            atoms[key].effect = SimpleNamespace(parameters=(), name=key, stage="drive")
+            atoms[key].effect = SimpleNamespace(parameters=(), name=key, stage="drive", reverses=False)
         self.system = SimpleNamespace(atoms=atoms, rows=range(50))
 
     def score(self, keys, memory, scales=None, least=None):
