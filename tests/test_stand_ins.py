@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import torch
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import doubt
+from ptt.diagnosis import doubt, verdict
 from ptt.diagnosis.absent import Absent
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.find import find
@@ -29,6 +30,7 @@ from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw import draw_rig
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 
@@ -333,3 +335,18 @@ def test_what_a_file_holds_is_diagnosed_though_no_diagnosis_would_name_it() -> N
     found = diagnose(model, problem)
     assert found.verdict == "nothing-missing" and sum(found.verdict_probability.values()) == pytest.approx(1.0)
     assert diagnose(Model(file), problem).suggested != (("link-compliance",),)
+
+
+def test_what_does_nothing_at_its_fitted_values_is_idle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tangent may ask for a wind-up over no travel; play of a quarter of the noise is seen on so many rows."""
+    file, target = stated(), np.random.default_rng(4).uniform(-60.0, 60.0, (400, 3))
+    problem = run_of(file, target, np.zeros((400, 3)), 4)
+    values = {"windup": [1e-4, 0.0, 0.0, 1e-3], "backlash": [0.25 * NOISE] * 3 + [1.0]}
+    terms = tuple(Term(library()[name](), torch.tensor(each, dtype=torch.float64)) for name, each in values.items())
+    monkeypatch.setattr(verdict, "noise_after", lambda *_: Noise(NOISE**2 * np.eye(3), "machine file"))
+    atoms = {f"{name}#1": SimpleNamespace(name=name) for name in values}
+    found = SimpleNamespace(system=SimpleNamespace(atoms=atoms), state=None)
+    assert verdict._idle(found, tuple(atoms), terms, problem, problem) == ("windup#1",)
+    few = problem.masked(np.arange(400) >= 40)  # a sample of a run whose other rows say as much
+    assert verdict._idle(found, tuple(atoms), terms, few, problem) == ("windup#1",)
+    assert verdict._idle(found, tuple(atoms), terms, few, few) == tuple(atoms)

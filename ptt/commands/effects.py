@@ -204,6 +204,9 @@ def _parameter_line(parameter: Any) -> str:
     said = [f"usual {parameter.usual:g}{unit}"]
     if parameter.lower > -float("inf"):
         said.append(f"at least {parameter.lower:g}")
+    if parameter.within is not None:
+        low, high = (parameter.usual * size for size in parameter.within)
+        said.append(f"named from {low:g}" + (f" to {high:g}" if high < float("inf") else ""))
     if parameter.role != "linear":
         said.append(parameter.role)
     if parameter.onward:

@@ -200,8 +200,7 @@ def _reversal(
     name = f"direction{place.joint + 1}"
     yield _named(place, (name, own), partial(np.multiply, side, low))
     for context in contexts:
-        if context.joints and context.name not in ("memory of temperature", "velocity"):
-            yield _named(place, (name, context.name), partial(np.multiply, side, context.measure))
+        yield _named(place, (name, context.name), partial(np.multiply, side, context.measure))
 
 
 def _set_up(problem: Problem, span: Span) -> Place:

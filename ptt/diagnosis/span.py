@@ -25,7 +25,8 @@ class Context:
         name: 'payload', 'temperature', 'time', 'speed', 'feed', 'way', 'turn', or the title of a column that a person
             wants watched.
         shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
-        measure: what a play may vary in proportion to, (n, m): a level, for one that stays is the simplest, and bends.
+        measure: what a play may vary in proportion to, (n, m): a level, for one that stays is the simplest, and bends;
+            no columns where no play follows it.
         fields: whether a field over the workspace may go with it beyond scale and turn.
         joints: whether it may act on joints; what only the tool knows acts on the tool.
     """
@@ -97,14 +98,15 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         warm = reined(view.warmth.numpy())
         yield _context("temperature", np.column_stack([unit(warm), unit(warm**2)]))
         if "time" in view.varies:
-            yield _context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()))
+            yield _context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()), play=False)
     yield _context("time", cosines(_time(problem), SLOW), fields=False)
     if "speed" in view.varies:
         speed = reined(np.sqrt(np.square(view.velocity.numpy()).sum(axis=1)))
         yield _context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
         velocity = reined(view.velocity.numpy())
         signed = np.column_stack([velocity, velocity * np.abs(velocity)])
-        yield _context("velocity", signed / np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9), fields=False)
+        signed /= np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9)
+        yield _context("velocity", signed, fields=False, play=False)
     feed = problem.table.feed_mm_s
     came, turns = ways_of(view.p.numpy(), view.starts.numpy())
     turns = reined(turns)
@@ -121,8 +123,11 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         yield _context(title, _bowed(np.nan_to_num((held := reined(values)) - np.nanmean(held))))
 
 
-def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool = True) -> Context:
-    if name == "time":
+def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool = True, play: bool = True) -> Context:
+    """A context, its first shape the straight one; `play` where a play may vary with it."""
+    if not (joints and play):
+        measure = np.zeros((len(shapes), 0))
+    elif name == "time":
         measure = np.column_stack([np.ones(len(shapes)), shapes[:, :COARSE]])
     else:
         measure = modulation(scaled(shapes[:, 0], ends_of(shapes[:, 0])))

@@ -218,9 +218,9 @@ def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _S
     terms = fitted_terms(found, model, keys, others)
     idle = _idle(found, keys, terms, shown, problem)
     if idle:
-        keys = tuple(key for key in keys if key not in idle)
-        steps = tuple(step for step in told.steps if step.key not in idle)
-        told, terms = replace(told, steps=steps), fitted_terms(found, model, keys, others)
+        told = replace(told, steps=tuple(step for step in told.steps if step.key not in idle))
+        keys = tuple(step.key for step in told.steps)
+        terms = fitted_terms(found, model, keys, others)
     sent = sent_terms(found, terms, keys)
     if stands(terms, shown) and stands(sent, shown):
         return _Said(told, others, terms, sent, idle=tuple(found.system.atoms[key].name for key in idle))

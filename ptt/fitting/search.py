@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from scipy.linalg import solve_triangular
 
 from ptt.effects import Effect
 from ptt.effects.base import flatten
+from ptt.fitting.factor import factor_of
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Linear, Shape, assemble, tried_sizes
 from ptt.fitting.outliers import linear_residual
@@ -16,10 +18,11 @@ from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+Choice = dict[str, tuple[Shape, np.ndarray]]  # of each new effect its shape, and its amplitudes in usual sizes
+
 WIDE = 1e5  # variance in usual sizes that a new effect may have: what rows hardly see may still be large
 SEEN = 1.0  # information, in usual sizes, below which a direction is left out
 WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
-Choice = dict[str, tuple[Shape, np.ndarray]]  # of each new effect its shape, and its amplitudes in usual sizes
 OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes
 
 
@@ -67,9 +70,9 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
 
 def _choose(stage: _Stage, new: Sequence[Term], trials: Mapping[str, Sequence[Shape]], problem: Problem) -> Choice:
     """The best shape of each new effect beside the first ones of the others, and its amplitudes."""
-    shapes = {key: each[0] for key, each in trials.items()}
-    blocks = {"": stage.linear.columns[..., stage.linear.simple] * stage.root}
-    blocks |= {term.effect.key: stage.columns(term.effect, shapes[term.effect.key]) for term in new}
+    linear, shapes = stage.linear, {key: each[0] for key, each in trials.items()}
+    known = {"": linear.simple} | {trial.effect.key: trial.columns for trial in linear.trials}
+    blocks = {key: linear.columns[..., own] * stage.root for key, own in known.items()}
 
     def profile(effect: Effect, among: Sequence[Shape]) -> None:
         others = [block for name, block in blocks.items() if name != effect.key]
@@ -148,8 +151,8 @@ def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:
     """Chi-squared that columns take off what the base leaves."""
     flat = columns.reshape(-1, columns.shape[-1])
     flat = flat - base @ (base.T @ flat)
-    side = flat.T @ left
-    return float(side @ np.linalg.solve(flat.T @ flat + np.eye(len(side)) / WIDE, side))
+    along = solve_triangular(factor_of(flat.T @ flat, 1.0 / WIDE), flat.T @ left, lower=True)
+    return float(along @ along)
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
