@@ -102,6 +102,20 @@ def test_zeros_and_link_lengths_are_not_told_as_offsets_of_joints(seed: int) -> 
     assert {names[0] for names in found.suggested} == {"homing-offset", "link-length"}
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_trusted_frame_that_is_off_is_told_as_that_beside_zeros(seed: int) -> None:
+    """Not as zeros and towers alone, which shift and turn the readings as well, to most of it."""
+    random = np.random.default_rng(seed)
+    target, zeros = random.uniform(-60.0, 60.0, (120, 3)), random.normal(0.0, 0.08, 3)
+    problem = run_of(stated("trusted"), target, np.tile(zeros, (120, 1)), seed)
+    moved = problem.table.measured + random.normal(0.0, 0.05, 3) + np.cross(random.normal(0.0, 4e-4, 3), target)
+    found = diagnose(Model(problem.file), build_problem(problem.file, replace(problem.table, measured=moved)))
+    assert found.verdict == "missing"
+    first = [step for step in found.suggested if step[0] == "tracker-frame"]
+    assert first == [("tracker-frame",)]
+    assert any("homing-offset" in step for step in found.suggested if step not in first)
+
+
 def test_what_stands_for_two_is_one_step_where_no_more_may_be_added() -> None:
     problem = zeros_and_links(1)
     assert len(diagnose(Model(problem.file), problem, steps=1).suggested) == 1

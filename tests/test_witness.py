@@ -4,17 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.verdict import diagnose
 from ptt.diagnosis.witness import ALIKE, WARM
-from ptt.machine_schema import BasePoint, TrackerSpec
+from ptt.machine_schema import BasePoint, ThreePttSpec, TrackerSpec
+from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
 from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 
 DRIFT = np.array([0.15, -0.09, 0.06])  # mm
 PLACES = [(400.0, 0.0, -200.0), (-300.0, 300.0, -200.0), (-300.0, -300.0, 250.0), (0.0, 300.0, 300.0)]
@@ -57,3 +61,24 @@ def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_pe
     assert step.effect == "tracker-drift" or step.tool_doubt > 10.0
     for each in step.parameters if step.effect == "frame-growth" else ():
         assert -3.0 * each.std < each.value < 4.8e-5 + 3.0 * each.std
+
+
+@pytest.mark.parametrize("per_k", [(1e-4, 7e-5), (7e-5, 1.2e-4)])
+def test_a_frame_that_grows_more_than_any_metal_is_named_where_its_form_shows(per_k: tuple[float, float]) -> None:
+    """The sensor may hang where it sees a tenth of the warmth that the frame has."""
+    random, file, rows = np.random.default_rng(3), bench_machine(), 120
+    robot, spec, target = build_mechanism(file.machine), file.machine, random.uniform(-90.0, 90.0, (rows, 3))
+    assert isinstance(robot, ThreePtt) and isinstance(spec, ThreePttSpec)
+    joints, warmth = robot.inverse(torch.as_tensor(target)), 6.0 * (1.0 - np.exp(-np.linspace(0.0, 3.0, rows)))
+    azimuth = np.radians(spec.slider_azimuth_deg)
+    outward = spec.base_radius_mm * np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)])
+    reached = []
+    for (radius, link), q in zip(warmth[:, None] * per_k, joints, strict=True):
+        foot = robot.foot + torch.as_tensor(radius * outward)
+        reached.append(replace(robot, foot=foot, link=robot.link * (1.0 + link)).forward(q))
+    measured = torch.stack(reached).numpy() + random.normal(0.0, 0.003, (rows, 3))
+    table = make_table(target, joints.numpy(), temp_c=20.0 + warmth, time_s=30.0 * np.arange(rows))
+    found = diagnose(Model(file), build_problem(file, replace(table, measured=measured)))
+    assert found.suggested == (("frame-growth",),)
+    told = {one.name: one.value for one in found.candidates[0].parameters}
+    np.testing.assert_allclose([told["radius_per_k"], told["link_per_k"]], per_k, rtol=0.1)

@@ -206,7 +206,7 @@ def _parameter_line(parameter: Any) -> str:
         said.append(f"at least {parameter.lower:g}")
     if parameter.within is not None:
         low, high = (parameter.usual * size for size in parameter.within)
-        said.append(f"named from {low:g}" + (f" to {high:g}" if high < float("inf") else ""))
+        said.append(f"named from {low:g}" + (f", beyond {high:g} where its form shows" if high < float("inf") else ""))
     if parameter.role != "linear":
         said.append(parameter.role)
     if parameter.onward:

@@ -50,8 +50,8 @@ class Atom:
         effect: the effect; None for a block.
         shape: its searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
-        within: values below and above which the cause would be another, (m, 2) in units of its columns; None where any
-            may be.
+        within: values below which the cause would be another, and above which much speaks for another, (m, 2) in units
+            of its columns; None where any may be.
         turn: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.

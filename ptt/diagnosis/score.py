@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 UNDONE = 0.25  # of the squares of what something did, less than which is left once something else has taken it back
 WRONG_SIDE = 3.0  # standard errors beyond what a value can be at which it speaks against its effect
+UNHEARD_OF = 25.0  # nats that readings have to show of its form: what else it looks like has no usual size
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
@@ -127,7 +128,10 @@ class Scorer:
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
         if self._absurd(state) or self._undoes(state):
             return replace(state, total=-np.inf)
-        forms = {atom.key: _nats_of_product(state, atom) + self._beyond_reach(state, atom) for atom in atoms}
+        forms = {
+            atom.key: _nats_of_product(state, atom) + self._beyond_reach(state, atom) + self._unheard_of(state, atom)
+            for atom in atoms
+        }
         return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(
@@ -193,13 +197,19 @@ class Scorer:
         bounded = np.concatenate([np.zeros(len(self.system.frame), dtype=bool), *(atom.bounded for atom in atoms)])
         if bounded.any() and (values[bounded] < -WRONG_SIDE * state.std[bounded]).any():
             return True
-        for atom in atoms:
-            if atom.within is not None and atom.key not in self.given:  # what a file holds is there
-                own = state.of(atom.key)
-                (low, high), room = atom.within.T, WRONG_SIDE * state.std[own]
-                if ((values[own] < low - room) | (values[own] > high + room)).any():
-                    return True
-        return False
+        return any(
+            (values[state.of(atom.key)] < atom.within[:, 0] - WRONG_SIDE * state.std[state.of(atom.key)]).any()
+            for atom in atoms
+            if atom.within is not None and atom.key not in self.given  # what a file holds is there
+        )
+
+    def _unheard_of(self, state: State, atom: Atom) -> float:
+        """Nats against an effect that is clearly larger than its cause has ever been."""
+        if atom.within is None or atom.key in self.given:
+            return 0.0
+        own = state.of(atom.key)
+        beyond = state.posterior.values[own] > atom.within[:, 1] + WRONG_SIDE * state.std[own]
+        return -UNHEARD_OF if beyond.any() else 0.0
 
     def _beyond_reach(self, state: State, atom: Atom) -> float:
         return 0.0 if atom.key in self.given else _nats_beyond_reach(state, atom, self.system.scale)

@@ -37,7 +37,7 @@ class TrackerFrame(MetrologyEffect):
         Parameter("shift", "mm", 0.5, "translation of the readings, x, y, z", count=3),
         Parameter("turn", "rad", 5e-4, "rotation of the readings about x, y, z", count=3),
     )
-    stands_for: ClassVar[tuple[str, ...]] = ("homing-offset", "tower-position", "tower-tilt")  # in a trusted frame
+    stands_for: ClassVar[tuple[str, ...]] = ("homing-offset", "tower-position")  # in a trusted frame
     called: ClassVar[str] = "tracker frame"
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase("shift", "are shifted {what} toward +{axis}", "are shifted {what} toward -{axis}", "the readings"),

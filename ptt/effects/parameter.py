@@ -19,8 +19,9 @@ class Parameter:
         lower: physical lower bound.
         upper: physical upper bound.
         most: value beyond which no fit goes, though a file may hold it: there it would be something else.
-        within: usual sizes below and above which the cause would be another, so that no diagnosis names it; a fit may
-            end there all the same, and a file hold it. None where any size may be.
+        within: usual sizes below which the cause would be another, so that no diagnosis names it, and above which it
+            names it only where the readings show its form clearly; a fit may end there all the same, and a file hold
+            it. None where any size may be.
         role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
             the fit).
         axis: measured along the axis, so its unit follows the joint's.
