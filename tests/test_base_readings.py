@@ -83,10 +83,34 @@ def test_visits_are_whitened_by_what_they_have_in_common():
     squares, ways = np.linalg.eigh(noise)
     whitener = ways.T / np.sqrt(squares)[:, None]
     same = (base.point[:, None] == base.point) * base.drawn**2 + (base.round[:, None] == base.round) * base.apart**2
-    whole = np.kron(np.eye(len(base.point)), noise) + np.kron(same, np.eye(3))
+    worst = np.eye(3) * squares[-1]  # the beam to a reflector is none of those to the poses
+    whole = np.kron(np.eye(len(base.point)), worst) + np.kron(same, np.eye(3))
     values = np.random.default_rng(2).normal(size=(len(base.point), 3, 5))
     white, flat = base.whitened(values, whitener).reshape(-1, 5), values.reshape(-1, 5)
     np.testing.assert_allclose(white.T @ white, flat.T @ np.linalg.solve(whole, flat), rtol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_reflectors_read_across_the_beam_ask_for_no_knock(seed):
+    """Poses lie before the tracker, reflectors all around: what is sharp at those is blunt at some of these."""
+    random, rows = np.random.default_rng(seed), 150
+    station = np.array([1200.0, 0.0, 100.0])
+
+    def read(place: np.ndarray) -> np.ndarray:
+        beam = (place - station) / np.linalg.norm(place - station, axis=1)[:, None]
+        noise = random.normal(0.0, 0.02, place.shape)
+        return place + noise - 0.95 * (noise * beam).sum(axis=1)[:, None] * beam
+
+    around = station + np.array([[0.0, 900.0, 0.0], [0.0, -900.0, 300.0], [100.0, 0.0, 900.0], [-900.0, 300.0, -600.0]])
+    points = tuple(BasePoint(name=f"B{i}", xyz_mm=tuple(one), sigma_mm=0.002) for i, one in enumerate(around))
+    file = replace(bench_machine(), tracker=TrackerSpec(frame="measured", base_point=points))
+    target = random.uniform(-60.0, 60.0, (rows, 3))
+    every = np.concatenate([around, target, around])
+    role = np.array(["base"] * 4 + ["pose"] * rows + ["base"] * 4)
+    name = np.array([f"B{i}" for i in range(4)] + [f"P{i}" for i in range(rows)] + [f"B{i}" for i in range(4)])
+    put = np.where((role == "pose")[:, None], every, np.nan)
+    table = replace(make_table(put, role=role, name=name), measured=read(every))
+    assert diagnose(Model(file), build_problem(file, table)).verdict == "nothing-missing"
 
 
 def test_many_visits_are_averaged_side_by_side():

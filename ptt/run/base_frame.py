@@ -52,16 +52,20 @@ class BaseReadings:
     def whitened(self, values: np.ndarray, whitener: np.ndarray) -> np.ndarray:
         """Bring values of the visits into units of their own noise: a reading's, and what visits have in common.
 
+        Along its beam a tracker scatters by a tenth of what it does across, and the beam to a reflector is none of
+        those to the poses: on every axis a visit scatters as far as a pose does on its worst.
+
         Args:
             values: (m, 3, c) mm.
-            whitener: (3, 3) 1/mm of one reading, its rows the noise's own axes.
+            whitener: (3, 3) 1/mm of one reading of a pose, its rows the noise's own axes.
 
         Returns:
             (m, 3, c); rows are no visits any more, but ways in which these differ.
         """
         common, ways = self._common
-        wide = np.sqrt(1.0 + common[:, None] * np.square(whitener).sum(axis=1))  # shape: (m, 3)
-        return np.asarray(np.tensordot(ways.T, whitener @ values, axes=1) / wide[:, :, None])
+        finest = float(np.square(whitener).sum(axis=1).min())
+        wide = np.sqrt(1.0 / finest + common)
+        return np.asarray(np.tensordot(ways.T, values, axes=1) / wide[:, None, None])
 
     @cached_property
     def _common(self) -> tuple[np.ndarray, np.ndarray]:
