@@ -6,18 +6,21 @@ import numpy as np
 import pytest
 import torch
 from test_fit import KNOWN, empty_run, hidden_backlash, machine, measure, term
+from test_stand_ins import stated
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.verdict import diagnose
 from ptt.errors import ModelError
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import FOLDS, climb, descend
 from ptt.judge.ladder.rung import fit_rung
 from ptt.judge.ladder.text import format_ladder, verdicts
+from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import Table
+from ptt.run.table import Table, make_table
 from ptt.run.viewing import build_view
 
 
@@ -151,6 +154,24 @@ def test_rows_of_a_run_that_is_hidden_with_its_frame_are_not_judged() -> None:
     table = measure(short, file, [])
     ladder = climb(Model(file), build_problem(file, table), effects("backlash"))
     assert ladder.steps[0].heldout_rms_um["total"] < 2.0 * ladder.noise_um["total"]
+
+
+def test_hidden_rows_leave_enough_of_a_run_to_tell_its_frame() -> None:
+    """Out along a ray and back, a run each: less one end of the ray nobody knows how the frame was turned."""
+    random = np.random.default_rng(4)
+    ray = np.linspace(0.0, 1.0, 6)[:, None]
+    rays = [np.concatenate([r * out for r in (ray, ray[::-1])]) for out in random.uniform(-80.0, 80.0, (8, 3))]
+    target = np.concatenate(rays) + random.normal(0.0, 0.5, (96, 3))
+    robot, run = build_mechanism(stated("fitted-per-run").machine), np.repeat(np.arange(4), 24)
+    read = target + 0.004 * random.normal(size=target.shape) + 1e-3 * np.arange(96)[:, None] * [1.0, 0.5, 0.0]
+    table = make_table(target, robot.inverse(torch.as_tensor(target)).numpy(), run=run, run_label=tuple("abcd"))
+    table = replace(table, time_s=20.0 * np.arange(96), measured=read + 30.0 * run[:, None])
+    problem = build_problem(stated("fitted-per-run"), table)
+    drift = climb(Model(problem.file), problem, effects("tracker-drift")).steps[-1]
+    assert drift.helped and drift.heldout_rms_um["total"] < 1.35 * drift.rms_um["total"]
+    found = diagnose(Model(problem.file), problem)
+    (told,) = (one for one in found.candidates if one.effect == "tracker-drift")
+    assert told.heldout_after < 1.35 * drift.rms_um["total"]
 
 
 def test_a_slip_and_a_knock_found_one_after_the_other_end_at_their_own_moments() -> None:

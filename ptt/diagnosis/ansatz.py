@@ -14,7 +14,7 @@ from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Shape, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.run.holdout import blocks as travel_blocks
-from ptt.run.holdout import sharing_groups
+from ptt.run.holdout import blocks_beside, sharing_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -76,7 +76,7 @@ def open_run(problem: Problem, chunks: Chunks, span: Span) -> Run:
         The run.
     """
     sharing = sharing_groups(problem.table, problem.used)
-    return Run(problem, chunks, span, travel_blocks(problem.table), *sharing)
+    return Run(problem, chunks, span, travel_blocks(problem.table, blocks_beside(problem.frames)), *sharing)
 
 
 def columns_of(

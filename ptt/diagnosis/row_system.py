@@ -28,7 +28,7 @@ from ptt.effects.sudden import ALWAYS
 from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.run.holdout import blocks as travel_blocks
-from ptt.run.holdout import sharing_groups
+from ptt.run.holdout import blocks_beside, sharing_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -263,7 +263,7 @@ def build_system(
     return RowSystem(
         np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
         few.scale(scale), few.columns(columns), linear.values[rows], sharing[rows],
-        travel_blocks(problem.table)[rows], _levers(linear, noise, rows), linear.at,
+        travel_blocks(problem.table, blocks_beside(problem.frames))[rows], _levers(linear, noise, rows), linear.at,
         few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values, by_visit=by_visit,
     )  # fmt: skip
 

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 BLOCKS = 10
+APIECE = 5  # blocks that a frame's own rows are cut into at the least: what is left of them has to tell it
+MOST = 40  # of runs in chunks the sums over each are kept side by side
 PLACED = 3  # joints up to which the tool position tells the pose
 _numbered: "WeakKeyDictionary[Table, np.ndarray]" = WeakKeyDictionary()  # a long table takes seconds, and all ask
 
@@ -96,6 +98,15 @@ def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
     count = max(1, min(count, len(size)))
     block_of_group = np.minimum((before + size / 2.0) * count // size.sum(), count - 1).astype(int)
     return np.where(used, block_of_group[np.maximum(group, 0)], -1)
+
+
+def blocks_beside(frames: int) -> int:
+    """How many blocks of travel to cut a table into, so that none hides most of what tells a frame.
+
+    Args:
+        frames: that are fitted.
+    """
+    return min(max(BLOCKS, APIECE * frames), MOST)
 
 
 def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:

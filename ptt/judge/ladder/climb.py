@@ -19,7 +19,7 @@ from ptt.judge.ladder.ladder import Ladder, Step
 from ptt.judge.ladder.rung import fit_rung
 from ptt.model.model import Model, Term
 from ptt.progress import Progress, unwatched
-from ptt.run.holdout import folds, pose_groups
+from ptt.run.holdout import blocks_beside, folds, pose_groups
 from ptt.run.noise import Noise, given_noise
 from ptt.run.problem import Problem
 from ptt.run.ranges import ranges_of
@@ -124,7 +124,7 @@ def _measure(
 ) -> Ladder:  # fmt: skip
     """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
     tell = progress or unwatched
-    hidden = folds(problem.table, FOLDS)
+    hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
     narrower = _noise_beside(fits[-1], problem) if noise is None else None
     if narrower is not None:
