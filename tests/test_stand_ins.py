@@ -116,6 +116,16 @@ def test_a_trusted_frame_that_is_off_is_told_as_that_beside_zeros(seed: int) -> 
     assert any("homing-offset" in step for step in found.suggested if step not in first)
 
 
+@pytest.mark.parametrize(("size", "seed"), [(0.012, 5), (0.012, 6), (0.02, 0), (0.02, 2)])
+def test_a_drift_is_not_told_as_a_wander_that_outlasts_the_run(size: float, seed: int) -> None:
+    rows, random = 128, np.random.default_rng(seed)
+    target, way, time = random.uniform(-60.0, 60.0, (rows, 3)), random.normal(size=3), np.linspace(0.0, 1.0, rows)
+    problem = run_of(stated(), target, np.zeros((rows, 3)), seed, time_s=10.0 * np.arange(rows))
+    settled = size * np.expm1(-time / 0.4)[:, None] / np.expm1(-1.0 / 0.4) * way
+    table = replace(problem.table, measured=problem.table.measured + settled)
+    assert diagnose(Model(problem.file), build_problem(problem.file, table)).suggested == (("tracker-drift",),)
+
+
 def test_what_stands_for_two_is_one_step_where_no_more_may_be_added() -> None:
     problem = zeros_and_links(1)
     assert len(diagnose(Model(problem.file), problem, steps=1).suggested) == 1

@@ -8,6 +8,7 @@ from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, plain_moves, sl
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.state import State
+from ptt.diagnosis.witness import drifts
 
 ROUNDS = 16
 LEAST = 0.3  # nats that a move has to gain
@@ -257,7 +258,21 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
 
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
     first = min([best, *(state for state in near if nothing or _parts(scorer, state))], key=plain)
+    first = max([first, *(state for state in near if _drifts_instead(scorer, state, first))], key=_total)
     return scorer.score(first.keys, first.memory)
+
+
+def _total(state: State) -> float:
+    return state.total
+
+
+def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:
+    """Whether a set has a drift of the tracker where another has a wander that outlasts the run: a drift unnamed."""
+    wander, atoms = first.memory.wander, scorer.system.atoms
+    if wander is None or wander.constant <= scorer.system.clock.lasts.max() or state.memory.wander is not None:
+        return False
+    more = [atoms[key].effect for key in set(state.keys) - set(first.keys)]
+    return set(first.keys) < set(state.keys) and all(effect is not None and drifts(effect) for effect in more)
 
 
 def is_told(scorer: Scorer, state: State) -> bool:
