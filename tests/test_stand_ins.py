@@ -116,6 +116,17 @@ def test_a_trusted_frame_that_is_off_is_told_as_that_beside_zeros(seed: int) -> 
     assert any("homing-offset" in step for step in found.suggested if step not in first)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_wrong_unit_of_length_of_a_tracker_far_away_is_no_tower(seed: int) -> None:
+    """In a trusted frame it shifts all readings far more than it stretches them."""
+    random = np.random.default_rng(seed)
+    target = random.uniform(-60.0, 60.0, (120, 3))
+    problem = run_of(stated("trusted"), target, np.zeros((120, 3)), seed)
+    moved = problem.table.measured + 2e-5 * (target - [1500.0, -800.0, 300.0])
+    found = diagnose(Model(problem.file), build_problem(problem.file, replace(problem.table, measured=moved)))
+    assert [step[0] for step in found.suggested] == ["tracker-scale"]
+
+
 @pytest.mark.parametrize(("size", "seed"), [(0.012, 5), (0.012, 6), (0.02, 0), (0.02, 2)])
 def test_a_drift_is_not_told_as_a_wander_that_outlasts_the_run(size: float, seed: int) -> None:
     rows, random = 128, np.random.default_rng(seed)

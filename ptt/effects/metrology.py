@@ -84,7 +84,7 @@ class TrackerScale(MetrologyEffect):
         Parameter("scale", "1", USUAL_SCALE, "share by which readings are long"),
         Parameter("shift", "mm", USUAL_SCALE * AWAY, "what that moves in a trusted frame: -s c, x, y, z", count=3),
     )
-    stands_for_away: ClassVar[int] = 3  # its shift looks like zeros and towers, the rest of it like links
+    stands_for_away: ClassVar[int] = 2  # its shift looks like zeros and towers together
     product: ClassVar[bool] = True
     called: ClassVar[str] = "tracker scale"
     phrases: ClassVar[tuple[Phrase, ...]] = (
