@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, causes, is_any
+from ptt.diagnosis.atoms import Atom, is_any
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memories import best_memory, prior_of
 from ptt.diagnosis.memory import Hidden, Memory, Sums
-from ptt.diagnosis.product import nats_of_none, nats_of_product
+from ptt.diagnosis.possible import is_impossible, nats_of_form
 from ptt.diagnosis.screen import Basis, Begun, Gain, Screen
 from ptt.diagnosis.state import State
 from ptt.diagnosis.swap import replacements
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from ptt.diagnosis.hidden import Trial
 
 UNDONE = 0.25  # of the squares of what something did, less than which is left once something else has taken it back
-WRONG_SIDE = 3.0  # standard errors beyond what a value can be at which it speaks against its effect
-UNHEARD_OF = 25.0  # nats that readings have to show of its form: what else it looks like has no usual size
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
 
@@ -126,12 +124,10 @@ class Scorer:
         total = posterior.total + gained + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
-        if self._absurd(state) or self._undoes(state):
+        new = [atom for atom in atoms if atom.key not in self.given]
+        if is_impossible(state, atoms, new) or self._undoes(state):
             return replace(state, total=-np.inf)
-        forms = {
-            atom.key: _nats_of_product(state, atom) + self._beyond_reach(state, atom) + self._unheard_of(state, atom)
-            for atom in atoms
-        }
+        forms = {atom.key: nats_of_form(state, atom, system.scale, new=atom in new) for atom in atoms}
         return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(
@@ -190,29 +186,6 @@ class Scorer:
             gram, side = sums.gram - part.gram[np.ix_(place, place)], sums.side - part.side[place]
             less, count = Sums(gram, side, sums.square - part.energy, 0.0), self.system.spare - 3.0 * part.rows
             yield self._learned(atoms, less, max(count, 1.0), state.posterior.scales)
-
-    def _absurd(self, state: State) -> bool:
-        """Whether a value is clearly negative that physics does not let be so, or larger than its cause can make it."""
-        atoms, values = [self.system.atoms[key] for key in state.keys], state.posterior.values
-        bounded = np.concatenate([np.zeros(len(self.system.frame), dtype=bool), *(atom.bounded for atom in atoms)])
-        if bounded.any() and (values[bounded] < -WRONG_SIDE * state.std[bounded]).any():
-            return True
-        return any(
-            (values[state.of(atom.key)] < atom.within[:, 0] - WRONG_SIDE * state.std[state.of(atom.key)]).any()
-            for atom in atoms
-            if atom.within is not None and atom.key not in self.given  # what a file holds is there
-        )
-
-    def _unheard_of(self, state: State, atom: Atom) -> float:
-        """Nats against an effect that is clearly larger than its cause has ever been."""
-        if atom.within is None or atom.key in self.given:
-            return 0.0
-        own = state.of(atom.key)
-        beyond = state.posterior.values[own] > atom.within[:, 1] + WRONG_SIDE * state.std[own]
-        return -UNHEARD_OF if beyond.any() else 0.0
-
-    def _beyond_reach(self, state: State, atom: Atom) -> float:
-        return 0.0 if atom.key in self.given else _nats_beyond_reach(state, atom, self.system.scale)
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
         """What every atom would add to a state, the best shape of each name; best first."""
@@ -288,34 +261,6 @@ class Scorer:
         if where not in self.suiting:
             self.suiting[where] = best_memory(self.system, state)
         return self.suiting[where]
-
-
-def _nats_of_product(state: State, atom: Atom) -> float:
-    """What is still to be added for an effect whose further values are none, or else products of its first one."""
-    if atom.effect is None or not atom.effect.product or atom.key not in state.scales or len(atom.columns) < 2:
-        return 0.0
-    own, posterior = state.of(atom.key), state.posterior
-    width = posterior.phi * float(state.scales[atom.key][0])
-    values, covariance = posterior.values[own], state.covariance[np.ix_(own, own)]
-    more = (atom.effect.stands_for_away / causes(atom.effect) - 1.0) * atom.odds
-    away = nats_of_product(values, covariance, width) - more
-    return float(np.logaddexp(away, nats_of_none(values, covariance, width)) - np.log(2.0))
-
-
-def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
-    """Nats against second values of joints that are further than their first ones may well make them.
-
-    What a joint would gain by saying less, where they are not, is left aside: the odds count which joints have any.
-    """
-    if atom.reach is None or atom.key not in state.scales:
-        return 0.0
-    (values, spread), size = state.amounts([atom], scale), atom.sizes(scale)
-    widest, nats = state.posterior.phi * float(state.scales[atom.key].max()), 0.0
-    for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both, in usual sizes of the second
-        unit = np.array([atom.reach, 1.0]) / size[own[1]]
-        both = unit[:, None] * spread[np.ix_(own, own)] * unit
-        nats += min(nats_of_product(unit * values[own], both, widest), 0.0)
-    return nats
 
 
 def _excluded(atom: Atom, effects: Sequence[str]) -> bool:
