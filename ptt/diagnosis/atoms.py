@@ -167,18 +167,22 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         odds = odds_of_effect(term.effect, len(names), shapes)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
         atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
-        atoms[key] = replace(atom, since=float(own.theta[-1]) if is_sudden(atom) else None)
+        since = float(own.theta[-1]) if is_sudden(atom) else None
+        atoms[key] = replace(atom, since=since, tested=sided or not _has_sides(atom))
     like: dict[str, Atom] = {}  # of each effect its first shape
     for number, trial in enumerate(linear.trials):
         key, name = f"{trial.effect.key}#{number}", trial.effect.key
         if name not in like:
             odds = odds_of_effect(trial.effect, len(names), trial.trials)
-            like[name] = effect_atom(key, trial.columns, trial.effect, problem, odds, trial.shape)
+            first = effect_atom(key, trial.columns, trial.effect, problem, odds, trial.shape)
+            like[name] = replace(first, tested=sided or not _has_sides(first))
         atoms[key] = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
-    return {
-        key: replace(atom, tested=sided or atom.effect is None or "direction" not in atom.effect.requires)
-        for key, atom in atoms.items()
-    }
+    return atoms
+
+
+def _has_sides(atom: Atom) -> bool:
+    """Whether an atom is an effect that the way a joint came tells."""
+    return atom.effect is not None and "direction" in atom.effect.requires
 
 
 def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[str, Atom]:
