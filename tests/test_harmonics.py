@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.screw import OncePerRev
-from ptt.machine import MachineFile
+from ptt.machine import MachineFile, load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
@@ -104,6 +105,22 @@ def test_on_a_travel_of_few_turns_any_length_would_be_a_harmonic_and_none_is_off
     found = find(Model(file), problem, library(), lambda what: None)
     assert not found.seen
     assert found.periods
+
+
+@pytest.mark.parametrize("waves", [2, 3, 4])
+@pytest.mark.parametrize("joints", [(1, 1, 1, 1, 1, 1), (0, 0, 1, 0, 0, 0)])
+def test_joints_of_an_arm_may_err_at_part_of_their_turn(waves: int, joints: tuple[int, ...]) -> None:
+    """None of them goes once around, so that lines of neighbouring harmonics run into each other."""
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machines" / "ur10.toml")
+    robot, random, rows = build_mechanism(file.machine), np.random.default_rng(waves), 150
+    sent = random.uniform(-2.2, 2.2, (rows, 6))
+    error = 4e-4 * np.sin(waves * sent + random.uniform(0.0, 6.0, 6)) * joints
+    there = robot.forward(torch.as_tensor(sent + error)).numpy()
+    file = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted", "sigma_mm": 0.02}))
+    table = make_table(robot.forward(torch.as_tensor(sent)).numpy(), sent)
+    table = replace(table, measured=there + random.normal(0.0, 0.02, there.shape))
+    found = diagnose(Model(file), build_problem(file, table))
+    assert (found.verdict, names(found)) == ("missing", {f"once-per-rev[harmonic {waves}]"})
 
 
 def test_what_was_seen_is_a_candidate_once_and_only_of_an_effect_that_is_known() -> None:

@@ -19,6 +19,7 @@ from ptt.fitting.linear import tried_sizes
 from ptt.run.problem import Problem
 
 MOST = 50  # waves a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
+PART, FEW_WAVES = 0.5, 4  # of a turn that an arm's joint has to go through, and waves a turn that tell apart on that
 OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
 ASIDE = np.arange(-WIDE, WIDE + STEP, STEP)  # turns over the range in which its peak may lie
 
@@ -92,11 +93,13 @@ def find_harmonics(
         return ()
     every = left_along(scorer, state, problem, detail=False)
     # On a shorter travel one line covers two harmonics, and any period would be one of them.
-    joints = [each for each in every if each.span > 2.0 * WIDE * lead]
+    joints, most = [each for each in every if each.span > 2.0 * WIDE * lead], MOST
+    if not joints and problem.file.machine.kind == "serial":  # whose joints err alike at every turn, or part of one
+        joints, most = [each for each in every if each.span > PART * lead], FEW_WAVES
     if not joints:
         return ()
-    taken = [_taken(along, lead) for along in joints]
-    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST + 1)]
+    taken = [_taken(along, lead)[: most - 1] for along in joints]
+    effects = [OncePerRev(f"harmonic {m}") for m in range(2, most + 1)]
     names = {atom.effect.name for atom in scorer.system.atoms.values() if atom.effect is not None}
     odds = [odds_of_effect(effect, len(names), 1) for effect in effects]
     nats = _nats(np.array(taken) / state.posterior.phi) - odds
@@ -104,7 +107,7 @@ def find_harmonics(
     strong = [index for index in np.argsort(-nats) if nats[index] > 0.0 and effects[index].key not in there]
     if not strong:
         return ()
-    aside = [np.max([_taken(along, lead, off) for off in ASIDE], axis=0) for along in joints]
+    aside = [np.max([_taken(along, lead, off)[: most - 1] for off in ASIDE], axis=0) for along in joints]
     peak = np.sum(aside, axis=0)
     placed = peak - np.sum(taken, axis=0) <= np.maximum(OFF * peak, 2.0 * PLAIN * state.posterior.phi)
     return tuple(effects[index] for index in strong if placed[index] and effects[index].needs(problem.view) is None)
