@@ -294,6 +294,8 @@ def test_unknown_name_is_suggested():
         make_effect(library(), "zzz")
     assert parse_key("setup-jump[second]") == ("setup-jump", "second")
     assert parse_key("backlash") == ("backlash", "")
+    with pytest.raises(ModelError, match=r"opens a label and does not close it; write setup-jump\[label\]"):
+        parse_key("setup-jump[second")
 
 
 def run(*words):

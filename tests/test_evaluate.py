@@ -190,6 +190,18 @@ def test_few_matches_are_the_first_thing_said(tmp_path):
     assert json.loads(spoken.stdout)["protocol"]["rows"] == 19 and "only 19 of 40" in spoken.stderr
 
 
+def test_a_model_that_shifts_a_trusted_frame_is_a_reason_to_doubt_what_is_read_in_it(tmp_path):
+    write_table(run(0.2, name=NAMES), tmp_path / "b.csv")
+    write_table(run(0.1, name=NAMES), tmp_path / "a.csv")
+    drawing = (DATA / "machine.toml").read_text()
+    known = '[[effect]]\nname = "tracker-frame"\n[effect.parameters]\nshift_mm = {value = [0.1, 0.1, 0.1]}\n'
+    (tmp_path / "m.toml").write_text(f"{drawing}\n{known}")
+    args = ["evaluate", str(tmp_path / "b.csv"), str(tmp_path / "a.csv"), "--model", str(tmp_path / "m.toml")]
+    said = "the model says that the trusted frame is off (tracker-frame)"
+    assert said in CliRunner().invoke(app, [*args, "--frame", "trusted"]).stdout
+    assert said not in CliRunner().invoke(app, [*args, "--frame", "fitted"]).stdout
+
+
 def test_readings_under_other_conditions_are_said_to_be_so(tmp_path):
     warm, load = np.linspace(20.0, 28.0, 40), np.repeat([0.0, 5.0], 20)
     before = run(0.2, name=NAMES, temp_c=warm, payload_kg=load)

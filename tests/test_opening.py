@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ptt.challenge.challenge import bench
-from ptt.diagnosis.opening import opening_rows
+from ptt.fitting.opening import opening_rows
 from ptt.machine import MachineFile
 from ptt.run.problem import build_problem
 from ptt.run.table import Table, make_table

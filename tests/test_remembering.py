@@ -7,9 +7,10 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench as bench_machine
-from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.fitting.opening import remembering_rows, without_opening
+from ptt.judge.ladder.climb import climb
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
@@ -45,6 +46,14 @@ def test_a_drive_that_winds_up_alone_is_told_alone_from_whichever_side_the_run_b
     found = diagnose(Model(problem.file), problem)
     assert found.suggested == (("windup",),) and found.verdict == "missing"
     assert found.opening.sum() > 3
+
+
+def test_what_is_added_leaves_them_aside_as_well():
+    problem = fine_path()
+    ladder = climb(Model(problem.file), problem, [library()["windup"]()])
+    assert ladder.steps[-1].heldout_rms_um["total"] < 1.15e3 * np.sqrt(3.0) * SIGMA
+    assert [note for note in ladder.notes if "left aside, at which nobody knows from which side" in note]
+    np.testing.assert_allclose(ladder.model.terms[0].theta[:3], HEIGHT, rtol=0.1)
 
 
 def test_what_is_found_later_has_its_own_rows_left_aside():

@@ -15,6 +15,7 @@ from ptt.diagnosis import doubt, verdict
 from ptt.diagnosis.absent import Absent
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.find import find
+from ptt.diagnosis.floor import noise_floor
 from ptt.diagnosis.long import diagnose_long
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import Curve, library
@@ -147,10 +148,10 @@ def test_a_slip_is_placed_between_runs_whose_clocks_start_anew() -> None:
     run, target = np.repeat([0, 1], rows // 2), np.random.default_rng(5).uniform(-50.0, 50.0, (rows, 3))
     slip = np.where(run == 1, 0.14, 0.0)[:, None] * np.eye(3)[0]
     time = np.tile(5.0 * np.arange(rows // 2), 2)
-    problem = run_of(stated(), target, slip, 7, run=run, run_label=("morning", "noon"), time_s=time)
+    problem = run_of(stated(), target, slip, 7, run=run, run_label=("run 7", "noon"), time_s=time)
     found = diagnose(Model(problem.file), problem)
     assert found.suggested[0][0] == "homing-slip" and not found.outliers.any()
-    assert "between run morning and run noon" in found.candidates[0].words
+    assert "between run 7 and run noon" in found.candidates[0].words
 
 
 def test_three_poses_tell_a_slip_where_no_frame_is_fitted() -> None:
@@ -385,3 +386,14 @@ def test_what_does_nothing_at_its_fitted_values_is_idle(monkeypatch: pytest.Monk
     few = problem.masked(np.arange(400) >= 40)  # a sample of a run whose other rows say as much
     assert verdict._idle(found, tuple(atoms), terms, few, problem) == ("windup#1",)
     assert verdict._idle(found, tuple(atoms), terms, few, few) == tuple(atoms)
+
+
+def test_of_few_rows_that_state_no_noise_a_comparison_says_what_a_diagnosis_says() -> None:
+    """Everything at once has more values there than the readings have coordinates."""
+    rows, file = 48, bench()
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None, "frame": "fitted"}))
+    target = np.random.default_rng(3).uniform(-50.0, 50.0, (rows, 3))
+    problem = run_of(file, target, np.tile([0.0, 0.08, -0.05], (rows, 1)), 4)
+    floor, found = noise_floor(Model(file), problem, library()), diagnose(Model(file), problem)
+    assert floor.total == pytest.approx(found.noise.total, rel=0.05)
+    assert floor.total == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.25)

@@ -44,8 +44,11 @@ def _between_runs(after: np.ndarray, problem: Problem) -> list[str]:
     run, label = problem.table.run[problem.used], problem.table.run_label
     if after.all() or not after.any() or run[~after][-1] == run[after][0]:
         return []
-    before, then = label[run[~after][-1]], label[run[after][0]]
-    return [f"That is between run {before} and run {then}." if before and then else "That is between two runs."]
+    before, then = (label[own] for own in (run[~after][-1], run[after][0]))
+    if not (before and then):
+        return ["That is between two runs."]
+    first, second = (each if each.lower().startswith("run") else f"run {each}" for each in (before, then))
+    return [f"That is between {first} and {second}."]
 
 
 def parting(after: np.ndarray, values: np.ndarray, slack: float = 0.0) -> tuple[float, float] | None:

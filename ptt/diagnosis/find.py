@@ -19,7 +19,6 @@ from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose
 from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
-from ptt.diagnosis.opening import remembering_rows, without_opening
 from ptt.diagnosis.periods import find_period
 from ptt.diagnosis.rest import SILENT, stated_of
 from ptt.diagnosis.row_system import RowSystem
@@ -38,6 +37,7 @@ from ptt.diagnosis.turn import (
     unlike,
 )
 from ptt.effects import Effect, Library
+from ptt.fitting.opening import remembering_rows, without_opening
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem

@@ -3,9 +3,9 @@
 from ptt.diagnosis.find import find
 from ptt.diagnosis.given import at_its_word
 from ptt.diagnosis.noise import LEAST_FREEDOM, noise_left, saturated_floor, too_few
-from ptt.diagnosis.opening import opening_rows
 from ptt.effects import Library
 from ptt.errors import TableError
+from ptt.fitting.opening import opening_rows
 from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -14,7 +14,8 @@ from ptt.run.problem import Problem
 def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
     """The noise floor for a comparison or a fit: the problem's own, else what a model with everything in it leaves.
 
-    Of few rows everything at once leaves no freedom; what a search finds in them does, and it has told what to add.
+    Of few rows everything at once has more values than there are coordinates, and takes minutes to say little; what a
+    search finds in them leaves some, and it has told what to add.
 
     Args:
         model: the model as given.

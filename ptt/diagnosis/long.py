@@ -13,13 +13,13 @@ from ptt.diagnosis.found import Found
 from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import without
-from ptt.diagnosis.opening import opening_rows
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.sampled import share_of_rows
 from ptt.diagnosis.span import Span, span_of
 from ptt.diagnosis.verdict import conclude, diagnose, enough, error_by_base
 from ptt.effects import Library, library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
+from ptt.fitting.opening import opening_rows
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem

@@ -14,7 +14,6 @@ from ptt.diagnosis.found import Found, moved
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.lost import lost_by_one
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.opening import without_opening
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.search import climb, is_plain
@@ -22,6 +21,7 @@ from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import Turn, moments_of, unlike
 from ptt.effects import Effect
 from ptt.fitting.linear import linear_columns
+from ptt.fitting.opening import without_opening
 from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
 

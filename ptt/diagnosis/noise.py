@@ -233,7 +233,7 @@ def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
         The noise.
 
     Raises:
-        TableError: nothing tells the noise.
+        TableError: nothing tells the noise, or everything has more values than the readings have coordinates.
     """
     if problem.noise is not None:
         return problem.noise
@@ -273,6 +273,8 @@ def _saturated(
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     system = build_system(fitted, problem, short, noise, 0.0, rows)
     one_each = {atom.name: key for key, atom in system.atoms.items()}
+    if sum(len(system.atoms[key].columns) for key in one_each.values()) > 3 * rows.sum():
+        raise too_few(problem)
     start = {key: sizes[name] for name, key in one_each.items() if sizes and name in sizes}
     state = Scorer(system, model.keys).score(tuple(one_each.values()), WHITE, start)
     learned = {name: state.scales[key] * state.posterior.phi for name, key in one_each.items()}

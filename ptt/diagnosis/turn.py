@@ -11,7 +11,6 @@ from ptt.diagnosis.gross import CHANCE, alone, are_exceptions, places_of, stand_
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import best_moment
 from ptt.diagnosis.moves import without
-from ptt.diagnosis.opening import remembering_rows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
@@ -19,6 +18,7 @@ from ptt.effects import Effect
 from ptt.effects.screw import OncePerRev
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
+from ptt.fitting.opening import remembering_rows
 from ptt.fitting.outliers import linear_residual
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model

@@ -27,7 +27,6 @@ from ptt.diagnosis.noise import (
     visit_left,
     wanders_beyond,
 )
-from ptt.diagnosis.opening import opening_rows, without_opening
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.sizes import sized
@@ -38,6 +37,7 @@ from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
 from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
+from ptt.fitting.opening import opening_rows, without_opening
 from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model, Term
 from ptt.plan.separation import plan_separation

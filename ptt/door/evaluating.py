@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Frame = Literal["fitted", "fitted-per-run", "trusted", "measured"]
+SHIFTING = ("tracker-frame", "tracker-scale")  # effects that shift all readings of a trusted frame
 USAGE = "evaluate(before, after) or evaluate(model, run)"
 SHOWN = 5
 HELD_OUT = ("blocks", "random")
@@ -137,8 +138,9 @@ def measured(
     """Compare two runs as they were measured; arguments as `evaluate`."""
     file = None if model is None else model.file
     result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
-    few = _few_matched(result.to_dict())
-    warnings = (*([few] if few else []), *hints_on(before, after, result, told=file is not None or frame is not None))
+    said = [_few_matched(result.to_dict()), _frame_known_false(model, frame)]
+    hints = hints_on(before, after, result, told=file is not None or frame is not None)
+    warnings = (*(one for one in said if one), *hints)
     return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None, warnings=warnings)
 
 
@@ -207,6 +209,15 @@ def _few_matched(data: dict[str, Any]) -> str:
     rows = {side: matched + len(left) for side, left in data["unmatched"].items()}
     few = [f"{count} rows of {side.upper()}" for side, count in rows.items() if 2 * matched < count]
     return f"only {matched} of {' and of '.join(few)} count, the others have no counterpart" if few else ""
+
+
+def _frame_known_false(model: Model | None, frame: Frame | None) -> str:
+    """What to say where readings are trusted that the model itself says are shifted; '' where they are not."""
+    if model is None or (frame or model.file.tracker.frame) != "trusted":
+        return ""
+    off = [name for name in SHIFTING if name in model.effects]
+    told = f"the model says that the trusted frame is off ({' and '.join(off)}): readings are taken as they are, and no"
+    return f"{told} command can take that away; register the tracker anew, or give --frame fitted" if off else ""
 
 
 def _text(data: dict[str, Any], judged: bool) -> str:

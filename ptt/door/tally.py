@@ -85,12 +85,7 @@ class Tally:
             count = f"{self.rows - self.sent} of {self.rows} rows are not sent"
             lines.append(f"{source}: {count}: {'; '.join(kind for kind in kinds if kind)}")
         if unsure := self._told(UNCERTAIN):
-            lines.append(
-                f"{source}: {unsure}: sent, but the fit leaves more open there than its held-out error says;"
-                " measure near them"
-                if self.missed <= ROUNDING
-                else f"{source}: {unsure}: sent, but less sure there than the held-out error says"
-            )
+            lines.append(f"{source}: {unsure}: sent, but {self._why_unsure()}")
         if self.missed > ROUNDING:
             lines.append(
                 f"{source}: commands miss by up to {1e3 * self.missed:.0f} um as the model has it: some moves after a"
@@ -100,6 +95,15 @@ class Tally:
         if outside and network:
             lines.append(f"{outside} of {self.rows} targets lie outside the network's training domain: physics only")
         return lines
+
+    def _why_unsure(self) -> str:
+        if self.status[UNCERTAIN] == self.sent and self.missed <= ROUNDING:  # of a model that helped not all are so
+            return (
+                "no command is sure: the model foretells hidden readings no better than the drawing does, or its values"
+                " are less sure than its held-out error says"
+            )
+        less = "the fit leaves more open there than its held-out error says; measure near them"
+        return less if self.missed <= ROUNDING else "less sure there than the held-out error says"
 
     def _told(self, status: str) -> str:
         count, lines = self.status[status], self.first[status]

@@ -117,6 +117,11 @@ def parse_key(text: str) -> tuple[str, str]:
 
     Returns:
         Name and label ('' where there is none).
+
+    Raises:
+        ModelError: a bracket that is opened and not closed.
     """
-    name, _, rest = text.partition("[")
+    name, opened, rest = text.partition("[")
+    if opened and not rest.rstrip().endswith("]"):
+        raise ModelError(f"'{shown(text)}' opens a label and does not close it", fix=f"write {name.strip()}[label]")
     return name.strip(), rest.rstrip("] ").strip()

@@ -12,6 +12,7 @@ from ptt.fitting.chunks import LONG
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.long import hidden_residual
 from ptt.fitting.masked import masked_effects
+from ptt.fitting.opening import remembering_rows, without_opening
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
@@ -126,6 +127,12 @@ def _measure(
     tell = progress or unwatched
     hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
+    aside = remembering_rows(fits[-1].model.terms, problem, fits[-1].noise)
+    if aside.any():
+        problem = without_opening(problem, aside)
+        told = f"{aside.sum()} row{'s' if aside.sum() > 1 else ''} left aside, at which nobody knows from which side"
+        notes = (*notes, f"{told} the machine came")
+        fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
     narrower = _noise_beside(fits[-1], problem) if noise is None else None
     if narrower is not None:
         fits, held_out = _fitted(rungs, problem, narrower, hidden, tell)
