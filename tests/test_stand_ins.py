@@ -390,7 +390,7 @@ def test_what_does_nothing_at_its_fitted_values_is_idle(monkeypatch: pytest.Monk
 
 def test_of_few_rows_that_state_no_noise_a_comparison_says_what_a_diagnosis_says() -> None:
     """Everything at once has more values there than the readings have coordinates."""
-    rows, file = 48, bench()
+    rows, file = 40, bench()
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None, "frame": "fitted"}))
     target = np.random.default_rng(3).uniform(-50.0, 50.0, (rows, 3))
     problem = run_of(file, target, np.tile([0.0, 0.08, -0.05], (rows, 1)), 4)

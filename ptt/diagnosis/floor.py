@@ -14,8 +14,8 @@ from ptt.run.problem import Problem
 def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
     """The noise floor for a comparison or a fit: the problem's own, else what a model with everything in it leaves.
 
-    Of few rows everything at once has more values than there are coordinates, and takes minutes to say little; what a
-    search finds in them leaves some, and it has told what to add.
+    Of few rows everything at once has far more values than there are coordinates, and takes minutes to say little; what
+    a search finds in them leaves some, and it has told what to add.
 
     Args:
         model: the model as given.

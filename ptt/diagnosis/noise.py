@@ -233,7 +233,7 @@ def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
         The noise.
 
     Raises:
-        TableError: nothing tells the noise, or everything has more values than the readings have coordinates.
+        TableError: nothing tells the noise, or everything has far more values than the readings have coordinates.
     """
     if problem.noise is not None:
         return problem.noise
@@ -257,6 +257,7 @@ def too_few(problem: Problem) -> TableError:
     )
 
 
+CROWDED = 4.0  # times the coordinates, beyond which values of everything take minutes to say what a search says
 Sizes = Mapping[str, np.ndarray]  # name of an atom -> its variances, in units of the usual sizes
 
 
@@ -273,7 +274,7 @@ def _saturated(
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     system = build_system(fitted, problem, short, noise, 0.0, rows)
     one_each = {atom.name: key for key, atom in system.atoms.items()}
-    if sum(len(system.atoms[key].columns) for key in one_each.values()) > 3 * rows.sum():
+    if sum(len(system.atoms[key].columns) for key in one_each.values()) > CROWDED * 3.0 * rows.sum():
         raise too_few(problem)
     start = {key: sizes[name] for name, key in one_each.items() if sizes and name in sizes}
     state = Scorer(system, model.keys).score(tuple(one_each.values()), WHITE, start)

@@ -127,7 +127,7 @@ class Scorer:
         new = [atom for atom in atoms if atom.key not in self.given]
         if is_impossible(state, atoms, new) or self._undoes(state):
             return replace(state, total=-np.inf)
-        forms = {atom.key: nats_of_form(state, atom, system.scale, new=atom in new) for atom in atoms}
+        forms = {atom.key: nats_of_form(state, atom, system.scale, new=atom.key not in self.given) for atom in atoms}
         return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(

@@ -123,5 +123,7 @@ def parse_key(text: str) -> tuple[str, str]:
     """
     name, opened, rest = text.partition("[")
     if opened and not rest.rstrip().endswith("]"):
-        raise ModelError(f"'{shown(text)}' opens a label and does not close it", fix=f"write {name.strip()}[label]")
+        raise ModelError(
+            f"'{shown(text)}' opens a label and does not close it", fix=f"write {shown(name.strip())}[label]"
+        )
     return name.strip(), rest.rstrip("] ").strip()

@@ -63,8 +63,8 @@ class BaseReadings:
             (m, 3, c); rows are no visits any more, but ways in which these differ.
         """
         common, ways = self._common
-        finest = float(np.square(whitener).sum(axis=1).min())
-        wide = np.sqrt(1.0 / finest + common)
+        worst = float(np.square(whitener).sum(axis=1).min())  # 1/mm^2
+        wide = np.sqrt(1.0 / worst + common)
         return np.asarray(np.tensordot(ways.T, values, axes=1) / wide[:, None, None])
 
     @cached_property

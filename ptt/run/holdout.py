@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 BLOCKS = 10
-APIECE = 5  # blocks that a frame's own rows are cut into at the least: what is left of them has to tell it
+APIECE = 5  # blocks that a frame's own rows are cut into: what is left of them has to tell it
 MOST = 40  # of runs in chunks the sums over each are kept side by side
 PLACED = 3  # joints up to which the tool position tells the pose
 _numbered: "WeakKeyDictionary[Table, np.ndarray]" = WeakKeyDictionary()  # a long table takes seconds, and all ask
@@ -101,7 +101,7 @@ def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
 
 
 def blocks_beside(frames: int) -> int:
-    """How many blocks of travel to cut a table into, so that none hides most of what tells a frame.
+    """How many blocks of travel to cut a table into, so that none hides most of what tells one of up to eight frames.
 
     Args:
         frames: that are fitted.

@@ -127,7 +127,7 @@ def _measure(
     tell = progress or unwatched
     hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
-    aside = remembering_rows(fits[-1].model.terms, problem, fits[-1].noise)
+    aside = np.any([remembering_rows(each.model.terms, problem, each.noise) for each in fits], axis=0)
     if aside.any():
         problem = without_opening(problem, aside)
         told = f"{aside.sum()} row{'s' if aside.sum() > 1 else ''} left aside, at which nobody knows from which side"
