@@ -67,7 +67,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
 @pytest.fixture(scope="module")
 def wound(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """The model of a machine whose drives wind up, one of whose sliders was homed wrongly."""
-    return solve(run_of(1, 100, **WOUND), ("windup", "homing-offset"), tmp_path_factory.mktemp("wound"))
+    return solve(run_of(1, 120, **WOUND), ("windup", "homing-offset"), tmp_path_factory.mktemp("wound"))
 
 
 def solve(first: Problem, effects: tuple[str, ...], folder: Path) -> SimpleNamespace:

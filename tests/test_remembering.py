@@ -10,7 +10,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.opening import remembering_rows, without_opening
-from ptt.judge.ladder.climb import climb
+from ptt.judge.ladder.climb import climb, descend
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
@@ -54,6 +54,16 @@ def test_what_is_added_leaves_them_aside_as_well():
     assert ladder.steps[-1].heldout_rms_um["total"] < 1.15e3 * np.sqrt(3.0) * SIGMA
     assert [note for note in ladder.notes if "left aside, at which nobody knows from which side" in note]
     np.testing.assert_allclose(ladder.model.terms[0].theta[:3], HEIGHT, rtol=0.1)
+
+
+def test_what_is_removed_is_held_to_the_rows_that_stay_without_it():
+    """Else the fall would be that of other rows."""
+    problem = fine_path()
+    without = descend(Model(problem.file) + wound_up(), problem, ["windup"])
+    added = climb(Model(problem.file), problem, [library()["windup"]()])
+    assert [note for note in without.notes if "left aside" in note]
+    refitted, last = without.steps[-2].heldout_rms_um["total"], added.steps[-1].heldout_rms_um["total"]
+    assert without.steps[-2].kind == "refit" and refitted == pytest.approx(last, rel=0.02)
 
 
 def test_what_is_found_later_has_its_own_rows_left_aside():

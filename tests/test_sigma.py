@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ptt.correct.commands import STATUSES
 from ptt.correct.compensate import NetworkError, compensate
 from ptt.correct.doubt import doubtful
+from ptt.door.tally import Tally
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.kept import kept_covariance
 from ptt.judge.history import record
@@ -214,3 +216,18 @@ def test_a_model_that_foretells_no_better_than_the_drawing_is_sure_of_no_command
         _, _, ladder, model = learn(tmp_path, place, drive, (effect,))
         assert ladder.steps[1].helped == (status == "ok")
         assert set(compensate(model, targets).status) == {status}
+
+
+@pytest.mark.parametrize(
+    ("unsure", "missed", "why"),
+    [
+        (10, 0.0, "no command is sure: the model foretells hidden readings no better than the drawing does"),
+        (3, 0.0, "measure near them"),
+        (10, 0.02, "less sure there than the held-out error says"),
+    ],
+)
+def test_why_commands_are_uncertain_is_said_as_far_as_it_is_known(unsure, missed, why):
+    status = {name: 0 for name in STATUSES} | {"ok": 10 - unsure, "uncertain": unsure}
+    first = {name: (2,) if count else () for name, count in status.items()}
+    tally = Tally(10, status, first, 10, 0.0, 0.1, 0.01, missed, 0.0, "nobody")
+    assert why in tally.warnings("t.csv", network=False)[0]

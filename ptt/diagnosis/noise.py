@@ -30,6 +30,7 @@ ONE_AXIS = 1e-3  # chance at which the axes of a wander are not alike: of a thou
 FINEST = 1e-3  # variance along one axis over that along another: a beam's length is read ten times as well, not thirty
 ROUNDS = 3
 ONE_FIGURE = "machine file"  # source of a noise that is stated for all axes alike
+CROWDED = 4.0  # times the coordinates, beyond which values of everything take minutes to say what a search says
 SHORT_SEARCH = 12  # shapes from which an effect is left out of the saturated model
 
 
@@ -257,7 +258,6 @@ def too_few(problem: Problem) -> TableError:
     )
 
 
-CROWDED = 4.0  # times the coordinates, beyond which values of everything take minutes to say what a search says
 Sizes = Mapping[str, np.ndarray]  # name of an atom -> its variances, in units of the usual sizes
 
 

@@ -258,12 +258,8 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
 
     near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
     first = min([best, *(state for state in near if nothing or _parts(scorer, state))], key=plain)
-    first = max([first, *(state for state in near if _drifts_instead(scorer, state, first))], key=_total)
+    first = max([first, *(state for state in near if _drifts_instead(scorer, state, first))], key=lambda one: one.total)
     return scorer.score(first.keys, first.memory)
-
-
-def _total(state: State) -> float:
-    return state.total
 
 
 def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:

@@ -20,6 +20,7 @@ from ptt.effects.curve import COORDINATES, JOINT
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
 from ptt.fitting.chunks import CHUNK
+from ptt.fitting.opening import told_aside
 from ptt.machine import MachineFile
 from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
@@ -196,8 +197,7 @@ def _aside(rows: int) -> str:
     """Why there are fewer readings than in the run: it opens with them."""
     if not rows:
         return ""
-    which = "one row" if rows == 1 else f"{rows} rows"
-    return f"; {which} left aside, at which nobody knows from which side the machine came"
+    return f"; {told_aside(rows)}"
 
 
 def _next(result: "Diagnosis") -> list[str]:

@@ -62,6 +62,16 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
     return told if few and 0.5 * square[told].sum() > AT_STAKE else none
 
 
+def told_aside(rows: int) -> str:
+    """Why there are fewer readings than in the run, in words: it opens with them.
+
+    Args:
+        rows: that are left aside, one at the least.
+    """
+    which = "one row" if rows == 1 else f"{rows} rows"
+    return f"{which} left aside, at which nobody knows from which side the machine came"
+
+
 def without_opening(problem: Problem, rows: np.ndarray) -> Problem:
     """The problem without rows that open its runs, which date nothing either: no reading is left before it.
 

@@ -12,7 +12,7 @@ from ptt.fitting.chunks import LONG
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.long import hidden_residual
 from ptt.fitting.masked import masked_effects
-from ptt.fitting.opening import remembering_rows, without_opening
+from ptt.fitting.opening import remembering_rows, told_aside, without_opening
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
@@ -127,11 +127,9 @@ def _measure(
     tell = progress or unwatched
     hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
-    aside = np.any([remembering_rows(each.model.terms, problem, each.noise) for each in fits], axis=0)
+    aside = _remembering(fits, problem)
     if aside.any():
-        problem = without_opening(problem, aside)
-        told = f"{aside.sum()} row{'s' if aside.sum() > 1 else ''} left aside, at which nobody knows from which side"
-        notes = (*notes, f"{told} the machine came")
+        problem, notes = without_opening(problem, aside), (*notes, told_aside(int(aside.sum())))
         fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
     narrower = _noise_beside(fits[-1], problem) if noise is None else None
     if narrower is not None:
@@ -161,6 +159,16 @@ def _measure(
     return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem), masked)
 
 
+def _remembering(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:
+    """Rows that any of some fits finds to remember from which side the machine came, (n,) bool; of long runs none.
+
+    Every rung is held to the same rows, and a few of ten thousands move none of them.
+    """
+    if problem.table.rows > LONG:
+        return np.zeros(problem.table.rows, dtype=bool)
+    return np.any([remembering_rows(each.model.terms, problem, each.noise) for each in fits], axis=0)
+
+
 def _noise_beside(fitted: FitResult, problem: Problem) -> Noise | None:
     """What repeats scatter by beside what a model explains between them; None where they are no quieter so.
 
@@ -169,7 +177,8 @@ def _noise_beside(fitted: FitResult, problem: Problem) -> Noise | None:
     given, view = problem.noise, problem.view
     if given is None or given.source != "repeats":
         return None
-    again = given_noise(problem.table, fitted.residual, view.direction.numpy(), problem.file.tracker.sigma_mm)
+    left = np.where(problem.used[:, None], fitted.residual, np.nan)
+    again = given_noise(problem.table, left, view.direction.numpy(), problem.file.tracker.sigma_mm)
     return again if again is not None and again.total < QUIETER * given.total else None
 
 
