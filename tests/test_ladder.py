@@ -16,7 +16,7 @@ from ptt.fitting.opening import remembering_rows
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import FOLDS, climb, descend
 from ptt.judge.ladder.rung import fit_rung
-from ptt.judge.ladder.text import format_ladder, verdicts
+from ptt.judge.ladder.text import format_ladder, left_over, verdicts
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.rig import simulate
@@ -47,6 +47,14 @@ def test_an_addition_that_does_not_help_is_told_plainly() -> None:
     assert "once-per-rev did not help" in verdicts(ladder)[1]
     assert ladder.model.keys == ("backlash", "once-per-rev")
     assert ladder.to_dict()["steps"][2]["helped"] is False
+
+
+@pytest.mark.parametrize(("name", "said"), [("once-per-rev", ["what is left is"]), ("backlash", [])])
+def test_what_a_model_leaves_beyond_a_stated_noise_is_said(name: str, said: list[str]) -> None:
+    problem, _ = hidden_backlash()
+    assert problem.noise is not None and problem.noise.source == "machine file"
+    lines = left_over(climb(Model(problem.file), problem, effects(name)))
+    assert [line[: len("what is left is")] for line in lines] == said
 
 
 @pytest.mark.parametrize(

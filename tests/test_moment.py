@@ -8,6 +8,7 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.explanation import UNNAMED
 from ptt.diagnosis.moment import Along, best_row, joined
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import HomingSlip
@@ -81,3 +82,23 @@ def test_a_slip_that_a_law_lets_in_has_its_value_like_any_other() -> None:
     named = [step[0] for step in found.suggested]
     assert set(named) == {"setup-jump", "homing-slip", "homing-offset"} == set(found.model.keys)
     assert [one.effect for one in found.candidates[: len(named)]] == named
+
+
+def test_a_moment_needs_sound_readings_on_both_sides() -> None:
+    """Of the first readings two are gross: a slip before which two others are left would explain whatever they say."""
+    case = plan("single", 1, 2700013, kinds="all", noise=None, bench=None, rows=None, visible=True)[0]
+    drawn, _ = draw(case)
+    frame = simulate(drawn.rig, drawn.targets).frame
+    found = diagnose(Model(drawn.rig.machine), build_problem(drawn.rig.machine, table_of(frame, drawn.absent)))
+    assert (found.verdict, found.suggested) == ("missing", (("joint-clearance",),))
+
+
+def test_what_is_found_beside_an_unknown_and_not_named_is_no_statement() -> None:
+    """A table that settles for hours: compliance of links takes a part of it, which hidden readings do not bear out."""
+    case = plan("unknown", 1, 2700037, kinds="all", noise=None, bench=None, rows=None, visible=True)[0]
+    drawn, _ = draw(case)
+    frame = simulate(drawn.rig, drawn.targets).frame
+    found = diagnose(Model(drawn.rig.machine), build_problem(drawn.rig.machine, table_of(frame, drawn.absent)))
+    named = {step[0] for step in found.suggested}
+    others = [one.probability for one in found.candidates if one.effect not in named]
+    assert found.verdict == "unknown" and max(others) <= UNNAMED

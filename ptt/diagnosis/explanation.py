@@ -29,6 +29,7 @@ from ptt.run.problem import Problem
 
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 MEASURED = 0.5  # share of its prior's variance below which a value is measured
+UNNAMED = 0.5  # probability that what is found and not named has at most: hidden readings, or an unknown, speak against it
 
 
 class Estimate(NamedTuple):
@@ -224,6 +225,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
     scorer, atoms = found.scorer, found.system.atoms
     nothing = scorer.score((), found.state.memory)
     taken = {atoms[step.key].name for step in named}
+    unnamed = {atoms[key].name for key in found.state.keys} - taken
     before = held_out(scorer, ()) * 1e3
     result: list[Candidate] = []
     for gain in scorer.screen(nothing, is_effect):
@@ -235,7 +237,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
         parameters = _told(state, atom, found.system.scale, problem)
         after = held_out(scorer, (gain.key,)) * 1e3
-        chance = chances.effects.get(atom.name, 0.0)
+        chance = min(chances.effects.get(atom.name, 0.0), UNNAMED if atom.name in unnamed else 1.0)
         share = share_of(scorer, gain.key)
         result.append(
             Candidate(atom.name, chance, float(np.exp(-gain.nats)), share, before, after, parameters, (), (), "")

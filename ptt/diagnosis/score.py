@@ -125,7 +125,7 @@ class Scorer:
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
         new = [atom for atom in atoms if atom.key not in self.given]
-        if is_impossible(state, atoms, new) or self._undoes(state):
+        if is_impossible(state, atoms, new) or self._is_at_an_end(new) or self._undoes(state):
             return replace(state, total=-np.inf)
         forms = {atom.key: nats_of_form(state, atom, system.scale, new=atom.key not in self.given) for atom in atoms}
         return replace(state, total=total + sum(forms.values()), forms=forms)
@@ -217,6 +217,12 @@ class Scorer:
         names, effects = {atom.name for atom in atoms} | self.barred, [atom.name for atom in atoms if atom.effect]
         full = len(effects) - len(self.given) >= self.steps
         return lambda atom: atom.name not in names and not (atom.effect and full) and not _excluded(atom, effects)
+
+    def _is_at_an_end(self, new: Sequence[Atom]) -> bool:
+        """Whether too few readings tell what was before or after a moment, once those that are gross are left out."""
+        time = self.system.clock.time
+        before = [int((time <= atom.moment).sum()) for atom in new if atom.moment is not None]
+        return any(min(count, len(time) - count) < EDGE for count in before)
 
     def _undoes(self, state: State) -> bool:
         """Whether something takes back, within a few readings, what something of another kind did: they are gross."""

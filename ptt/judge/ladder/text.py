@@ -3,7 +3,9 @@
 from itertools import pairwise
 
 from ptt.judge.ladder.ladder import CHANCE, Ladder, Step
+from ptt.run.noise import SATURATED
 
+NOTED = 1.5  # times a noise that is stated from which what a model leaves is more than noise
 _AXES = ("x", "y", "z", "total")
 
 
@@ -27,9 +29,18 @@ def format_ladder(ladder: Ladder) -> str:
     lines.append(f"{source:<28}" + "".join(f"{value:9.2f}" for value in noise * 2))
     lines += ["training: the rows that were fitted, all of them; as given it is the error that compare prints"]
     lines += [f"held out: {ladder.protocol}", *verdicts(ladder)]
+    lines += left_over(ladder)
     lines += [stretch.words for stretch in ladder.report.stretches]
     lines += ladder.notes
     return "\n".join(lines)
+
+
+def left_over(ladder: Ladder) -> list[str]:
+    """One sentence where the last step leaves clearly more than a noise that something states; else none."""
+    left, noise = ladder.steps[-1].rms_um["total"], ladder.noise_um["total"]
+    if ladder.noise_um["source"] == SATURATED or left <= NOTED * noise:
+        return []
+    return [f"what is left is {left / noise:.1f} x the noise: `ptt diagnose` of the new model says what it may be"]
 
 
 def verdicts(ladder: Ladder) -> list[str]:
