@@ -29,7 +29,7 @@ from ptt.run.problem import Problem
 
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 MEASURED = 0.5  # share of its prior's variance below which a value is measured
-UNNAMED = 0.5  # probability that what is found and not named has at most: hidden readings, or an unknown, speak against it
+UNNAMED = 0.5  # most probability of what is found and not named: hidden readings or an unknown speak against it
 
 
 class Estimate(NamedTuple):
