@@ -48,6 +48,7 @@ def test_an_effect_speaks_where_more_than_one_block_says_so() -> None:
 
 def test_what_no_reading_along_the_travel_asks_for_is_not_asked_of_it() -> None:
     assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=[40.0]).speaks(5.0)
+    assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=[40.0]).speaks()  # nor where more nats are asked of others
     assert trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=[15.0, 25.0, -1.0]).speaks(5.0)
     assert not trial(0.1, -0.1, 0.0, -0.2, shown=0.5, base=[90.0, -9.0, 1.0]).speaks(5.0)  # one broken beam
     assert not trial(0.1, -0.1, 0.0, -0.2, shown=0.5).speaks(5.0)

@@ -12,6 +12,7 @@ from ptt.diagnosis.state import State
 from ptt.fitting.posterior import Posterior
 
 FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
+ELSEWHERE = 5.0  # nats below which readings along the travel ask for nothing, and beyond which base reflectors do
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ class Trial:
             nats: that they have to gain; plain squares may tell as well, where no share is asked for.
             share: of what they leave without it that has to go.
         """
-        if self.needed or (self.shown < 2.0 * nats and _at_base(self.elsewhere, 2.0 * nats)):
+        least = 2.0 * ELSEWHERE
+        if self.needed or (self.shown < least and _at_base(self.elsewhere, least)):
             return True
         as_known = self.without - self.with_it
         if share:
