@@ -192,3 +192,26 @@ def test_a_fault_of_one_joint_alone_has_its_name_and_is_no_unknown_of_that_joint
     measured = build_mechanism(file.machine).forward(torch.as_tensor(there)).numpy() + random.normal(0, 0.02, (240, 3))
     found = diagnose(Model(file), build_problem(file, make_table(None, q, measured=measured)))
     assert (found.verdict, found.suggested) == ("missing", ((name,),))
+
+
+def uneven(waves: np.ndarray, reach: np.ndarray, rows: int) -> Diagnosis:
+    """What is said of a UR10 whose joints turn unevenly, by waves (6, m, 2), and go as far as reach (6,) to each side."""
+    file, random = load_machine(MACHINES / "ur10.toml"), np.random.default_rng(8)
+    rig = ArmRig(
+        file.machine, replace(ArmFaults.none(6), wobble=waves), np.array([30.0, 10.0, 5.0]), np.eye(4), 2 * SIGMA
+    )
+    q = random.uniform(-reach, reach, (rows, 6))
+    return diagnose(Model(file), build_problem(file, make_table(None, q, rig.measure(q, *np.zeros((2, rows)), 4))))
+
+
+def test_waves_of_one_joint_that_fall_off_are_no_unknown_of_that_joint() -> None:
+    waves = np.zeros((6, 16, 2))
+    waves[2] = np.random.default_rng(5).normal(0.0, 3e-4, (16, 2)) / np.arange(1, 17)[:, None]
+    found = uneven(waves, np.full(6, 2.8), 620)
+    assert (found.verdict, found.suggested) == ("missing", (("joint-error-map",),))
+
+
+def test_a_joint_that_hardly_moves_hides_no_wave_of_the_others() -> None:
+    waves = np.random.default_rng(5).normal(0.0, 2e-4, (6, 1, 2))
+    found = uneven(waves, np.array([0.5, 1.8, 1.8, 1.8, 1.8, 1.8]), 380)
+    assert (found.verdict, found.suggested) == ("missing", (("once-per-rev",),))

@@ -16,6 +16,7 @@ from ptt.run.problem import Problem
 EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise
 LARGEST_BLOCK = 1e4  # variance: 2 mm, more than a machine that runs is off by
 LARGEST_EFFECT = 1e5  # three hundred usual sizes: drawings are off by that much
+LARGEST_HELD = 1e2  # ten: an encoder or a gear is not off by more, and larger waves could imitate whole links
 LEGS = 3  # joints up to which the odds against some of them eat what leaving the sound ones out gains
 SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
 
@@ -238,7 +239,7 @@ def effect_atom(
     group, bounded, held, joint, detail, within = _kinds_of_values(effect, problem, chosen)
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
-    most[group[held]] = 1.0
+    most[group[held]] = LARGEST_HELD
     alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
     fine = np.isin(np.arange(len(most)), group[detail])
     return Atom(
@@ -255,16 +256,18 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
     and so does their straight part. Fine detail has one for all joints, which are of one make and equally rough: a spot
     or a step of one of them is none. What is kept near zero has one a joint altogether: where zero lies divides cosines
-    from sines, which nature does not.
+    from sines, which nature does not; waves have one for each band of how often they come.
     """
     joints, first, curves = problem.view.joints, 1, 0
+    bands = 1 + max((number for parameter in effect.parameters for number in parameter.bands), default=0)
     group, bounded, held, joint, detail, within = list[np.ndarray](), [], [], [], [], []
     for parameter in effect.parameters:
         size = parameter.size(joints)
         if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 and not parameter.fine:
             curves = curves or first
-            group.append(curves + np.repeat(np.arange(joints), parameter.count))
-            first += joints
+            band = np.array(parameter.bands or (0,) * parameter.count)
+            group.append((curves + bands * np.arange(joints)[:, None] + band).reshape(-1))
+            first += bands * joints
         else:
             own = parameter.held or parameter.fine or parameter.role != "linear"
             group.append(np.full(size, first if own else 0))

@@ -15,6 +15,9 @@ from ptt.run.view import View
 ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least
 PLACES = 721  # of a joint's range at which its curve is looked at for its highest: half a degree of a turn
 SLOW, FAST = 32, 32  # harmonics of a turn: those of usual size, and smaller ones above them
+# A ring out of centre errs once and twice a turn, a gear a few times, its teeth and the ring's lines often: each has a
+# size of its own. Three times as often is about as far as one cause goes, and few sizes are learned better than many.
+BANDS = (0,) * 2 + (1,) * 6 + (2,) * (SLOW - 8)
 
 
 @dataclass(frozen=True)
@@ -29,11 +32,23 @@ class JointErrorMap(Effect):
     stage: ClassVar[Stage] = "drive"
     mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("cosine", "rad", 1e-4, "part in phase with zero, harmonics from the first", True, SLOW, held=True),
-        Parameter("sine", "rad", 1e-4, "part a quarter turn later, harmonics from the first", True, SLOW, held=True),
-        Parameter("fast_cosine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True),
-        Parameter("fast_sine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True),
-    )
+        Parameter(
+            "cosine", "rad", 1e-4, "part in phase with zero, harmonics from the first", True, SLOW, held=True,
+            bands=BANDS,
+        ),
+        Parameter(
+            "sine", "rad", 1e-4, "part a quarter turn later, harmonics from the first", True, SLOW, held=True,
+            bands=BANDS,
+        ),
+        Parameter(
+            "fast_cosine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True,
+            bands=(3,) * FAST,
+        ),
+        Parameter(
+            "fast_sine", "rad", 2e-5, "the same of the harmonics above those", True, FAST, held=True,
+            bands=(3,) * FAST,
+        ),
+    )  # fmt: skip
     card: ClassVar[Card] = Card(
         cause="The encoder ring or the strain-wave gear of a joint is uneven, so the joint errs alike at every turn.",
         equation="dq_i = sum over m = 1..64 of a_im cos(m q_i) + b_im sin(m q_i), each amplitude held near zero",

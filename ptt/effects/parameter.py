@@ -32,6 +32,8 @@ class Parameter:
             fit frees the value: else the rest of the effect would have to imitate it.
         fine: detail of the parameter before it, mostly far under the noise: how large it is is learned by itself.
             Declared after all other linear parameters; an effect is tried without it and has it once it is in a model.
+        bands: numbers of its `count` values: in a diagnosis those of one number share how large they are, for each
+            joint; () all of them do.
         joined: shares with the parameter before it how large it is: of one cause, their proportion is known.
         default: value that goes without saying, so that files and lists leave it out and none of them is older for it;
             None where it is always said.
@@ -54,6 +56,7 @@ class Parameter:
     lent: tuple[str, ...] = ()
     onward: bool = False
     fine: bool = False
+    bands: tuple[int, ...] = ()
     joined: bool = False
     default: float | None = None
 

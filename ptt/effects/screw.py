@@ -212,7 +212,7 @@ class OncePerRev(Effect):
         parts = 3.0 * PHASES
         # A whole turn is none, and phases at the edge of a part are in one for some of three ways to part a turn.
         ways = [torch.remainder((parts * phase + way / 3.0).round(), parts) for way in range(3)]
-        seen = min(len(torch.unique(column)) for way in ways for column in way.T)
+        seen = max(min(len(torch.unique(way[:, joint])) for way in ways) for joint in range(view.joints))
         if seen >= PHASES:
             return None
         if isinstance(view.mechanism, Serial):
