@@ -20,6 +20,7 @@ from ptt.diagnosis.moves import loose
 from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import find_period
+from ptt.diagnosis.possible import beyond_machines
 from ptt.diagnosis.rest import SILENT, stated_of
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
@@ -65,15 +66,28 @@ def find(
     """
     noise, freedom = starting_noise(problem)
     asked = Asked(model, problem, known, tell, steps, span, freedom)
-    first, named = names_alone(asked, first_turn(model, problem, noise))
-    found, problem = _followed(asked, named)
-    if not names_suffice(found.scorer, found.state, problem):
-        found.system.forget()
-        found, problem = _followed(asked, first)
+    first = first_turn(model, problem, noise)
+    found, problem = _begun(asked, first)
+    for key in beyond_machines(found.state, found.system.atoms, found.system.scale):
+        if key in model.keys:
+            continue
+        other, others = _begun(asked, replace(first, barred=first.barred | {key}))
+        if is_better(other, found):
+            found, problem = other, others
     found = by_names(found, model, problem, known, freedom, steps)
     if span is not None:  # what explains a part has to be worked out for all of the run
         return found
     return _lawful(_more_than_nothing(found, problem), model, problem, known, freedom, steps)
+
+
+def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
+    """Where names lead, or a search from nothing if they do not suffice; and the readings without an opening."""
+    first, named = names_alone(asked, first)
+    found, problem = _followed(asked, named)
+    if not names_suffice(found.scorer, found.state, problem):
+        found.system.forget()
+        found, problem = _followed(asked, first)
+    return found, problem
 
 
 def _more_than_nothing(found: Found, problem: Problem) -> Found:

@@ -1,12 +1,13 @@
 """Possible: whether an effect can have the values that a set asks for, and what values of unusual form cost."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, causes
+from ptt.diagnosis.atoms import Atom, causes, is_metrology
 from ptt.diagnosis.product import nats_of_none, nats_of_product
 from ptt.diagnosis.state import State
+from ptt.effects.phrases import ABSURD
 
 WRONG_SIDE = 3.0  # standard errors beyond what a value can be at which it speaks against its effect
 UNHEARD_OF = 25.0  # nats that readings have to show of its form: what else it looks like has no usual size
@@ -29,6 +30,27 @@ def is_impossible(state: State, atoms: Sequence[Atom], new: Sequence[Atom]) -> b
         for atom in new
         if atom.within is not None
     )
+
+
+def beyond_machines(state: State, atoms: Mapping[str, Atom], scale: np.ndarray) -> tuple[str, ...]:
+    """Effects of a machine with values that no machine has.
+
+    A drawing may be off by as much. Yet where a model was moved that far, the tangent there is no longer the one at
+    which other effects were judged, and one of these may explain the same at usual values.
+
+    Args:
+        state: a set.
+        atoms: of the system, by key.
+        scale: (P,) of all columns of the system.
+    """
+    away = []
+    for key in state.keys:
+        atom = atoms[key]
+        if atom.effect is None or is_metrology(atom):  # readings may stand in any frame
+            continue
+        usual = atom.amplitudes(state.posterior.values[state.of(key)], scale) / atom.sizes(scale)
+        away += [key] if np.abs(usual).max(initial=0.0) > ABSURD else []
+    return tuple(away)
 
 
 def nats_of_form(state: State, atom: Atom, scale: np.ndarray, *, new: bool) -> float:
