@@ -195,7 +195,7 @@ def test_a_fault_of_one_joint_alone_has_its_name_and_is_no_unknown_of_that_joint
 
 
 def uneven(waves: np.ndarray, reach: np.ndarray, rows: int) -> Diagnosis:
-    """What is said of a UR10 whose joints turn unevenly, by waves (6, m, 2), and go as far as reach (6,) to each side."""
+    """What is said of a UR10 whose joints turn unevenly, by waves (6, m, 2), and go as far as reach (6,) both ways."""
     file, random = load_machine(MACHINES / "ur10.toml"), np.random.default_rng(8)
     rig = ArmRig(
         file.machine, replace(ArmFaults.none(6), wobble=waves), np.array([30.0, 10.0, 5.0]), np.eye(4), 2 * SIGMA

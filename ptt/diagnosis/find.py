@@ -12,7 +12,7 @@ from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, without_needless
 from ptt.diagnosis.first import beside_names, names_suffice, search_first
 from ptt.diagnosis.fits import fit_less
-from ptt.diagnosis.found import Found, carried_by, is_better, moved, scorer_at, settled
+from ptt.diagnosis.found import Found, carried_by, is_better, moved, says_more, scorer_at, settled
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
@@ -72,7 +72,7 @@ def find(
         if key in model.keys:
             continue
         other, others = _begun(asked, replace(first, barred=first.barred | {key}))
-        if is_better(other, found):
+        if says_more(other, found):
             found, problem = other, others
     found = by_names(found, model, problem, known, freedom, steps)
     if span is not None:  # what explains a part has to be worked out for all of the run

@@ -131,6 +131,16 @@ def is_better(one: Found, other: Found) -> bool:
     return same and one.state.total > other.state.total + LEAST
 
 
+def says_more(one: Found, other: Found) -> bool:
+    """The same as `is_better`, also with another noise: by the density of the readings in mm, not in units of noise."""
+    same = np.array_equal(one.system.rows, other.system.rows)
+    return same and _density(one) > _density(other) + LEAST
+
+
+def _density(found: Found) -> float:
+    return found.state.total - 0.5 * len(found.system.rows) * float(np.linalg.slogdet(found.noise.covariance)[1])
+
+
 def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) -> Model:
     """The model as given with the named effects at the state's values.
 

@@ -1,0 +1,55 @@
+"""What no machine is off by is looked for once more without it, and stays where nothing else says as much."""
+
+from dataclasses import replace
+
+import pytest
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.challenge.truth import table_of
+from ptt.diagnosis import find as finding
+from ptt.diagnosis.find import find
+from ptt.diagnosis.found import Found
+from ptt.diagnosis.possible import beyond_machines
+from ptt.effects import library
+from ptt.model.model import Model
+from ptt.rig.draw import draw_rig
+from ptt.rig.simulate import simulate
+from ptt.run.problem import Problem, build_problem
+
+MACHINE = bench_machine()
+
+
+def leaning(mrad: float) -> Problem:
+    """Readings of a machine with one tower that leans."""
+    drawn = draw_rig("none", 4, MACHINE, "volume", rows=120)
+    geometry = drawn.rig.geometry.model_copy(update={"lean_radial_mrad": (mrad, 0.0, 0.0)})
+    rig = replace(drawn.rig, geometry=geometry)
+    return build_problem(MACHINE, table_of(simulate(rig, drawn.targets).frame, drawn.absent))
+
+
+def found_in(problem: Problem) -> Found:
+    return find(Model(MACHINE), problem, library(), lambda what: None)
+
+
+def away(found: Found) -> tuple[str, ...]:
+    return beyond_machines(found.state, found.system.atoms, found.system.scale)
+
+
+@pytest.mark.parametrize(("mrad", "far"), [(2.0, ()), (50.0, ("tower-tilt",))])
+def test_a_drawing_may_be_off_by_what_no_machine_is(mrad: float, far: tuple[str, ...]) -> None:
+    found = found_in(leaning(mrad))
+    assert found.state.keys == ("tower-tilt",) and away(found) == far
+
+
+def test_what_stands_in_at_absurd_values_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first way is made to miss the tilt, as one does that was led astray; the second comes to it."""
+    begun, barred = finding._begun, list[frozenset[str]]()
+
+    def led_astray(asked, first):
+        barred.append(frozenset(first.barred))
+        return begun(asked, first if first.barred else replace(first, barred=frozenset({"tower-tilt"})))
+
+    monkeypatch.setattr(finding, "_begun", led_astray)
+    monkeypatch.setattr(finding, "beyond_machines", lambda state, atoms, scale: ("guide-straightness",))
+    found = found_in(leaning(2.0))
+    assert found.state.keys == ("tower-tilt",) and barred == [frozenset(), frozenset({"guide-straightness"})]
