@@ -247,9 +247,18 @@ def _replicate(name: str, problem: Problem) -> list[Row]:
     rows = [_look(name, "all", problem, np.ones(problem.table.rows, dtype=bool))]
     for index, half in enumerate(halves(problem)):
         rows.append(_look(name, f"half {index + 1}", problem, half))
-    agree = set(rows[1]["named"]) == set(rows[2]["named"])
+    agree = _alike(rows[1]["suggested"], rows[2]["suggested"])
     print(f"  {name}: the halves name {'the same' if agree else 'different effects'}", flush=True)
     return rows
+
+
+def _alike(one: Sequence[Sequence[str]], other: Sequence[Sequence[str]]) -> bool:
+    """Whether each step of either has its like in the other: the same name, or a tie that holds it."""
+
+    def met(steps: Sequence[Sequence[str]], others: Sequence[Sequence[str]]) -> bool:
+        return all(any(set(step) & set(their) for their in others) for step in steps)
+
+    return len(one) == len(other) and met(one, other) and met(other, one)
 
 
 def _look(name: str, which: str, problem: Problem, shown: np.ndarray) -> Row:

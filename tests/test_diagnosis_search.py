@@ -167,7 +167,7 @@ class Sums:
             atoms[key].block = SimpleNamespace(on=("x",), reverses=False)
         for key in "ef":
             atoms[key].effect = SimpleNamespace(parameters=(), name=key, stage="drive", reverses=False)
-        self.system = SimpleNamespace(atoms=atoms, rows=range(50))
+        self.system = SimpleNamespace(atoms=atoms, rows=range(50), errs_by_pose=lambda memory: memory.pose > 0.0)
 
     def score(self, keys, memory, scales=None, least=None):
         named = tuple(sorted(keys))
@@ -208,6 +208,18 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     assert sure is None or told.steps[0].sure == pytest.approx(sure, abs=1e-3)
     monkeypatch.setattr(steps, "tool_doubt", lambda *_: 6.0)  # beside the 7 of hidden rows more than 9 without it
     assert not steps.name_steps(scorer, scorer.score("eu", WHITE)).steps
+
+
+@pytest.mark.parametrize(("worth", "pose", "named"), [(18.0, 0.0, True), (18.0, 1.0, False), (60.0, 1.0, True)])
+def test_what_comes_back_with_its_pose_is_an_unknown_beside_which_a_name_takes_more(monkeypatch, worth, pose, named):
+    scorer = Sums({"e": 100.0, "": 100.0 - worth, "v": 100.0 - worth})
+    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys))
+    monkeypatch.setattr(steps, "hide", lambda scorer, keys, key: gaining(9.0 if len(keys) else 0.0))
+    monkeypatch.setattr(steps, "_leads", lambda *_: False)
+    for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ())):
+        monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
+    told = steps.name_steps(scorer, scorer.score("e", replace(WHITE, pose=pose)))
+    assert [step.key for step in told.steps] == (["e"] if named else [])
 
 
 def test_the_first_step_is_the_one_that_foretells_hidden_readings_best_whatever_takes_most(monkeypatch):

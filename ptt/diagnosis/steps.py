@@ -79,7 +79,7 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         What it names; of a set that does not foretell what it claims to only what is most of the truth by itself.
     """
     atoms = scorer.system.atoms
-    odd = any(is_block(atoms[key]) for key in state.keys)
+    odd = any(is_block(atoms[key]) for key in state.keys) or scorer.system.errs_by_pose(state.memory)
     worth = {key: state.total - _less(scorer, state, key).total for key in loose(scorer, state) if atoms[key].effect}
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
