@@ -35,7 +35,7 @@ class ThreePttSpec(Frozen):
     sliders: Literal["above", "below"] = "above"
     joint_height_mm: float = 0.0
     slider_lean_deg: Triple = (0.0, 0.0, 0.0)
-    moves: Literal["sliders", "straight"] = "sliders"
+    moves: Literal["sliders", "straight", "smooth"] = "sliders"
     reference_temp_c: float = 20.0
     reflector_mm: Triple = (0.0, 0.0, 0.0)
     platform_mass_kg: NonNegativeFloat = 0.0
@@ -114,7 +114,7 @@ class SerialSpec(Frozen):
     convention: Literal["standard", "modified"]
     tool_mm: Triple = (0.0, 0.0, 0.0)
     joint: tuple[JointSpec, ...] = Field(min_length=1)
-    moves: Literal["sliders", "straight"] = "sliders"
+    moves: Literal["sliders", "straight", "smooth"] = "sliders"
     reference_temp_c: float = 20.0
     gear_period_rad: Period | None = None
     gravity: Triple = (0.0, 0.0, -1.0)

@@ -121,7 +121,10 @@ def format_machine(file: MachineFile) -> str:
     document = tomlkit.parse(file.text) if file.text else _bare(file)
     for key in ("effect", "covariance", "history"):
         document.pop(key, None)
-    if file.text and file.targets != Document.model_validate(tomllib.loads(file.text)).targets:
+    told = Document.model_validate(tomllib.loads(file.text)) if file.text else None
+    if told is not None and file.machine.moves != told.machine.moves:  # all that is ever learned of a drawing
+        document["machine"]["moves"] = file.machine.moves
+    if told is not None and file.targets != told.targets:
         document.pop("targets", None)
         if file.targets != TargetsSpec():
             document["targets"] = _section(file.targets)

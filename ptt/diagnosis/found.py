@@ -132,9 +132,19 @@ def is_better(one: Found, other: Found) -> bool:
 
 
 def says_more(one: Found, other: Found) -> bool:
-    """The same as `is_better`, also with another noise: by the density of the readings in mm, not in units of noise."""
-    same = np.array_equal(one.system.rows, other.system.rows)
-    return same and _density(one) > _density(other) + LEAST
+    """The same as `is_better`, also with another noise and other rows: by the density of the readings in 1/mm.
+
+    A gross error may lie anywhere within a mm or so, so a row that is left out has a density of one.
+    """
+    return _density(one) > _density(other) + LEAST
+
+
+def asks_for_turns(found: Found) -> bool:
+    """Whether something follows from where joints came, or is unknown, so that where they turned may tell more."""
+    atoms = [found.system.atoms[key] for key in found.state.keys]
+    unknown = any(atom.block is not None for atom in atoms) or found.system.errs_by_pose(found.state.memory)
+    reverses = any(atom.effect is not None and atom.effect.reverses for atom in atoms)
+    return found.sample is None and (unknown or reverses or bool(found.gross.any()))
 
 
 def _density(found: Found) -> float:

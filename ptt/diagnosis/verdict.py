@@ -15,7 +15,7 @@ from ptt.diagnosis.exchange import Exchange, exchanges
 from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.fits import stands
-from ptt.diagnosis.found import Found
+from ptt.diagnosis.found import Found, asks_for_turns, says_more
 from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import (
@@ -44,6 +44,7 @@ from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
+from ptt.run.smooth import SMOOTHLY, smoothly
 
 LEAST = 12  # readings: twice what a rigid motion alone takes
 LEAST_POSES = 4  # where a frame is free: of three it takes six of nine coordinates, and any joint makes the others
@@ -85,6 +86,13 @@ def diagnose(
     opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
     found = find(model, problem, known, tell, steps)
+    other = smoothly(problem) if asks_for_turns(found) else None
+    if other is not None:
+        tell("smooth way")
+        smooth = replace(model, file=other.file)
+        again = find(smooth, other, known, tell, steps)
+        if says_more(again, found):
+            found, model, problem = again, smooth, other
     if found.opening is not None:
         opening, problem = opening | found.opening, without_opening(problem, found.opening)
     if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
@@ -92,7 +100,8 @@ def diagnose(
     tell("rest")
     rest = look_for_rest(found.system, found.state, problem, seed=seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
-    words = result.words + error_by_base(given, whole)
+    turned = f" {SMOOTHLY[0].upper()}{SMOOTHLY[1:]}." if model.file.machine.moves != given.file.machine.moves else ""
+    words = result.words + turned + error_by_base(given, whole)
     return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)
 
 

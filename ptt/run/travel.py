@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
 from ptt.run.backlash.reversal import STANDSTILL, hold_direction
+from ptt.run.pace import TURN
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
@@ -37,7 +38,9 @@ class Travel:
         return self.direction.shape[1]
 
 
-def read_travel(mechanism: Mechanism, q: Tensor, p: Tensor, table: "Table", *, straight: bool) -> Travel:
+def read_travel(
+    mechanism: Mechanism, q: Tensor, p: Tensor, table: "Table", *, straight: bool, smooth: bool = False
+) -> Travel:
     """Read the travel from the order of the rows.
 
     Base reflectors are fixed to the base, so the machine stands still while they are read.
@@ -48,12 +51,16 @@ def read_travel(mechanism: Mechanism, q: Tensor, p: Tensor, table: "Table", *, s
         p: nominal tool positions, (n, 3) mm.
         table: n rows in travel order.
         straight: the tool runs straight between rows, so a joint may turn on the way.
+        smooth: it runs smoothly through rows without a corner, where a joint may turn as well.
 
     Returns:
         The travel.
     """
     starts = run_starts(table.run)
-    turning = _turnings(mechanism, q, p, starts) if straight else q.numpy().copy()
+    if smooth:
+        turning = _smooth_turnings(q.numpy(), p.numpy(), starts)
+    else:
+        turning = _turnings(mechanism, q, p, starts) if straight else q.numpy().copy()
     stated = table.direction
     if stated is not None:
         known = np.isfinite(stated) & (stated != 0)
@@ -111,6 +118,29 @@ def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) ->
     joints = torch.cat([torch.cat([q[:1], q[:-1]])[:, None], inner, q[:, None]], dim=1).numpy()  # shape: (n, s + 2, k)
     value, turned = last_turn(joints)
     return np.where(turned & ~starts[:, None] & np.isfinite(value), value, q.numpy())
+
+
+def _smooth_turnings(q: np.ndarray, p: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Where each joint turned last while the tool ran smoothly from the row before; beside a corner on a parabola."""
+    moved = np.diff(p, axis=0)
+    length = np.linalg.norm(moved, axis=1)
+    unit = moved / np.maximum(length, STANDSTILL)[:, None]
+    moves = (length > STANDSTILL) & ~starts[1:]
+    inner = np.zeros(len(q), dtype=bool)
+    inner[1:-1] = (np.einsum("nc,nc->n", unit[1:], unit[:-1]) > TURN) & moves[1:] & moves[:-1]
+    rise = np.diff(q, axis=0)
+    slope, part = np.zeros_like(q), length[1:] / np.maximum(length[1:] + length[:-1], STANDSTILL)
+    per_mm = rise / np.maximum(length, STANDSTILL)[:, None]
+    slope[1:-1] = part[:, None] * per_mm[:-1] + (1.0 - part[:, None]) * per_mm[1:]  # of the parabola through three rows
+    begun, left = slope[:-1] * length[:, None], slope[1:] * length[:, None]
+    begin = np.where(inner[:-1, None], begun, 2.0 * rise - left)
+    end = np.where(inner[1:, None], left, 2.0 * rise - begun)
+    on = np.linspace(0.0, 1.0, TRANSIT_STEPS + 1)[None, :, None]
+    bend = on**2 * (3.0 - 2.0 * on)  # a cubic by its ends and slopes
+    way = q[:-1, None] + bend * rise[:, None] + on * (1.0 - on) * ((1.0 - on) * begin[:, None] - on * end[:, None])
+    value, turned = last_turn(way)
+    known = (inner[1:] | inner[:-1]) & moves
+    return np.concatenate([q[:1], np.where(turned & known[:, None] & np.isfinite(value), value, q[1:])])
 
 
 def last_turn(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

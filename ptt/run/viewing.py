@@ -79,7 +79,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     position = mechanism.forward(commands)
     jacobian = mechanism.jacobian(commands)
     straight = spec.moves == "straight"
-    travel = read_travel(mechanism, commands, position, table, straight=straight)
+    travel = read_travel(mechanism, commands, position, table, straight=straight, smooth=spec.moves == "smooth")
     velocity, paces = joint_speeds(commands, position, jacobian, travel.starts.numpy(), table, straight=straight)
     zeros = torch.zeros(table.rows, dtype=torch.float64)
     warmth = zeros if table.temp_c is None else _tensor(table.temp_c) - spec.reference_temp_c

@@ -1,0 +1,36 @@
+"""Smooth ways: where joints turn between rows that lie on a circle, a helix or any way without corners."""
+
+from dataclasses import replace
+
+from ptt.run.problem import Problem
+from ptt.run.travel import read_travel
+
+LEAST = 3  # readings at which a joint arrives otherwise: fewer could be gross errors
+SMOOTHLY = (
+    'joints turn between these rows where a smooth way through them does, as on a circle: `moves = "smooth"` in the '
+    "machine file"
+)
+
+
+def smoothly(problem: Problem) -> Problem | None:
+    """The same readings with joints that turn between rows where a smooth way through the rows does.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        The problem, whose machine file says so; None where the file says something else than that sliders run evenly
+        from row to row, or where hardly a joint arrives from another side.
+    """
+    if problem.file.machine.moves != "sliders":
+        return None
+    view = problem.view
+    travel = read_travel(view.mechanism, view.q, view.p, problem.table, straight=False, smooth=True)
+    other = (travel.direction != view.direction).any(dim=1).numpy() & problem.used
+    if other.sum() < LEAST:
+        return None
+    machine = problem.file.machine.model_copy(update={"moves": "smooth"})
+    two_sided = bool((travel.direction.amin(dim=0) < travel.direction.amax(dim=0)).any())
+    varies = view.varies | {"direction"} if two_sided else view.varies - {"direction"}
+    seen = replace(view, direction=travel.direction, turning=travel.turning, varies=varies)
+    return replace(problem, file=replace(problem.file, machine=machine), view=seen)
