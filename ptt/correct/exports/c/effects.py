@@ -28,6 +28,8 @@ OWN = "an effect of your own: there is no C of it"
 SECOND = "one of its kind is in the code already, and the memories of two do not add up"
 STRAIGHT = "the arm's joints turn within straight moves, and where they do is found by `ptt predict` alone"
 
+SMOOTH_WAY = "joints turn between rows on a smooth way, and where they do is found by `ptt predict` alone"
+
 
 @dataclass(frozen=True)
 class Parts:
@@ -174,6 +176,8 @@ def _turning(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile)
     assert parts.cannot is not None
     if file.machine.moves == "straight" and file.machine.kind == "serial":
         return replace(parts, cannot=parts.cannot | {effect.key: STRAIGHT})
+    if file.machine.moves == "smooth":
+        return replace(parts, cannot=parts.cannot | {effect.key: SMOOTH_WAY})
     if effect.name == "backlash":
         if parts.gap is None:
             gap, waits = gap_of(torch.as_tensor(theta))
