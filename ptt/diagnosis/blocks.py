@@ -126,10 +126,12 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
         assert place.joint is not None
         own = f"{letter}{place.joint + 1}"
         yield _named(place, (own,), partial(_own_travel, q[:, place.joint], raw[:, place.joint], serial))
-        if place.residual.startswith("rail"):
+        low = modulation(q[:, place.joint])
+        if place.residual.startswith("rail"):  # a carriage tips over as its drive pulls it the other way
+            if span.two_sided[place.joint]:
+                yield from _reversal(problem, place, own, low, ())
             continue
         yield _named(place, ("x", "y", "z"), partial(_field, p, _degree(problem)))
-        low = modulation(q[:, place.joint])
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
