@@ -206,6 +206,7 @@ def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> lis
         raise TableError(
             f'frame = "measured" but run {table.run_label[run]} reads only {len(seen)} base reflectors',
             where=table.source,
-            fix='add rows with role = "base", or set frame = "fitted" in the machine file',
+            fix='add rows with role = "base"; give runs between which the tracker was not moved one number in the '
+            'column run; or set frame = "fitted" in the machine file',
         )
     return seen
