@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 from ptt.run.problem import Problem
-from ptt.run.travel import read_travel
+from ptt.run.travel import on_the_way, read_travel
 
 LEAST = 3  # readings at which a joint arrives otherwise: fewer could be gross errors
+MOSTLY = 0.5  # of the readings that are passed without a corner: of poses at random it is one in ten
 SMOOTHLY = (
     'joints turn between these rows where a smooth way through them does, as on a circle: `moves = "smooth"` in the '
     "machine file"
@@ -20,11 +21,14 @@ def smoothly(problem: Problem) -> Problem | None:
 
     Returns:
         The problem, whose machine file says so; None where the file says something else than that sliders run evenly
-        from row to row, or where hardly a joint arrives from another side.
+        from row to row, or where few rows are passed without a corner, or hardly a joint arrives from another side.
     """
     if problem.file.machine.moves != "sliders":
         return None
     view = problem.view
+    passed, _ = on_the_way(view.p.numpy(), view.starts.numpy())
+    if passed[problem.used].mean() < MOSTLY:
+        return None
     travel = read_travel(view.mechanism, view.q, view.p, problem.table, straight=False, smooth=True)
     other = (travel.direction != view.direction).any(dim=1).numpy() & problem.used
     if other.sum() < LEAST:

@@ -120,15 +120,29 @@ def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) ->
     return np.where(turned & ~starts[:, None] & np.isfinite(value), value, q.numpy())
 
 
-def _smooth_turnings(q: np.ndarray, p: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Where each joint turned last while the tool ran smoothly from the row before; beside a corner on a parabola."""
+def on_the_way(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows that the tool passes without a corner, and how long each move is.
+
+    Args:
+        p: tool positions, (n, 3) mm.
+        starts: (n,) bool, first rows of runs.
+
+    Returns:
+        (n,) bool, and (n - 1,) mm.
+    """
     moved = np.diff(p, axis=0)
     length = np.linalg.norm(moved, axis=1)
     unit = moved / np.maximum(length, STANDSTILL)[:, None]
     moves = (length > STANDSTILL) & ~starts[1:]
-    inner = np.zeros(len(q), dtype=bool)
+    inner = np.zeros(len(p), dtype=bool)
     inner[1:-1] = (np.einsum("nc,nc->n", unit[1:], unit[:-1]) > TURN) & moves[1:] & moves[:-1]
-    rise = np.diff(q, axis=0)
+    return inner, length
+
+
+def _smooth_turnings(q: np.ndarray, p: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Where each joint turned last while the tool ran smoothly from the row before; beside a corner on a parabola."""
+    inner, length = on_the_way(p, starts)
+    moves, rise = (length > STANDSTILL) & ~starts[1:], np.diff(q, axis=0)
     slope, part = np.zeros_like(q), length[1:] / np.maximum(length[1:] + length[:-1], STANDSTILL)
     per_mm = rise / np.maximum(length, STANDSTILL)[:, None]
     slope[1:-1] = part[:, None] * per_mm[:-1] + (1.0 - part[:, None]) * per_mm[1:]  # of the parabola through three rows
