@@ -222,6 +222,17 @@ def test_what_comes_back_with_its_pose_is_an_unknown_beside_which_a_name_takes_m
     assert [step.key for step in told.steps] == (["e"] if named else [])
 
 
+@pytest.mark.parametrize(("beside", "named"), [(8.0, ["e"]), (9.5, [])])
+def test_beside_an_unknown_what_the_tracker_does_is_named_if_hidden_readings_gain_by_it(monkeypatch, beside, named):
+    scorer = Sums({"eu": 100.0, "u": 30.0, "uv": 40.0})
+    scorer.system.atoms["e"].effect.stage = "metrology"
+    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: beside if "e" in keys else 9.0)
+    monkeypatch.setattr(steps, "hide", lambda *_: gaining(9.0))
+    for name, answer in (("tool_doubt", 20.0), ("share_of", 0.5), ("ties", ())):
+        monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
+    assert [step.key for step in steps.name_steps(scorer, scorer.score("eu", WHITE)).steps] == named
+
+
 def test_the_first_step_is_the_one_that_foretells_hidden_readings_best_whatever_takes_most(monkeypatch):
     """A curve may take most of the readings by values that are far off until others stand beside it."""
     errors = {"": 150.0, "e": 600.0, "f": 60.0, "g": 90.0, "ef": 20.0, "fg": 30.0, "eg": 300.0, "efg": 6.0}

@@ -105,6 +105,8 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     doubt = tool_doubt(scorer, state)  # what is tied is scored by now
     if odd and np.hypot(held_out(scorer, tuple(order)), doubt) >= held_out(scorer, ()):
         order = [key for key in order if is_metrology(atoms[key])]  # commands of the others may do as much harm as good
+        if held_out(scorer, tuple(order)) >= held_out(scorer, ()):  # a drift and a knock that undo each other, say
+            order = []
     steps, before = [], held_out(scorer, ())
     for index, key in enumerate(order):
         after = held_out(scorer, tuple(order[: index + 1]))
