@@ -16,10 +16,11 @@ from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.diagnosis import noise
 from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.enough import enough
 from ptt.diagnosis.explanation import Candidate
 from ptt.diagnosis.floor import noise_floor
 from ptt.diagnosis.rest import Rest, with_objections
-from ptt.diagnosis.verdict import diagnose, enough
+from ptt.diagnosis.verdict import diagnose
 from ptt.diagnosis.wander import Clock, Wander, innovations
 from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library

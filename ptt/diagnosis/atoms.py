@@ -16,7 +16,7 @@ from ptt.run.problem import Problem
 EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise
 LARGEST_BLOCK = 1e4  # variance: 2 mm, more than a machine that runs is off by
 LARGEST_EFFECT = 1e5  # three hundred usual sizes: drawings are off by that much
-LARGEST_HELD = 1e2  # ten: an encoder or a gear is not off by more, and larger waves could imitate whole links
+LARGEST_HELD = 1e2  # ten usual sizes: no encoder or gear is off by more, and larger waves could imitate whole links
 LEGS = 3  # joints up to which the odds against some of them eat what leaving the sound ones out gains
 SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
 

@@ -16,6 +16,7 @@ from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import best_of, climb, ends_of, remembering
 from ptt.diagnosis.shapes import with_moments
 from ptt.diagnosis.state import State
+from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.turn import best_moments, gross_beside, in_company
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, few_shapes
@@ -117,7 +118,7 @@ def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:
         problem: the readings.
     """
     system = scorer.system
-    if any(system.atoms[key].block is not None for key in state.keys) or system.errs_by_pose(state.memory):
+    if holds_unknown(system, state.keys, state.memory):
         return False
     if wanders_beyond(system, state):
         return False

@@ -16,7 +16,7 @@ from ptt.diagnosis.search import LEAST
 from ptt.diagnosis.shapes import shape_key, with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
-from ptt.diagnosis.system import System
+from ptt.diagnosis.system import System, holds_unknown
 from ptt.effects import Library
 from ptt.effects.base import flatten
 from ptt.effects.screw import OncePerRev
@@ -141,14 +141,15 @@ def says_more(one: Found, other: Found) -> bool:
 
 def asks_for_turns(found: Found) -> bool:
     """Whether something follows from where joints came, or is unknown, so that where they turned may tell more."""
-    atoms = [found.system.atoms[key] for key in found.state.keys]
-    unknown = any(atom.block is not None for atom in atoms) or found.system.errs_by_pose(found.state.memory)
-    reverses = any(atom.effect is not None and atom.effect.reverses for atom in atoms)
-    return found.sample is None and (unknown or reverses or bool(found.gross.any()))
+    if found.sample is not None:
+        return False
+    unknown = holds_unknown(found.system, found.state.keys, found.state.memory)
+    effects = [found.system.atoms[key].effect for key in found.state.keys]
+    return unknown or bool(found.gross.any()) or any(effect is not None and effect.reverses for effect in effects)
 
 
 def _density(found: Found) -> float:
-    return found.state.total - 0.5 * len(found.system.rows) * float(np.linalg.slogdet(found.noise.covariance)[1])
+    return found.state.total + found.noise.log_density(len(found.system.rows))
 
 
 def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) -> Model:

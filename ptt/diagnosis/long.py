@@ -7,6 +7,7 @@ from functools import partial
 from ptt.diagnosis.ansatz import open_run
 from ptt.diagnosis.bins import follow_in_all_rows
 from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.enough import enough
 from ptt.diagnosis.everywhere import Task, find_everywhere
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found
@@ -16,7 +17,7 @@ from ptt.diagnosis.moves import without
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.sampled import share_of_rows
 from ptt.diagnosis.span import Span, span_of
-from ptt.diagnosis.verdict import conclude, diagnose, enough, error_by_base
+from ptt.diagnosis.verdict import conclude, diagnose, error_by_base
 from ptt.effects import Library, library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
 from ptt.fitting.opening import opening_rows

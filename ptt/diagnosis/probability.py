@@ -11,6 +11,7 @@ from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.noise import wanders_beyond
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
+from ptt.diagnosis.system import holds_unknown
 
 TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
 LIKELY = 0.02  # odds beside the set that is told: values one deviation away then move that deviation by a hundredth
@@ -96,7 +97,6 @@ def _faulty_memories(scorer: Scorer, states: Sequence[State]) -> frozenset[Memor
 def kind_of(state: State, scorer: Scorer, beyond: Collection[Memory]) -> str:
     """Which verdict a set of atoms is; `beyond` are memories of the noise that are more than a tracker's."""
     atoms = [scorer.system.atoms[key] for key in state.keys if key not in scorer.given]
-    odd = any(atom.block is not None for atom in atoms) or scorer.system.errs_by_pose(state.memory)
-    if odd or state.memory in beyond:
+    if holds_unknown(scorer.system, state.keys, state.memory) or state.memory in beyond:
         return "unknown"
     return "missing" if atoms else "nothing-missing"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_block, is_metrology, is_sudden
+from ptt.diagnosis.atoms import Atom, is_metrology, is_sudden
 from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.hidden import held_out, hide, left_of
 from ptt.diagnosis.laws import is_broad
@@ -14,6 +14,7 @@ from ptt.diagnosis.moves import added, loose, without
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import PLAIN
 from ptt.diagnosis.state import State
+from ptt.diagnosis.system import holds_unknown
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
 ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
@@ -79,7 +80,7 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         What it names; of a set that does not foretell what it claims to only what is most of the truth by itself.
     """
     atoms = scorer.system.atoms
-    odd = any(is_block(atoms[key]) for key in state.keys) or scorer.system.errs_by_pose(state.memory)
+    odd = holds_unknown(scorer.system, state.keys, state.memory)
     worth = {key: state.total - _less(scorer, state, key).total for key in loose(scorer, state) if atoms[key].effect}
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
     ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}

@@ -1,7 +1,7 @@
 """The linearised problem: whitened columns of everything that may explain the readings, and their normal sums."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -212,3 +212,8 @@ def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = s
         own = ways[id(block.place)][:, None] * shapes[None, :, None]
         found.append(own.reshape(-1, *own.shape[2:]))
     return np.concatenate(found).transpose(2, 1, 0)
+
+
+def holds_unknown(system: System, keys: Iterable[str], memory: Memory) -> bool:
+    """Whether a set says what no effect describes: a block, or errors that come back with their pose."""
+    return any(system.atoms[key].block is not None for key in keys) or system.errs_by_pose(memory)

@@ -11,6 +11,7 @@ from ptt.diagnosis.aside import against_gross
 from ptt.diagnosis.at_tool import moved_by
 from ptt.diagnosis.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.diagnosis import Diagnosis, Verdict
+from ptt.diagnosis.enough import enough
 from ptt.diagnosis.exchange import Exchange, exchanges
 from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
@@ -32,26 +33,21 @@ from ptt.diagnosis.rest import Rest, look_for_rest, too_much_for_nothing, with_o
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
 from ptt.diagnosis.steps import Named, name_steps
+from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.unknowns import Unknown, unknowns_of
 from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
-from ptt.errors import TableError
 from ptt.fitting.chunks import numbers
 from ptt.fitting.opening import opening_rows, without_opening
 from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model, Term
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
-from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 from ptt.run.smooth import SMOOTHLY, smoothly
 
-LEAST = 12  # readings: twice what a rigid motion alone takes
-LEAST_POSES = 4  # where a frame is free: of three it takes six of nine coordinates, and any joint makes the others
-MOTION = 6  # coordinates that a rigid motion takes
 MICRO = 1e3  # um in a mm
 IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has to bring
-FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
 
 
 def diagnose(
@@ -103,36 +99,6 @@ def diagnose(
     turned = f" {SMOOTHLY[0].upper()}{SMOOTHLY[1:]}." if model.file.machine.moves != given.file.machine.moves else ""
     words = result.words + turned + error_by_base(given, whole)
     return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)
-
-
-def enough(problem: Problem) -> None:
-    """Refuse a run of too few readings.
-
-    Args:
-        problem: the readings.
-
-    Raises:
-        TableError: too few for any verdict, by themselves or beside what their frames take.
-    """
-    count, fix = int(problem.used.sum()), f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
-    if count < LEAST:
-        raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
-    poses = len(np.unique(pose_groups(problem.table)[problem.used]))
-    if poses < (LEAST_POSES if problem.frames else 2):
-        raise TableError(
-            f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
-            where=problem.table.source, fix=f"measure at least {LEAST} poses, better 100 or more",
-        )  # fmt: skip
-    each = np.bincount(problem.frame[problem.used])
-    if (
-        problem.frames == len(each) > 1
-        and problem.base is None
-        and 3 * count - np.minimum(3 * each, MOTION).sum() < FREE
-    ):
-        what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes two of them"
-        raise TableError(
-            what, where=problem.table.source, fix=f"measure more poses without moving the tracker, or {fix}"
-        )
 
 
 def conclude(
@@ -303,8 +269,7 @@ def error_by_base(model: Model, problem: Problem) -> str:
 
 def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
     state, system = found.state, found.system
-    odd = any(system.atoms[key].block is not None for key in state.keys) or system.errs_by_pose(state.memory)
-    if odd or wanders_beyond(system, state) or rest.significant:
+    if holds_unknown(system, state.keys, state.memory) or wanders_beyond(system, state) or rest.significant:
         return "unknown"
     return "missing" if named else "nothing-missing"
 

@@ -115,8 +115,7 @@ def _as_it_turns(model: Model, effects: Sequence[Effect], problem: Problem) -> t
 
 def _density(fitted: FitResult, problem: Problem) -> float:
     """Of the readings in 1/mm, in nats; a gross error may lie anywhere within a mm or so."""
-    rows = int((problem.used & ~fitted.outliers).sum())
-    return -0.5 * fitted.chi2 - 0.5 * rows * float(np.linalg.slogdet(fitted.noise.covariance)[1])
+    return fitted.noise.log_density(int((problem.used & ~fitted.outliers).sum())) - 0.5 * fitted.chi2
 
 
 def _require(effect: Effect, problem: Problem) -> None:

@@ -27,7 +27,6 @@ AHEAD = (
 OWN = "an effect of your own: there is no C of it"
 SECOND = "one of its kind is in the code already, and the memories of two do not add up"
 STRAIGHT = "the arm's joints turn within straight moves, and where they do is found by `ptt predict` alone"
-
 SMOOTH_WAY = "joints turn between rows on a smooth way, and where they do is found by `ptt predict` alone"
 
 

@@ -1,0 +1,42 @@
+"""Enough: whether a run has readings enough for any verdict."""
+
+import numpy as np
+
+from ptt.errors import TableError
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem
+
+LEAST = 12  # readings: twice what a rigid motion alone takes
+LEAST_POSES = 4  # where a frame is free: of three it takes six of nine coordinates, and any joint makes the others
+MOTION = 6  # coordinates that a rigid motion takes
+FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
+
+
+def enough(problem: Problem) -> None:
+    """Refuse a run of too few readings.
+
+    Args:
+        problem: the readings.
+
+    Raises:
+        TableError: too few for any verdict, by themselves or beside what their frames take.
+    """
+    count, fix = int(problem.used.sum()), f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
+    if count < LEAST:
+        raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
+    poses = len(np.unique(pose_groups(problem.table)[problem.used]))
+    if poses < (LEAST_POSES if problem.frames else 2):
+        raise TableError(
+            f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
+            where=problem.table.source, fix=f"measure at least {LEAST} poses, better 100 or more",
+        )  # fmt: skip
+    each = np.bincount(problem.frame[problem.used])
+    if (
+        problem.frames == len(each) > 1
+        and problem.base is None
+        and 3 * count - np.minimum(3 * each, MOTION).sum() < FREE
+    ):
+        what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes two of them"
+        raise TableError(
+            what, where=problem.table.source, fix=f"measure more poses without moving the tracker, or {fix}"
+        )
