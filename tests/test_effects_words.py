@@ -391,12 +391,15 @@ def candidate(**values):
     return SimpleNamespace(**{"effect": "a", "words": "A.", "sum_of": (), **values})
 
 
-def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3, **on):
+def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3,
+              probability=0.9, terms=(), **on):  # fmt: skip
     found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
     found = SimpleNamespace(**{**found, "with_": None, "acts_on": None, "unit": "mm", "words": "It is large.", **on})
     return SimpleNamespace(
         verdict=verdict,
-        suggested=[(f"effect-{number}", *ties) for number in range(steps)],
+        verdict_probability={verdict: probability},
+        suggested=[(term.effect.key,) for term in terms] or [(f"effect-{number}", *ties) for number in range(steps)],
+        model=SimpleNamespace(terms=terms),
         candidates=[candidate(words=f"Words of {number}.") for number in range(steps + 9)],
         depends_on=[found] * depends,
         rest=SimpleNamespace(reasons=reasons),
@@ -446,8 +449,9 @@ def test_what_changes_readings_alone_is_not_said_of_the_tool(tmp_path):
 def test_an_error_that_rises_or_stays_is_not_said_to_fall(tmp_path):
     problem = hide(tmp_path, fault("drive", "backlash_mm", 2, 0.05))
     term = fit(Model(problem.file) + KNOWN["backlash"](), problem, noise=NOISE).model.terms[0]
-    assert "rises from 62.0 to 63.0 um" in explain_step(term, (), (), (62.0, 63.0), NOISE, problem)
-    assert "stays at 62.0 um" in explain_step(term, (), (), (62.04, 61.96), NOISE, problem)
+    rises, stays = (explain_step(term, (), (), errors, NOISE, problem) for errors in ((62.0, 63.0), (61.96, 62.04)))
+    assert "rises from 62.0 to 63.0 um" in rises and "stays at 62.0 um" in stays
+    assert "Nothing else explains it" not in rises + stays
 
 
 def test_an_exact_ambiguity_is_not_called_unrivalled(tmp_path):
@@ -465,6 +469,20 @@ def test_an_unknown_takes_five_lines_at_the_most(steps, depends):
     assert words[0].startswith("Something is missing that no known effect describes")
     assert any("follows b2" in line for line in words) == (depends > 0)
     assert (f"effect-{steps - 1}" in " ".join(words) or f"Words of {steps - 1}." in " ".join(words)) or steps == 0
+
+
+def test_a_verdict_that_tests_of_the_rest_gave_says_which():
+    words = explain_verdict(diagnosis("unknown", depends=1, probability=0.5))
+    assert words.startswith("Something is missing that no known effect describes: the readings scatter.")
+    assert "the readings scatter" not in explain_verdict(diagnosis("unknown", depends=1))
+
+
+def test_a_law_that_follows_what_the_unknown_follows_may_be_bent():
+    soft, zero = (SimpleNamespace(effect=KNOWN[name]()) for name in ("axis-compliance", "homing-offset"))
+    words = explain_verdict(diagnosis("unknown", depends=1, terms=(soft, zero), on="payload"))
+    assert "As axis-compliance follows payload too, its law may be bent rather than another cause missing" in words
+    assert "bent" not in explain_verdict(diagnosis("unknown", depends=1, terms=(soft, zero), on="temperature"))
+    assert "bent" not in explain_verdict(diagnosis("unknown", depends=1, terms=(zero,), on="payload"))
 
 
 def test_a_jump_is_said_by_its_place_and_a_slow_rest_by_its_wander():

@@ -87,7 +87,9 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     if field < CHANCE_FIELD:
         reasons.append(f"a network over position predicts held-out rests ({by_chance(field)})")
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
-    reasons += [f"{item.residual} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]]
+    reasons += [
+        f"what is left of {item.residual} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]
+    ]
     return Rest(lack, field, depends, tuple(reasons))
 
 

@@ -1,17 +1,21 @@
 """The verdict of a diagnosis in words, and what an unknown follows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from ptt.dependence.said import MOVES, middle
 from ptt.diagnosis.slow import Slow
 from ptt.diagnosis.words import headline
+from ptt.effects.cards import card_of
 from ptt.effects.phrases import listed
 from ptt.run.noise import SATURATED, VISITED, Noise
 
 MISSING = "Something is missing that no known effect describes"
 NOTED = 1.5  # times the noise that are worth a word
+EVEN = 0.5  # probability of a verdict that tests of the rest gave, and not the sets of effects
 LINES = 5  # that anybody reads
+# What an effect's own variable is called among the columns of a run; joints and places vary with too many effects.
+COLUMN = {word: word for word in ("payload", "temperature", "time")} | {"load": "payload", "link force": "payload"}
 
 
 class Strongest(Protocol):
@@ -40,6 +44,9 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         Text; of an unknown at most five lines.
     """
     count = len(result.suggested)
+    named = {step[0] for step in result.suggested}
+    columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
+    followed = {item.on for item in result.depends_on}
     return "\n".join(
         tell_verdict(
             result.verdict,
@@ -52,6 +59,8 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
             names=[step[0] for step in result.suggested],
             strongest=result.depends_on[0] if result.depends_on else None,
             reasons=result.rest.reasons,
+            overruled=result.verdict_probability[result.verdict] <= EVEN,
+            bent={key: on for key, on in columns.items() if key in named and on in followed},
             cut_short=steps is not None and steps == count,
             wander=result.wander,
         )
@@ -81,6 +90,8 @@ def tell_verdict(
     names: Sequence[str] = (),
     strongest: Strongest | None = None,
     reasons: Sequence[str] = (),
+    overruled: bool = False,
+    bent: Mapping[str, str] | None = None,
     cut_short: bool = False,
     wander: Slow | None = None,
 ) -> list[str]:
@@ -96,6 +107,8 @@ def tell_verdict(
         names: of the steps.
         strongest: what the leading unknown depends on.
         reasons: what says that something is left.
+        overruled: these say so alone, and the sets of effects do not.
+        bent: of effects that are named, the column that they follow as the unknown does.
         cut_short: no more steps were allowed.
         wander: of the tracker's readings, where there is any.
 
@@ -118,13 +131,23 @@ def tell_verdict(
         first = [open_words] if open_ones and not ties[0] else []
         return [*first, *steps, f"With that {fall}{excess}"]
     what = "More is missing, but no more steps were allowed" if cut_short else MISSING
-    lines = [f"{what}." if strongest or not reasons else f"{what}: {reasons[0]}."]
-    lines += [depends(strongest)] if strongest else []
+    told = reasons and (overruled or not strongest)
+    lines = [f"{what}: {reasons[0]}." if told else f"{what}."]
+    lines += [f"{depends(strongest)}{_bent(bent or {})}"] if strongest else []
     if 0 < len(steps) <= LINES - 1 - len(lines):
         lines += [f"Named beside it: {step}" for step in steps]
     elif steps:
         lines.append(f"Named beside it: {listed(list(names))}; what each means is said with the candidates.")
     return [*lines, f"With what is named {fall}" if steps else f"The error is {after:.1f} um, {floor}"]
+
+
+def _bent(bent: Mapping[str, str]) -> str:
+    """A word where an effect that is named and the unknown beside it follow the same column: one cause may be both."""
+    if not bent:
+        return ""
+    each = [f"{key} follows {column}" for key, column in bent.items()]
+    law = "its law may be bent" if len(each) == 1 else "their laws may be bent"
+    return f" As {listed(each)} too, {law} rather than another cause missing, and the value said of it holds here only."
 
 
 def depends(strongest: Strongest) -> str:

@@ -122,7 +122,7 @@ def explain_step(
         fall += f"; {doubt}"
     if tie:
         return f"{tie} As {term.effect.key}: {head}; {fall}."
-    alone = "" if told.alike else "Nothing else explains it as well; "
+    alone = "Nothing else explains it as well; " if not told.alike and now < before else ""
     return f"{capital(head)}. {capital(alone + fall)}."
 
 

@@ -176,8 +176,12 @@ def compose(parts: Sequence[Said], noun: str) -> str:
         subject, rest = _clause(who, text, list(group), noun)
         words += f" and {rest}" if subject == before else f"{', ' if words else ''}{subject} {rest}"
         before = subject
-    alone = "by itself " if len(parts) > 1 else ""  # what values have in common no reading may tell
-    return f"{words}{few}" if sure else f"{words}, {alone}no more than chance would make it"
+    if sure:
+        return f"{words}{few}"
+    # Several values may be sure together though no single one is: what they have in common no reading may tell.
+    within = "no single value of it is beyond chance" if len(parts) > 1 else "no more than chance would make it"
+    error = replace(shown[0], size=float(np.nan_to_num(shown[0].error)))
+    return f"{words}, give or take {sizes_in_words([error])} ({within})"
 
 
 def doubt(parts: Sequence[Said]) -> str:
