@@ -16,6 +16,8 @@ COMPANY = 2  # alike rows among the four nearest from which a row is one of a st
 MOST = 0.12  # share of rows beyond which far rows are no exceptions
 LEVELS = 2  # measures of place that come in levels: load and feed
 CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
+NEIGHBOURS = 2  # in space that tell whether a far row is one of a place: those of a small place are among its own
+AT_ONCE = 2  # rows: as far as those of a stretch are looked for
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
 
 
@@ -104,7 +106,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         (n,) bool; none where so many are far that the model is to blame.
     """
     company, size, count = np.zeros(len(far), dtype=int), np.linalg.norm(left, axis=1), len(far)
-    for step in (1, 2):
+    for step in range(1, AT_ONCE + 1):
         near, before = np.arange(step, count), np.arange(count - step)
         apart = np.linalg.norm(left[near] - left[before], axis=1)
         alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
@@ -162,13 +164,36 @@ def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np
 
 
 def _crowded(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Far rows next to each other along one measure of place, where more of them are than chance would put there."""
+    """Far rows next to each other in one measure of place, where more of them are than chance would put there."""
     crowded, rows = np.zeros_like(far), np.flatnonzero(used)
-    expected = far.sum() ** 2 / max(len(rows), 1)
+    expected, chance = far.sum() ** 2 / max(len(rows), 1), CROWD / (places.shape[1] - LEVELS + 1)
     for column in places.T[:-LEVELS]:
         order = rows[np.argsort(column[rows], kind="stable")]
         pairs = far[order[1:]] & far[order[:-1]]
-        if poisson_sf(pairs.sum() - 1, expected) < CROWD / (places.shape[1] - LEVELS):
+        if poisson_sf(pairs.sum() - 1, expected) < chance:
             crowded[order[1:][pairs]] = True
             crowded[order[:-1][pairs]] = True
-    return crowded
+    near, accident = in_one_place(far, used, places[:, :3])
+    return crowded | (near & (accident < chance))
+
+
+def in_one_place(far: np.ndarray, used: np.ndarray, tool: np.ndarray) -> tuple[np.ndarray, float]:
+    """Far rows that have others among their nearest neighbours in space that were passed at another time.
+
+    Args:
+        far: (n,) bool.
+        used: rows whose readings count, (n,) bool.
+        tool: where each was taken, (n, 3) mm.
+
+    Returns:
+        (n,) bool; and the chance that as many of their neighbours are far wherever they lie.
+    """
+    near, rows = np.zeros(len(far), dtype=int), np.flatnonzero(used)
+    size = np.maximum(np.ptp(tool[rows], axis=0), 1e-9) if len(rows) else np.ones(3)
+    for row in np.flatnonzero(far):
+        apart = np.linalg.norm((tool[rows] - tool[row]) / size, axis=1)
+        apart[np.abs(rows - row) <= AT_ONCE] = np.inf  # what follows in time is judged as a stretch
+        near[row] = far[rows[np.argsort(apart, kind="stable")[:NEIGHBOURS]]].sum()
+    pairs = NEIGHBOURS / 2.0  # of each row: of two neighbours each counts the other
+    expected = pairs * far.sum() ** 2 / max(len(rows), 1)
+    return near > 0, float(poisson_sf(near.sum() // 2 - 1, expected))

@@ -9,6 +9,7 @@ from nets import RbfSettings, train_rbf
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.dependence.said import by_chance
+from ptt.diagnosis.neighbours import off_alike
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import FAULT
@@ -22,6 +23,7 @@ SILENT = 1.5  # times a stated noise up to which nothing is said rather than wha
 EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
 CHANCE_LACK = 1e-4  # lack of fit
 CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals
+CHANCE_PLACE = 1e-4  # neighbours in space are off alike
 CHANCE_DEPENDS = 1e-5  # a smooth function of a context variable predicts residuals
 LIGHT = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2), affine=(False,), restarts=1)
 MOST_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
@@ -34,12 +36,14 @@ class Rest:
     Attributes:
         lack_p: lack of fit against true repeats; None with fewer than 30 degrees of freedom.
         field_p: gain of a network over position on held-out rows, three coordinates together.
+        place_p: agreement of poses that are neighbours in space.
         depends_on: what the rest depends on, significant entries only.
         reasons: what is significant, in words.
     """
 
     lack_p: float | None
     field_p: float
+    place_p: float
     depends_on: tuple[Dependence, ...]
     reasons: tuple[str, ...]
 
@@ -78,6 +82,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     """
     lack = lack_of_fit_of(problem, residual, round(state.decided)).p_value
     field = _field(problem, residual)
+    place, where = off_alike(problem, residual)
     depends = dependence_of(problem, residual, seed=seed)
     if state.memory.wander is not None:  # what is left of a slow wander is no more news than the wander
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
@@ -86,11 +91,14 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         reasons.append(f"the rest is larger than repeats scatter ({by_chance(lack)})")
     if field < CHANCE_FIELD:
         reasons.append(f"a network over position predicts held-out rests ({by_chance(field)})")
+    if place < CHANCE_PLACE:
+        about = listed([f"{axis} = {value:.0f}" for axis, value in zip("xyz", where, strict=True)])
+        reasons.append(f"neighbours in space are off alike, most about {about} mm ({by_chance(place)})")
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
     reasons += [
         f"what is left of {item.residual} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]
     ]
-    return Rest(lack, field, depends, tuple(reasons))
+    return Rest(lack, field, place, depends, tuple(reasons))
 
 
 def with_objections(

@@ -41,6 +41,11 @@ def t_ppf(share: float, freedom: float) -> float:
     return float(special.ndtri(share) if np.isinf(freedom) else special.stdtrit(freedom, share))
 
 
+def normal_sf(x: float) -> float:
+    """Chance that a normal deviate exceeds x."""
+    return float(special.ndtr(-x))
+
+
 def poisson_sf(count: float, expected: float) -> float:
     """Chance that more than so many happen where so many are expected."""
     return 1.0 if count < 0 else float(special.pdtrc(np.floor(count), expected))

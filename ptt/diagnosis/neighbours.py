@@ -1,0 +1,68 @@
+"""Whether poses that are neighbours in space are off alike: what has a small place, such as a worn spot or warm air."""
+
+import numpy as np
+
+from ptt.run.problem import Problem
+from ptt.run.same_pose import same_places
+from ptt.run.tails import normal_sf
+
+NEAREST = 4  # neighbours of each pose that are compared with it
+FEWEST = 20  # poses of which neighbours can be near
+AT_ONCE, PART = 2, 30  # rows, and one part of so many of the run: what was passed so soon after may be off by its hour
+MOST_ROWS = 3000  # pairs are as many as their square
+LONGEST = 4.0  # times the usual length up to which an error counts, so that a few gross ones do not decide
+
+
+def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[float, ...]]:
+    """Whether poses agree with their neighbours in space, other poses and passed at another time.
+
+    A network over position needs many poses to learn a place, and a curve along one axis mixes it with all that lies
+    beside it. Neighbours need no law: their errors only have to point the same way. Each sum of products of two of them
+    has its own squares as variance, for errors that do not agree have either sign.
+
+    Source: Moran, Notes on continuous stochastic phenomena, Biometrika 37 (1950), of vectors, with free signs.
+
+    Args:
+        problem: n rows.
+        residual: what an explanation leaves, (n, 3) mm; NaN on rows left out.
+
+    Returns:
+        The chance that they do by accident, 1 where there are too few poses; and where they agree most, x, y, z in mm.
+    """
+    rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
+    rows = rows[:: max(1, len(rows) // MOST_ROWS)]
+    pose = same_places(problem.view.p.numpy()[rows])
+    visits = np.bincount(pose)
+    if len(visits) < FEWEST:
+        return 1.0, ()
+    place = _by_pose(problem.view.p.numpy()[rows], pose) / visits[:, None]
+    error = _by_pose(residual[rows], pose) / np.sqrt(visits)[:, None]
+    error = error / np.sqrt(np.square(error).mean(axis=0).clip(1e-18))
+    error *= np.minimum(1.0, LONGEST / np.linalg.norm(error, axis=1).clip(1e-12))[:, None]
+    one, other = _neighbours(place, rows[np.unique(pose, return_index=True)[1]], problem.table.rows)
+    agree = (error[one] * error[other]).sum(axis=1)
+    most = np.argmax(np.bincount(np.append(one, other), np.append(agree, agree), len(place)))
+    return normal_sf(float(agree.sum() / np.sqrt(np.square(agree).sum().clip(1e-12)))), tuple(place[most].tolist())
+
+
+def _by_pose(values: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Sums of values (m, 3) over the visits of each pose, (k, 3)."""
+    return np.stack([np.bincount(pose, column) for column in values.T], axis=1)
+
+
+def _neighbours(place: np.ndarray, first: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of poses one of which is among the nearest to the other that were not passed at about the same time.
+
+    Args:
+        place: of each pose, (k, 3) mm.
+        first: row at which each was read first, (k,).
+        rows: of the run.
+    """
+    soon, pairs = max(AT_ONCE, rows / PART), set()
+    for pose in range(len(place)):
+        apart = np.square(place - place[pose]).sum(axis=1)
+        apart[np.abs(first - first[pose]) <= soon] = np.inf
+        near = np.argpartition(apart, min(NEAREST, len(apart) - 1))[:NEAREST]
+        pairs |= {(min(pose, other), max(pose, other)) for other in near.tolist() if np.isfinite(apart[other])}
+    one, other = np.array(sorted(pairs), dtype=int).reshape(-1, 2).T
+    return one, other
