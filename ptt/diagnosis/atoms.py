@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ptt.diagnosis.blocks import Block
 from ptt.effects import Effect
+from ptt.effects.base import shape_of
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
@@ -53,6 +54,8 @@ class Atom:
         block: the block; None for an effect.
         within: values below which the cause would be another, and above which much speaks for another, (m, 2) in units
             of its columns; None where any may be.
+        largest: values beyond which no cause is what it is called, in this shape, (m,) in units of its columns; None
+            where any may be.
         turn: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.
@@ -79,6 +82,7 @@ class Atom:
     since: float | None = None
     reach: float | None = None
     within: np.ndarray | None = None
+    largest: np.ndarray | None = None
 
     @property
     def moment(self) -> float | None:
@@ -168,6 +172,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         odds = odds_of_effect(term.effect, len(names), shapes)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
         atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
+        atom = _in_shape(atom, shape_of(own.effect, own.theta, problem.view.joints), problem, free)
         since = float(own.theta[-1]) if is_sudden(atom) else None
         atoms[key] = replace(atom, since=since, tested=sided or not _has_sides(atom))
     like: dict[str, Atom] = {}  # of each effect its first shape
@@ -177,8 +182,20 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
             odds = odds_of_effect(trial.effect, len(names), trial.trials)
             first = effect_atom(key, trial.columns, trial.effect, problem, odds, trial.shape)
             like[name] = replace(first, tested=sided or not _has_sides(first))
-        atoms[key] = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
+        atom = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
+        atoms[key] = _in_shape(atom, trial.shape, problem, slice(0, len(trial.columns)))
     return atoms
+
+
+def _in_shape(atom: Atom, shape: Mapping[str, Tensor], problem: Problem, chosen: np.ndarray | slice) -> Atom:
+    """The same with the largest values that its cause can have in this shape."""
+    assert atom.effect is not None
+    largest = atom.effect.largest(shape)
+    if not largest:
+        return atom
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    each = [(p.size(joints), largest.get(p.stem, np.inf) / p.on(kind).usual) for p in atom.effect.parameters]
+    return replace(atom, largest=np.concatenate([np.full(size, most) for size, most in each])[chosen])
 
 
 def _has_sides(atom: Atom) -> bool:

@@ -130,6 +130,8 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
         if place.residual.startswith("rail"):  # a carriage tips over as its drive pulls it the other way
             if span.two_sided[place.joint]:
                 yield from _reversal(problem, place, own, low, ())
+            if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
+                yield _waves(place, own, raw[:, place.joint], problem.view.lead)
             continue
         yield _named(place, ("x", "y", "z"), partial(_field, p, _degree(problem)))
         for i in range(q.shape[1]):
@@ -165,8 +167,12 @@ def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) 
     for joint, length in periods:
         place = next(place for place in places if place.joint == joint)
         on = f"{problem.file.machine.letter}{joint + 1}"
-        phase = 2.0 * np.pi * problem.view.q.numpy()[:, joint] / length
-        yield f"{place.residual} on {on} with period {length:.5g}", place, (on,), partial(harmonics, phase)
+        yield _waves(place, on, problem.view.q.numpy()[:, joint], length)
+
+
+def _waves(place: Place, on: str, raw: np.ndarray, length: float) -> Recipe:
+    phase = 2.0 * np.pi * raw / length
+    return f"{place.residual} on {on} with period {length:.5g}", place, (on,), partial(harmonics, phase)
 
 
 def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:

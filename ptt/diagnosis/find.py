@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.asked import Asked, open_turn
 from ptt.diagnosis.atoms import is_block
+from ptt.diagnosis.bursts import broken_beams
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.detail import follows_travel, with_detail
 from ptt.diagnosis.exact import by_names, without_needless
@@ -68,6 +69,11 @@ def find(
     asked = Asked(model, problem, known, tell, steps, span, freedom)
     first = first_turn(model, problem, noise)
     found, problem = _begun(asked, first)
+    broken = broken_beams(found)
+    if broken.any():
+        other, others = _left_out(asked, first, broken | found.gross)
+        if says_more(other, found):
+            found, problem = other, others
     for key in beyond_machines(found.state, found.system.atoms, found.system.scale):
         if key in model.keys:
             continue
@@ -88,6 +94,18 @@ def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
         found.system.forget()
         found, problem = _followed(asked, first)
     return found, problem
+
+
+def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> tuple[Found, Problem]:
+    """What is found without some rows, (n,) bool, less those that it reaches all the same; and the readings."""
+    for _attempt in range(2):
+        found, _ = _begun(replace(asked, problem=asked.problem.masked(broken)), first)
+        missed = still_missed(found.fitted, asked.problem, found.noise, broken)
+        if np.array_equal(missed, broken):
+            break
+        broken = missed
+    problem = asked.problem if found.opening is None else without_opening(asked.problem, found.opening)
+    return replace(found, gross=found.gross | broken), problem
 
 
 def _more_than_nothing(found: Found, problem: Problem) -> Found:

@@ -33,7 +33,7 @@ def is_impossible(state: State, atoms: Sequence[Atom], new: Sequence[Atom]) -> b
 
 
 def beyond_machines(state: State, atoms: Mapping[str, Atom], scale: np.ndarray) -> tuple[str, ...]:
-    """Effects of a machine with values that no machine has.
+    """Effects of a machine with values that no machine has, or that are none of what they are called.
 
     A drawing may be off by as much. Yet where a model was moved that far, the tangent there is no longer the one at
     which other effects were judged, and one of these may explain the same at usual values.
@@ -49,7 +49,7 @@ def beyond_machines(state: State, atoms: Mapping[str, Atom], scale: np.ndarray) 
         if atom.effect is None or is_metrology(atom):  # readings may stand in any frame
             continue
         usual = atom.amplitudes(state.posterior.values[state.of(key)], scale) / atom.sizes(scale)
-        away += [key] if np.abs(usual).max(initial=0.0) > ABSURD else []
+        away += [key] if np.abs(usual).max(initial=0.0) > ABSURD or _is_too_large(state, atom) else []
     return tuple(away)
 
 
@@ -95,11 +95,16 @@ def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
 
 
 def _nats_unheard_of(state: State, atom: Atom) -> float:
-    """Nats against an effect that is clearly larger than its cause has ever been."""
-    if atom.within is None:
-        return 0.0
-    beyond = _values(state, atom) > atom.within[:, 1] + WRONG_SIDE * _errors(state, atom)
-    return -UNHEARD_OF if beyond.any() else 0.0
+    """Nats against an effect that is clearly larger than its cause has ever been, or can be in its shape."""
+    beyond = _is_too_large(state, atom)
+    if atom.within is not None:
+        beyond |= bool((_values(state, atom) > atom.within[:, 1] + WRONG_SIDE * _errors(state, atom)).any())
+    return -UNHEARD_OF if beyond else 0.0
+
+
+def _is_too_large(state: State, atom: Atom) -> bool:
+    """Whether a value is larger than its cause can make it in this shape."""
+    return atom.largest is not None and bool((_values(state, atom) > atom.largest).any())
 
 
 def _values(state: State, atom: Atom) -> np.ndarray:

@@ -93,7 +93,7 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: 
     # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves, and
     # in a wander that follows each of them.
     left = (
-        [_robustly_left(system, state)]
+        [robustly_left(system, state)]
         if robust
         else [system.innovation(state.columns, state.posterior.values, state.memory)]
     )
@@ -108,8 +108,13 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: 
     return found if are_exceptions(found, problem.used) else gross
 
 
-def _robustly_left(system: RowSystem, state: State) -> np.ndarray:
-    """What the values of a set leave that suit most rows, each as wide as it was learned to be, (m, 3) whitened."""
+def robustly_left(system: RowSystem, state: State) -> np.ndarray:
+    """What the values of a set leave that suit most rows, each as wide as it was learned to be, (m, 3) whitened.
+
+    Args:
+        system: linearised.
+        state: the set.
+    """
     chosen, known = state.columns, np.append(system.base_values.ravel(), np.zeros(len(state.columns)))
     fixed = system.base_columns[..., chosen].reshape(system.base_values.size, len(chosen))
     base = np.concatenate([fixed, np.diag(state.posterior.prior**-0.5)])

@@ -86,6 +86,17 @@ class Effect:
         """
         return None
 
+    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float]:
+        """Up to which size linear values can be what they are called, with these searched parameters, in their units.
+
+        Args:
+            shape: the searched and given parameters.
+
+        Returns:
+            Stem -> size of those that have one.
+        """
+        return {}
+
     def needs(self, view: View) -> str | None:
         """What the data lack for this effect to be tested.
 

@@ -232,6 +232,13 @@ class Windup(Effect):
         """Constants between the trials on either side; the fit itself goes on from there."""
         return finer(self.search(view), shape, "length")
 
+    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float]:
+        """Half the travel: a slider cannot go back while its drive goes on, and one that stands still has play.
+
+        The error changes by 2 h / l of the travel at first.
+        """
+        return {"height": 0.5 * float(shape["length"])}
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Normalised friction of each axis, against the travel."""
         return per_joint(-gradual_reversal(view, shape["length"]))
