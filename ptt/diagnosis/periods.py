@@ -13,6 +13,7 @@ from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
 COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
+PHASES = 2.0  # turns for each reading: of poses at random each is told, and those of a grid are alike from the first on
 FEWEST = 40  # rows from which a spectrum says anything
 FINER = 8  # places between two frequencies for the line that is found: what it leaves of itself is another line
 
@@ -68,7 +69,7 @@ def find_period(
 
 def _spectrum(along: Along) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies in turns over the range, and the sum of squares that a cosine and a sine of each take."""
-    turns = np.arange(COARSEST, min(FINEST, len(along.q) / 2.0), STEP)  # as many phases as readings would fit anything
+    turns = np.arange(COARSEST, min(FINEST, PHASES * len(along.q)), STEP)
     return turns, along.over(COARSEST, STEP, len(turns)) if len(turns) else turns
 
 
