@@ -8,6 +8,7 @@ from ptt.dependence.size import Size
 from ptt.effects.phrases import SIGNIFICANT, capital, figure, scaled
 
 NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
+ELSEWHERE = 2.0  # times a size along one axis that its unknown makes in all, from which most of it is elsewhere
 NOTHING = 0.01  # of a size: what beside it is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
 UNLIKE = 9  # digits that tell any two values of a table apart
@@ -102,7 +103,11 @@ def say_size(size: Size) -> str:
             told = f"{far} at {high} than at {low.partition(' = ')[2]}"
     open_ended = "" if size.known or size.kind == "period" else ": this run does not tell which"
     told = f"{capital(told)}{open_ended}"
-    return f"{told}." if size.rms is None else f"{told}; {_in_um(1e3 * size.rms)} rms at the tool."
+    if size.rms is None:
+        return f"{told}."
+    elsewhere = size.known and size.of in ("x", "y", "z") and size.rms > ELSEWHERE * abs(size.value)
+    mean = " on the whole, and unlike that from place to place" if elsewhere else ""
+    return f"{told}{mean}; {_in_um(1e3 * size.rms)} rms at the tool."
 
 
 def _then(size: Size, more: str, less: str) -> str:

@@ -5,6 +5,7 @@ import numpy as np
 from ptt.diagnosis.atoms import is_effect
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.gross import stand_out
+from ptt.diagnosis.jumps import BROKEN
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem
@@ -12,7 +13,7 @@ from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.turn import robustly_left
 
 NEAR = 8  # rows within which two things happen by chance in one run of a thousand
-FEW, SHARE = 4, 0.04  # rows, or share of all, that may be broken beams and were taken for something else
+SHARE = 0.04  # of all rows, or as many as beams may break in a row, that may have been taken for something else
 
 
 def broken_beams(found: Found) -> np.ndarray:
@@ -39,7 +40,7 @@ def broken_beams(found: Found) -> np.ndarray:
     for keys in (lasting, tuple(key for key in lasting if is_effect(system.atoms[key]))):
         left = robustly_left(system, found.scorer.score(keys, WHITE, state.scales))
         far = stand_out(left, np.ones(len(left), dtype=bool), least=0.0)
-        if 0 < far.sum() <= max(FEW, SHARE * len(left)):
+        if 0 < far.sum() <= max(BROKEN, SHARE * len(left)):
             rows[system.rows[far]] = True
             break
     return rows

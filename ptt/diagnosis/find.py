@@ -68,22 +68,27 @@ def find(
     noise, freedom = starting_noise(problem)
     asked = Asked(model, problem, known, tell, steps, span, freedom)
     first = first_turn(model, problem, noise)
-    found, problem = _begun(asked, first)
+    found = _explained(asked, first)
+    if span is not None:  # what explains a part has to be worked out for all of the run
+        return found
     broken = broken_beams(found)
     if broken.any():
-        other, others = _left_out(asked, first, broken | found.gross)
-        if says_more(other, found):
-            found, problem = other, others
+        other = _left_out(asked, first, broken | found.gross)
+        found = other if says_more(other, found) else found
+    return found
+
+
+def _explained(asked: Asked, first: Turn) -> Found:
+    """Where names lead, or a search from nothing, less what no machine is off by, with laws where they are likelier."""
+    found, problem = _begun(asked, first)
     for key in beyond_machines(found.state, found.system.atoms, found.system.scale):
-        if key in model.keys:
+        if key in asked.model.keys:
             continue
         other, others = _begun(asked, replace(first, barred=first.barred | {key}))
         if says_more(other, found):
             found, problem = other, others
-    found = by_names(found, model, problem, known, freedom, steps)
-    if span is not None:  # what explains a part has to be worked out for all of the run
-        return found
-    return _lawful(_more_than_nothing(found, problem), model, problem, known, freedom, steps)
+    found = by_names(found, asked.model, problem, asked.known, asked.freedom, asked.steps)
+    return found if asked.span is not None else _lawful(asked, _more_than_nothing(found, problem), problem)
 
 
 def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
@@ -96,16 +101,15 @@ def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
     return found, problem
 
 
-def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> tuple[Found, Problem]:
-    """What is found without some rows, (n,) bool, less those that it reaches all the same; and the readings."""
-    for _attempt in range(2):
-        found, _ = _begun(replace(asked, problem=asked.problem.masked(broken)), first)
+def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
+    """What is found without some rows, (n,) bool, less those that it reaches all the same."""
+    for _ in range(2):
+        found = _explained(replace(asked, problem=asked.problem.masked(broken)), first)
         missed = still_missed(found.fitted, asked.problem, found.noise, broken)
         if np.array_equal(missed, broken):
             break
         broken = missed
-    problem = asked.problem if found.opening is None else without_opening(asked.problem, found.opening)
-    return replace(found, gross=found.gross | broken), problem
+    return replace(found, gross=found.gross | broken)
 
 
 def _more_than_nothing(found: Found, problem: Problem) -> Found:
@@ -220,25 +224,25 @@ def _turned(
     )  # fmt: skip
 
 
-def _lawful(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
+def _lawful(asked: Asked, found: Found, problem: Problem) -> Found:
     """The same with laws of one variable where readings prefer them; what they let in is linearised at."""
     scorer, state = by_laws(found.scorer, found.state)
     lawful = replace(found, scorer=scorer, system=scorer.system, state=state)
     if is_told(scorer, state):
         return lawful
-    return max(_told(lawful, model, problem, known, freedom, steps), found, key=_total)
+    return max(_told(asked, lawful, problem), found, key=_total)
 
 
 def _total(found: Found) -> float:
     return found.state.total if is_told(found.scorer, found.state) else -np.inf
 
 
-def _told(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
+def _told(asked: Asked, found: Found, problem: Problem) -> Found:
     """The same explanation with all of its effects in the model, linearised there, its laws carried along."""
     carried = carried_by(found.state, found.system, problem)
-    current = moved(found, model, problem)
+    current = moved(found, asked.model, problem)
     fitted = fit_less(current, problem, carried, found.gross, found.noise)
-    scorer, untestable = scorer_at(found, fitted, model, problem, known, freedom, steps)
+    scorer, untestable = scorer_at(found, fitted, asked.model, problem, asked.known, asked.freedom, asked.steps)
     blocks = [found.system.atoms[key] for key in found.state.keys if is_block(found.system.atoms[key])]
     scorer = with_atoms(scorer, [block for block in blocks if block.key not in scorer.system.atoms])
     keys = [*(key for key in current.keys if key in scorer.system.atoms), *(block.key for block in blocks)]

@@ -11,6 +11,7 @@ from ptt.run.problem import Problem
 
 HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
 ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
+BROKEN = 4  # rows in between, as many as beams may break in a row
 AGAIN = 3  # things that happen by themselves in one run, at most: what happens more often happens again and again
 
 
@@ -51,7 +52,8 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str,
     """What came at one moment and went at another.
 
     That a knock takes back just what another did is no accident: whatever it was came and went, and may come again. And
-    what happens again and again in one run does not happen by itself each time.
+    what happens again and again in one run does not happen by itself each time. What lies between two moments that are
+    but a few rows apart is broken beams.
 
     Args:
         problem: n rows.
@@ -60,10 +62,13 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str,
     Yields:
         'time', the moments, and the rows in between, (n,) or (n, k) bool.
     """
-    clock = run_clock(problem.view).numpy()
+    clock, read = run_clock(problem.view).numpy(), problem.used
     for first, last in combinations(moments, 2):
-        yield "time", f"{first!r} {last!r}", (clock > first) & (clock <= last)
-    if len(moments) > AGAIN:
+        between = (clock > first) & (clock <= last)
+        if (between & read).sum() > BROKEN:
+            yield "time", f"{first!r} {last!r}", between
+    passed = (clock[read, None] > np.array(moments)).sum(axis=0)
+    if len(moments) > AGAIN and (-np.diff(passed) > BROKEN).all():
         yield "time", " ".join(map(repr, moments)), clock[:, None] > np.array(moments)
 
 

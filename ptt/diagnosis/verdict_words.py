@@ -123,7 +123,7 @@ def tell_verdict(
         sound = f"Nothing is missing that these {rows} readings could show"
         varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
         return [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
-    fall = f"the error is {after:.1f} um, down from {before:.1f} um; {floor}."
+    fall = f"the error is {after:.1f} um, {'down' if after <= before else 'up'} from {before:.1f} um; {floor}."
     if verdict == "missing":
         # A tie stands at the head of its step's words; a later one has to be heard of first, too.
         open_ones = [name for name, tie in zip(names, ties, strict=False) if tie]
