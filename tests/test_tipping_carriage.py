@@ -1,6 +1,7 @@
-"""Carriages that tip over as their drive pulls them the other way: rails that shift sideways with the direction."""
+"""Carriages that shift sideways: as their drive pulls them the other way, or once a turn of a bent screw."""
 
 import numpy as np
+import pytest
 import torch
 from conftest import BENCH
 from scipy.optimize import fsolve
@@ -35,3 +36,21 @@ def test_rails_that_shift_with_the_direction_are_no_towers_that_lean_though_noth
     assert found.verdict == "unknown" and not found.suggested
     assert {item.on for item in found.depends_on} <= {"direction1", "direction2", "direction3"}
     assert "as if rail" in found.words and found.noise.total < 0.004
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_bent_screw_that_pushes_its_carriage_aside_is_no_error_of_each_turn(seed: int) -> None:
+    """It goes round: outward and to the side a quarter of a turn apart."""
+    machine, random = parse_machine(BENCH, "bench.toml"), np.random.default_rng(seed)
+    target = random.uniform([-60.0, -60.0, -50.0], [60.0, 60.0, 50.0], (200, 3))
+    height = build_mechanism(machine.machine).inverse(torch.as_tensor(target)).numpy()
+    turn = 2.0 * np.pi * height[:, 1] / machine.machine.screw_lead_mm
+    read = target.copy()
+    for row, (place, near) in enumerate(zip(height, target, strict=True)):
+        foot = 100.0 * OUT + place[:, None] * [0.0, 0.0, 1.0]
+        foot[1] += 0.02 * (np.cos(turn[row]) * OUT[1] + np.sin(turn[row]) * ASIDE[1])
+        read[row] = fsolve(lambda p, foot=foot: np.linalg.norm(foot - p, axis=1) - 300.0, near, xtol=1e-10)
+    read += random.normal(0.0, 0.002, read.shape)
+    found = diagnose(Model(machine), build_problem(machine, make_table(target, measured=read)))
+    assert found.verdict == "unknown" and not found.suggested
+    assert {item.on for item in found.depends_on} == {"b2"} and found.noise.total < 0.005
