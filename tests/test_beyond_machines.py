@@ -53,3 +53,19 @@ def test_what_stands_in_at_absurd_values_gives_way(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(finding, "beyond_machines", lambda state, atoms, scale: ("guide-straightness",))
     found = found_in(leaning(2.0))
     assert found.state.keys == ("tower-tilt",) and barred == [frozenset(), frozenset({"guide-straightness"})]
+
+
+def test_friction_takes_no_more_than_half_the_travel_that_it_takes() -> None:
+    """Play of millimetres is no wind-up over as few, which would say much the same."""
+    drawn = draw_rig("none", 4, MACHINE, "volume", rows=120)
+    drive = drawn.rig.drive.model_copy(update={"backlash_mm": (6.0, 4.0, 5.0)})
+    rig = replace(drawn.rig, drive=drive)
+    found = found_in(build_problem(MACHINE, table_of(simulate(rig, drawn.targets).frame, drawn.absent)))
+    atoms = {atom.key: atom for atom in found.system.atoms.values() if atom.name == "windup"}
+    usual = library()["windup"].parameters[0].usual
+    for atom in atoms.values():
+        assert atom.shape is not None and atom.largest is not None
+        assert atom.largest == pytest.approx(0.5 * float(atom.shape["length"]) / usual)
+    short = min(atoms, key=lambda key: float((atoms[key].shape or {})["length"]))
+    state = found.scorer.score((short,), found.state.memory)
+    assert beyond_machines(state, found.system.atoms, found.system.scale) == (short,)
