@@ -20,12 +20,16 @@ from ptt.effects import library
 from ptt.effects.reversal import AT_ONCE, WAITS, Backlash
 from ptt.errors import ModelError
 from ptt.fitting.kept import keep_covariance, kept_covariance
+from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
+from ptt.judge.ladder import rung
 from ptt.judge.ladder.climb import climb
+from ptt.judge.ladder.rung import fit_rung
 from ptt.machine import format_machine, parse_machine
 from ptt.model.chain import predict
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 from ptt.run.viewing import build_view
@@ -264,3 +268,17 @@ def test_a_term_need_not_say_that_play_waits_and_other_lengths_are_refused() -> 
     assert (Model(bench()) + Term(Backlash(), gaps)).terms[0].theta.tolist() == [0.04, 0.05, 0.06, 1.0]
     with pytest.raises(ModelError, match="has 4 values, not 2"):
         Model(bench()) + Term(Backlash(), gaps[:2])
+
+
+def test_a_rung_asks_for_the_form_that_the_first_fit_did_not_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As gross errors may have it, the first fit takes play that turns over at once."""
+    problem, links = measured("raster", np.full(3, 0.1), waits=True), library()["link-length"]
+
+    def led_astray(model: Model, rows: Problem, noise: Noise | None = None) -> FitResult:
+        new = any(not len(term.theta) for term in model.terms)
+        return fit(Model(FILE) + links() + play(np.full(3, 0.1), False) if new else model, rows, noise=noise)
+
+    monkeypatch.setattr(rung, "fit", led_astray)
+    told = fit_rung(Model(FILE) + links() + BACKLASH(), problem, None)
+    found = {term.effect.key: term.theta for term in told.model.terms}
+    np.testing.assert_allclose(found["backlash"], [0.1, 0.1, 0.1, 1.0], atol=2e-3)

@@ -19,7 +19,7 @@ from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
 from ptt.judge.ladder.ladder import Ladder, Step
-from ptt.judge.ladder.rung import fit_rung
+from ptt.judge.ladder.rung import fit_rung, log_density
 from ptt.model.model import Model, Term
 from ptt.progress import Progress, unwatched
 from ptt.run.holdout import blocks_beside, folds, pose_groups
@@ -110,12 +110,7 @@ def _as_it_turns(model: Model, effects: Sequence[Effect], problem: Problem) -> t
         fit(reduce(add, effects, given), rows, lean=True, coarse=True)
         for given, rows in ((model, problem), (smooth, other))
     )
-    return (smooth, other) if _density(after, other) > _density(before, problem) + CLEARLY else (model, problem)
-
-
-def _density(fitted: FitResult, problem: Problem) -> float:
-    """Of the readings in 1/mm, in nats; a gross error may lie anywhere within a mm or so."""
-    return fitted.noise.log_density(int((problem.used & ~fitted.outliers).sum())) - 0.5 * fitted.chi2
+    return (smooth, other) if log_density(after, other) > log_density(before, problem) + CLEARLY else (model, problem)
 
 
 def _require(effect: Effect, problem: Problem) -> None:

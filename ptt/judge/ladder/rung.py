@@ -4,16 +4,21 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import torch
+from torch import Tensor
 
+from ptt.effects.base import shape_of, sizes
+from ptt.effects.parameter import Parameter
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import LONG
 from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+LITTLE = 0.5  # nats
 TURNS = 4  # of putting moments to their rows and fitting again
 
 
@@ -41,7 +46,7 @@ def fit_rung(rung: Model, problem: Problem, noise: Noise | None, before: FitResu
     given = any(isinstance(term.effect, Sudden) and len(term.theta) for term in rung.terms)  # and so are its moments
     for _ in range(0 if given else TURNS):
         last = best
-        for other in _elsewhere(best, problem):
+        for other in _elsewhere(best, rung, problem):
             best = _better(fit(other, problem, noise=noise), best, problem)
         if best is last:
             break
@@ -53,7 +58,7 @@ def _may_end_short(model: Model) -> bool:
 
     Effects that came with values keep the shapes they have.
     """
-    searched = [t for t in model.terms if not len(t.theta) and any(p.shapes for p in t.effect.parameters)]
+    searched = [t for t in model.terms if not len(t.theta) and any(p.role != "linear" for p in t.effect.parameters)]
     return bool(searched) and len(model.terms) > 1
 
 
@@ -65,8 +70,10 @@ def _grown(rung: Model, before: FitResult) -> Model:
     return replace(rung, terms=tuple(t if len(t.theta) else known.get(t.effect.key, t) for t in rung.terms))
 
 
-def _elsewhere(fitted: FitResult, problem: Problem) -> Iterator[Model]:
-    """The model with its sudden effects at other moments."""
+def _elsewhere(fitted: FitResult, rung: Model, problem: Problem) -> Iterator[Model]:
+    """The model with its sudden effects at other moments, and with effects in the other form that they may mean."""
+    new = {term.effect.key for term in rung.terms if not len(term.theta)}
+    yield from _otherwise(fitted.model, new, problem)
     if any(isinstance(term.effect, Sudden) for term in fitted.model.terms):
         dated = place_own_moments(fitted, problem)
         if dated is not fitted.model:
@@ -74,9 +81,38 @@ def _elsewhere(fitted: FitResult, problem: Problem) -> Iterator[Model]:
         yield from exchanged(fitted)
 
 
+def _otherwise(model: Model, new: set[str], problem: Problem) -> Iterator[Model]:
+    """The model with a new effect in another form: gross errors beside the first fit may have chosen the one it has."""
+    joints = problem.view.joints
+    for index, term in enumerate(model.terms):
+        effect, own = term.effect, shape_of(term.effect, term.theta, joints)
+        amounts = torch.cat([part for part, p in _parts(term, joints) if p.role == "linear"])
+        for meant in effect.meant_by(problem.view, {}, amounts) if own and effect.key in new else ():
+            other = {stem: meant.get(stem, value) for stem, value in own.items()}
+            if any(not torch.equal(other[stem], value) for stem, value in own.items()):
+                theta = torch.cat([other.get(p.stem, part) for part, p in _parts(term, joints)])
+                terms = (*model.terms[:index], replace(term, theta=theta), *model.terms[index + 1 :])
+                yield replace(model, terms=terms)
+
+
+def _parts(term: Term, joints: int) -> list[tuple[Tensor, Parameter]]:
+    """Each parameter with its values."""
+    parts = torch.split(term.theta, list(sizes(term.effect, joints)))
+    return list(zip(parts, term.effect.parameters, strict=True))
+
+
 def _better(one: FitResult, other: FitResult, problem: Problem) -> FitResult:
-    """The fit that leaves less of the rows that both count; the second one where there is little in it."""
-    rows = problem.used & ~one.outliers & ~other.outliers
-    rows &= np.isfinite(one.residual).all(axis=1) & np.isfinite(other.residual).all(axis=1)
-    left, right = (float(np.square(each.residual[rows] @ each.noise.whitener.T).sum()) for each in (one, other))
-    return one if left < right - 1.0 else other
+    """The likelier fit; the second one where there is little in it."""
+    return one if log_density(one, problem) > log_density(other, problem) + LITTLE else other
+
+
+def log_density(fitted: FitResult, problem: Problem) -> float:
+    """Of the readings in 1/mm, in nats; a gross error may lie anywhere within a mm or so.
+
+    Args:
+        fitted: the fit.
+        problem: its readings.
+    """
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    left = np.square(fitted.residual[rows] @ fitted.noise.whitener.T).sum()
+    return float(fitted.noise.log_density(int(rows.sum())) - 0.5 * left)
