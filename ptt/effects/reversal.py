@@ -22,7 +22,7 @@ WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-10, 11))  # mm, 0.
 
 GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws: between them a row more or less takes the gap up
 WAITS, AT_ONCE = ({"waits": torch.tensor([waits], dtype=torch.float64)} for waits in (1.0, 0.0))
-TURNING = 0.05  # of the full change, root mean square over the rows: what so few rows show is worth a trial
+TURNING = 0.1  # of the full change, root mean square over the rows: what so few rows show is worth a trial
 LATE = 0.02  # of the gap, mean over the rows: rows that wait for it, from which they are worth a trial
 
 SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal compensation of {who} by {what}")
