@@ -1,5 +1,6 @@
 """Lines in the spectrum of what is left: what a pose has to itself is no line, and a line is offered once."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +12,12 @@ from ptt.challenge.truth import table_of
 from ptt.diagnosis.find import find
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.memory import WHITE, Memory
-from ptt.diagnosis.periods import find_period
+from ptt.diagnosis.periods import _spectrum, find_period
+from ptt.diagnosis.spectrum import Along
+from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.model.model import Model
+from ptt.rig import format_rig, parse_rig
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import Problem, build_problem
@@ -46,3 +50,28 @@ def test_what_each_pose_has_to_itself_is_worth_no_line(turning):
     nothing = found.scorer.score((), WHITE)
     assert find_period(found.scorer, nothing, problem) is not None
     assert find_period(found.scorer, replace(nothing, memory=Memory(pose=1e3)), problem) is None
+
+
+@pytest.mark.parametrize("period", [1.7, 2.3])
+def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(period: float) -> None:
+    """Two readings a wave are what even steps need; poses at random tell finer ones too."""
+    drawn = draw_rig("none", 5, MACHINE, "volume", rows=90)
+    odd = {"kind": "periodic", "leg": 3, "size_um": 20.0, "period_mm": period, "phase_rad": 0.4}
+    keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in odd.items())
+    rig = replace(parse_rig(f"{format_rig(drawn.rig)}\n[[odd]]\n{keys}"), machine=drawn.rig.machine)
+    file = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"sigma_mm": None}))
+    problem = build_problem(file, table_of(simulate(rig, drawn.targets).frame, drawn.absent))
+    assert np.ptp(problem.view.q.numpy()[:, 2]) / period > 45.0
+    found = diagnose(Model(file), problem)
+    first = found.depends_on[0]
+    assert found.verdict == "unknown" and not found.suggested and first.residual == "slider 3"
+    assert first.period_mm == pytest.approx(period, rel=0.01)
+
+
+def test_of_waves_that_even_steps_make_alike_the_slowest_is_said() -> None:
+    """A column of 101 even heights: 20 turns look like 80 and 120, and 50 have a cosine and no sine."""
+    height, random = np.linspace(0.0, 150.0, 101), np.random.default_rng(1)
+    for turns in (12.0, 20.0, 37.0):
+        slope = np.cos(2.0 * np.pi * turns * height / 150.0) + random.normal(0.0, 0.1, 101)
+        found, gain = _spectrum(Along(2, height, slope, np.ones(101)))
+        assert found[np.argmax(gain > gain.max() - 0.5)] == pytest.approx(turns, abs=0.3)

@@ -48,6 +48,17 @@ def test_a_small_place_that_is_off_is_unknown(seed: int, odd: str, stated: bool)
     assert found.verdict == "unknown" and not (stated and found.suggested)
 
 
+@pytest.mark.parametrize(("seed", "stated"), [(2, True), (5, False), (7, False)])
+def test_a_bad_corner_of_few_poses_is_not_thrown_away_as_broken_beams(seed: int, stated: bool) -> None:
+    """Six to ten readings of a corner: beside what lasts they are all that is far off."""
+    random = np.random.default_rng(seed)
+    target = random.uniform(-REACH, REACH, (160, 3))
+    error = NOISE * random.standard_t(4.0, (160, 3)) / np.sqrt(2.0)
+    error += 0.06 * (target > [10.0, 10.0, 5.0]).all(axis=1)[:, None] * [0.2, -0.6, 0.77]
+    problem = problem_of(target, error, stated=stated)
+    assert diagnose(Model(problem.file), problem).verdict == "unknown"
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_heavy_tails_have_no_place(seed: int) -> None:
     assert told_of(seed, "nothing", 160, stated=seed % 2 == 0).verdict == "nothing-missing"
@@ -71,8 +82,8 @@ def test_a_wander_along_the_path_is_no_place() -> None:
 
 def test_where_it_agrees_most_is_the_place() -> None:
     random = np.random.default_rng(5)
-    target = random.uniform(-REACH, REACH, (200, 3))
+    target = random.uniform(-REACH, REACH, (400, 3))
     near = np.exp(-np.square((target - 20.0) / 25.0).sum(axis=1) / 2.0)
-    problem = problem_of(target, np.zeros((200, 3)), stated=True)
-    chance, place = off_alike(problem, random.normal(size=(200, 3)) + 6.0 * near[:, None] * [0.0, 0.0, 1.0])
-    assert chance < 1e-6 and np.linalg.norm(np.array(place) - 20.0) < 25.0
+    problem = problem_of(target, np.zeros((400, 3)), stated=True)
+    chance, place = off_alike(problem, random.normal(size=(400, 3)) + 6.0 * near[:, None] * [0.0, 0.0, 1.0])
+    assert chance < 1e-6 and np.linalg.norm(np.array(place) - 20.0) < 37.5  # a width and a half

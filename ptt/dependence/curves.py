@@ -8,6 +8,7 @@ from ptt.dependence.periods import harmonics, refine_frequency
 from ptt.dependence.regressors import Atoms, build_atoms, orthonormal, raised_cosine
 from ptt.dependence.strata import Poses
 
+ROUNDING = 1e-3  # of the range of a variable
 BINS = 12
 PHASES = 10
 EDGE = 3.84  # chi-square of one degree of freedom, 95 %
@@ -246,7 +247,7 @@ def binned_curve(values: np.ndarray, residual: np.ndarray, count: int = BINS) ->
     Args:
         values: (n,) the variable.
         residual: (n,) mm.
-        count: bins of equal count; a variable with fewer levels has one for each.
+        count: bins of equal count; a variable with fewer levels has one for each. Levels next to each other are one.
 
     Returns:
         (m, 3) centres, means, half-widths of the 95 % confidence band of each mean.
@@ -266,12 +267,14 @@ def bins_of(values: np.ndarray, count: int = BINS) -> tuple[np.ndarray, np.ndarr
 
     Args:
         values: (n,).
-        count: bins of equal count; a variable with fewer levels has one for each.
+        count: bins of equal count; a variable with fewer levels has one for each. Levels next to each other are one.
 
     Returns:
         (n,) int number of each, and (m,) mean of the values in each.
     """
     levels = np.unique(values)
     cuts = levels[1:] if len(levels) <= count else np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
+    apart = np.diff(cuts, prepend=levels[0]) > ROUNDING * (levels[-1] - levels[0])
+    cuts = cuts[apart]  # what differs by no more than digits of a table is one level
     number = np.unique(np.searchsorted(cuts, values, side="right"), return_inverse=True)[1].reshape(-1)
     return number, np.bincount(number, values) / np.bincount(number)

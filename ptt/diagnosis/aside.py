@@ -6,6 +6,7 @@ import numpy as np
 
 from ptt.diagnosis.blocks import places_of_chain
 from ptt.diagnosis.found import Found
+from ptt.diagnosis.gross import has_a_place
 from ptt.diagnosis.row_system import RowSystem
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf, f_sf
@@ -33,6 +34,8 @@ def against_gross(found: Found, problem: Problem) -> str | None:
         return f"are all off along the way of {place}"
     if follow_direction(found, problem):
         return "change sides with the directions in which the joints arrive"
+    if has_a_place(found.gross, problem):
+        return "lie next to each other in space"
     return None
 
 

@@ -64,6 +64,18 @@ class Block:
         """(n, 3, m) mm, one learned variance for all of them."""
         return self.place.times(self.shapes)
 
+    @property
+    def period(self) -> float | None:
+        """Of a wave along the travel of a joint, in its unit; None of any other block."""
+        length = self.name.partition(PERIOD)[2]
+        return float(length) if length else None
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether it is a free curve over the travel of the joint that it belongs to."""
+        own = None if self.place.joint is None else str(self.place.joint + 1)
+        return self.period is None and len(self.on) == 1 and self.on[0][1:] == own
+
     def is_like(self, other: "Block") -> bool:
         """Whether another acts where this one does and follows the same variable first."""
         return self.place.residual == other.place.residual and self.on[0] == other.on[0]
@@ -79,6 +91,7 @@ class Block:
         return int(self.place.slopes.shape[2] * self.shapes.shape[1])
 
 
+PERIOD = " with period "  # in the name of a wave
 Recipe = tuple[str, Place, tuple[str, ...], Callable[[], np.ndarray]]  # name, where, on what, and its shapes
 Period = tuple[int, float]  # joint, and length in its unit
 
@@ -172,7 +185,7 @@ def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) 
 
 def _waves(place: Place, on: str, raw: np.ndarray, length: float) -> Recipe:
     phase = 2.0 * np.pi * raw / length
-    return f"{place.residual} on {on} with period {length:.5g}", place, (on,), partial(harmonics, phase)
+    return f"{place.residual} on {on}{PERIOD}{length:.5g}", place, (on,), partial(harmonics, phase)
 
 
 def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:

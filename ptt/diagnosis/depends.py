@@ -94,17 +94,25 @@ def _dependence(
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
     chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
-    share = min(item.energy, 1.0)
-    if tested:
+    share, period = min(item.energy, 1.0), item.block.period
+    if period is not None and all(
+        d.period_mm is None for d in tested
+    ):  # finer than readings that few show by themselves
+        curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
+        found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))
+    elif tested:
         best = next((d for d in tested if d.with_ == second), tested[0])
         found = replace(best, share=share, p_value=chance, rivals=(), acts_on=_acts_on(item.block))
     else:
-        rows = np.isfinite(rests[residual]) & np.isfinite(contexts[on])
-        readings = rests[residual][rows]
-        curve = binned_curve(contexts[on][rows], readings - readings.mean())
+        curve = _centred_curve(contexts[on], rests[residual])
         found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return with_unit(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
+
+
+def _centred_curve(values: np.ndarray, readings: np.ndarray) -> np.ndarray:
+    rows = np.isfinite(values) & np.isfinite(readings)
+    return binned_curve(values[rows], readings[rows] - readings[rows].mean())
 
 
 def _acts_on(block: Block) -> str | None:

@@ -14,13 +14,14 @@ from ptt.diagnosis.exact import by_names, without_needless
 from ptt.diagnosis.first import beside_names, names_suffice, search_first
 from ptt.diagnosis.fits import fit_less
 from ptt.diagnosis.found import Found, carried_by, is_better, moved, says_more, scorer_at, settled
+from ptt.diagnosis.gross import are_exceptions, has_a_place
 from ptt.diagnosis.harmonics import with_harmonics
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import loose
+from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
-from ptt.diagnosis.periods import find_period
+from ptt.diagnosis.periods import curves_of, find_period
 from ptt.diagnosis.possible import beyond_machines
 from ptt.diagnosis.rest import SILENT, stated_of
 from ptt.diagnosis.row_system import RowSystem
@@ -74,7 +75,8 @@ def find(
     broken = broken_beams(found)
     if broken.any():
         other = _left_out(asked, first, broken | found.gross)
-        found = other if says_more(other, found) else found
+        sound = are_exceptions(other.gross, problem.used) and not has_a_place(other.gross, problem)
+        found = other if sound and says_more(other, found) else found
     return found
 
 
@@ -103,12 +105,11 @@ def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
 
 def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
     """What is found without some rows, (n,) bool, less those that it reaches all the same."""
-    for _ in range(2):
-        found = _explained(replace(asked, problem=asked.problem.masked(broken)), first)
-        missed = still_missed(found.fitted, asked.problem, found.noise, broken)
-        if np.array_equal(missed, broken):
-            break
-        broken = missed
+    found = _explained(replace(asked, problem=asked.problem.masked(broken)), first)
+    reached = replace(found.fitted, residual=found.fitted.residual - found.carried)
+    missed = still_missed(reached, asked.problem, found.noise, broken)
+    if not np.array_equal(missed, broken):
+        found, broken = _explained(replace(asked, problem=asked.problem.masked(missed)), first), missed
     return replace(found, gross=found.gross | broken)
 
 
@@ -187,6 +188,9 @@ def _turned(
     assert isinstance(system, RowSystem)
     found = replace(found, scorer=scorer, system=system, state=state, seen=(*turn.seen, *waves))
     line = find_period(scorer, state, problem, turn.periods, waves)
+    if line is None and (curves := curves_of(state, system)):  # of few rows they bend to any wave
+        straight = scorer.score(without(state, *curves), state.memory, state.scales)
+        line = find_period(scorer, straight, problem, turn.periods, waves)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
     stays = settled(state, system) and set(blocks) == set(turn.held)

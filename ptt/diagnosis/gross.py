@@ -16,6 +16,7 @@ COMPANY = 2  # alike rows among the four nearest from which a row is one of a st
 MOST = 0.12  # share of rows beyond which far rows are no exceptions
 LEVELS = 2  # measures of place that come in levels: load and feed
 CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
+SPREAD_OUT = 1e-3  # chance of as many neighbours in space among gross errors of a run
 NEIGHBOURS = 2  # in space that tell whether a far row is one of a place: those of a small place are among its own
 AT_ONCE = 2  # rows: as far as those of a stretch are looked for
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
@@ -188,12 +189,23 @@ def in_one_place(far: np.ndarray, used: np.ndarray, tool: np.ndarray) -> tuple[n
     Returns:
         (n,) bool; and the chance that as many of their neighbours are far wherever they lie.
     """
-    near, rows = np.zeros(len(far), dtype=int), np.flatnonzero(used)
-    size = np.maximum(np.ptp(tool[rows], axis=0), 1e-9) if len(rows) else np.ones(3)
-    for row in np.flatnonzero(far):
-        apart = np.linalg.norm((tool[rows] - tool[row]) / size, axis=1)
-        apart[np.abs(rows - row) <= AT_ONCE] = np.inf  # what follows in time is judged as a stretch
-        near[row] = far[rows[np.argsort(apart, kind="stable")[:NEIGHBOURS]]].sum()
+    near, rows, here = np.zeros(len(far), dtype=int), np.flatnonzero(used), np.flatnonzero(far & used)
+    if len(here) < 2:
+        return near > 0, 1.0
+    from scipy.spatial import cKDTree  # only where there is something to ask: it takes a while to load
+
+    place = tool[rows] / np.maximum(np.ptp(tool[rows], axis=0), 1e-9)
+    count = min(
+        NEIGHBOURS + 2 * AT_ONCE + 1, len(rows)
+    )  # among them what follows in time, which is judged as a stretch
+    _, nearest = cKDTree(place).query(place[np.searchsorted(rows, here)], k=count)
+    for row, others in zip(here, rows[nearest], strict=True):
+        near[row] = far[others[np.abs(others - row) > AT_ONCE][:NEIGHBOURS]].sum()
     pairs = NEIGHBOURS / 2.0  # of each row: of two neighbours each counts the other
-    expected = pairs * far.sum() ** 2 / max(len(rows), 1)
+    expected = pairs * len(here) ** 2 / len(rows)
     return near > 0, float(poisson_sf(near.sum() // 2 - 1, expected))
+
+
+def has_a_place(gross: np.ndarray, problem: Problem) -> bool:
+    """Whether readings that were set aside, (n,) bool, lie next to each other in space; gross errors lie anywhere."""
+    return in_one_place(gross, problem.used, problem.view.p.numpy())[1] < SPREAD_OUT

@@ -67,9 +67,13 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str,
         between = (clock > first) & (clock <= last)
         if (between & read).sum() > BROKEN:
             yield "time", f"{first!r} {last!r}", between
-    passed = (clock[read, None] > np.array(moments)).sum(axis=0)
-    if len(moments) > AGAIN and (-np.diff(passed) > BROKEN).all():
-        yield "time", " ".join(map(repr, moments)), clock[:, None] > np.array(moments)
+    after = (clock[read, None] > np.array(moments)).sum(axis=0)
+    close, beside = -np.diff(after) <= BROKEN, np.zeros(len(moments), dtype=bool)
+    beside[1:] |= close
+    beside[:-1] |= close
+    apart = [moment for moment, near in zip(moments, beside, strict=True) if not near]
+    if len(apart) > AGAIN:
+        yield "time", " ".join(map(repr, apart)), clock[:, None] > np.array(apart)
 
 
 def _is_passed_again(passed: np.ndarray) -> bool:

@@ -8,9 +8,9 @@ from ptt.run.tails import normal_sf
 
 NEAREST = 4  # neighbours of each pose that are compared with it
 FEWEST = 20  # poses of which neighbours can be near
-AT_ONCE, PART = 2, 30  # rows, and one part of so many of the run: what was passed so soon after may be off by its hour
+SOON, PART = 2, 10  # rows, and one part of so many of the run: what was passed so soon after may be off by its hour
 MOST_ROWS = 3000  # pairs are as many as their square
-LONGEST = 4.0  # times the usual length up to which an error counts, so that a few gross ones do not decide
+LONGEST = 4.0  # in scatters of one axis, up to which an error counts, so that a few gross ones do not decide
 
 
 def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[float, ...]]:
@@ -30,16 +30,17 @@ def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[floa
         The chance that they do by accident, 1 where there are too few poses; and where they agree most, x, y, z in mm.
     """
     rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
-    rows = rows[:: max(1, len(rows) // MOST_ROWS)]
+    rows = rows[:: max(1, -(-len(rows) // MOST_ROWS))]
     pose = same_places(problem.view.p.numpy()[rows])
     visits = np.bincount(pose)
     if len(visits) < FEWEST:
         return 1.0, ()
     place = _by_pose(problem.view.p.numpy()[rows], pose) / visits[:, None]
-    error = _by_pose(residual[rows], pose) / np.sqrt(visits)[:, None]
+    left = residual[rows] - residual[rows].mean(axis=0)  # what all have in common is no place's
+    error = _by_pose(left, pose) / np.sqrt(visits)[:, None]
     error = error / np.sqrt(np.square(error).mean(axis=0).clip(1e-18))
     error *= np.minimum(1.0, LONGEST / np.linalg.norm(error, axis=1).clip(1e-12))[:, None]
-    one, other = _neighbours(place, rows[np.unique(pose, return_index=True)[1]], problem.table.rows)
+    one, other = _neighbours(place, rows, pose, max(SOON, problem.table.rows / PART))
     agree = (error[one] * error[other]).sum(axis=1)
     most = np.argmax(np.bincount(np.append(one, other), np.append(agree, agree), len(place)))
     return normal_sf(float(agree.sum() / np.sqrt(np.square(agree).sum().clip(1e-12)))), tuple(place[most].tolist())
@@ -50,19 +51,22 @@ def _by_pose(values: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return np.stack([np.bincount(pose, column) for column in values.T], axis=1)
 
 
-def _neighbours(place: np.ndarray, first: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of poses one of which is among the nearest to the other that were not passed at about the same time.
+def _neighbours(place: np.ndarray, rows: np.ndarray, pose: np.ndarray, soon: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of poses one of which is among the nearest to the other, none of whose visits follow each other.
 
     Args:
         place: of each pose, (k, 3) mm.
-        first: row at which each was read first, (k,).
-        rows: of the run.
+        rows: numbers of the readings, (m,).
+        pose: of each of them, (m,) int.
+        soon: rows between two readings of which one follows the other.
     """
-    soon, pairs = max(AT_ONCE, rows / PART), set()
-    for pose in range(len(place)):
-        apart = np.square(place - place[pose]).sum(axis=1)
-        apart[np.abs(first - first[pose]) <= soon] = np.inf
+    order, pairs = np.argsort(pose, kind="stable"), set()
+    first = np.searchsorted(pose[order], np.arange(len(place)))
+    for number in range(len(place)):
+        since = np.abs(rows[:, None] - rows[pose == number]).min(axis=1)
+        apart = np.square(place - place[number]).sum(axis=1)
+        apart[np.minimum.reduceat(since[order], first) <= soon] = np.inf
         near = np.argpartition(apart, min(NEAREST, len(apart) - 1))[:NEAREST]
-        pairs |= {(min(pose, other), max(pose, other)) for other in near.tolist() if np.isfinite(apart[other])}
+        pairs |= {(min(number, other), max(number, other)) for other in near.tolist() if np.isfinite(apart[other])}
     one, other = np.array(sorted(pairs), dtype=int).reshape(-1, 2).T
     return one, other

@@ -9,11 +9,15 @@ from ptt.diagnosis.atoms import odds_of_block
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.spectrum import STEP, WIDE, Along, hides_waves, left_along
 from ptt.diagnosis.state import State
+from ptt.diagnosis.system import System
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
 COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
-PHASES = 2.0  # turns for each reading: of poses at random each is told, and those of a grid are alike from the first on
+PHASES = (
+    2.0  # turns for each reading: poses at random tell them, and of those that even steps make alike the first counts
+)
+ALIAS = 0.5  # nats by which a line may be behind another and be taken for it, as it is slower
 FEWEST = 40  # rows from which a spectrum says anything
 FINER = 8  # places between two frequencies for the line that is found: what it leaves of itself is another line
 
@@ -63,8 +67,19 @@ def find_period(
         for length in (*named, *(length for joint, length in offered if joint == along.joint)):
             nats[np.abs(turns - along.span / length) < WIDE] = -np.inf
         if nats.max() > best:
-            best, found = float(nats.max()), Period(along.joint, along.span / _placed(along, turns[np.argmax(nats)]))
+            first = turns[np.argmax(nats > nats.max() - ALIAS)]
+            best, found = float(nats.max()), Period(along.joint, along.span / _placed(along, first))
     return found
+
+
+def curves_of(state: State, system: System) -> tuple[str, ...]:
+    """Unknowns that are free curves over a joint's own travel.
+
+    Args:
+        state: a set.
+        system: of the scorer.
+    """
+    return tuple(key for key in state.keys if (block := system.atoms[key].block) is not None and block.is_curve)
 
 
 def _spectrum(along: Along) -> tuple[np.ndarray, np.ndarray]:

@@ -103,8 +103,10 @@ def _nats_unheard_of(state: State, atom: Atom) -> float:
 
 
 def _is_too_large(state: State, atom: Atom) -> bool:
-    """Whether a value is larger than its cause can make it in this shape."""
-    return atom.largest is not None and bool((_values(state, atom) > atom.largest).any())
+    """Whether a value is clearly larger than its cause can make it in this shape."""
+    if atom.largest is None:
+        return False
+    return bool((_values(state, atom) > atom.largest + WRONG_SIDE * _errors(state, atom)).any())
 
 
 def _values(state: State, atom: Atom) -> np.ndarray:

@@ -93,7 +93,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         reasons.append(f"a network over position predicts held-out rests ({by_chance(field)})")
     if place < CHANCE_PLACE:
         about = listed([f"{axis} = {value:.0f}" for axis, value in zip("xyz", where, strict=True)])
-        reasons.append(f"neighbours in space are off alike, most about {about} mm ({by_chance(place)})")
+        reasons.append(f"poses next to each other in space are off alike, most about {about} mm ({by_chance(place)})")
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
     reasons += [
         f"what is left of {item.residual} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]

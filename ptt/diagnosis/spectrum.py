@@ -10,6 +10,7 @@ from ptt.diagnosis.state import State
 from ptt.diagnosis.wander import innovations
 from ptt.run.problem import Problem
 
+UNSEEN = 1e-6  # of the squares of a wave that the readings have, below which its phase is nothing but rounding
 WIDE = 1.0  # half of a line, in turns over the range
 STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wide
 
@@ -54,8 +55,10 @@ class Along:
         # Of cosine^2, sine^2 and their product, the waves of twice the frequency tell all.
         cc, ss, cs = 0.5 * (self.weight.sum() + two.real), 0.5 * (self.weight.sum() - two.real), 0.5 * two.imag
         a, b = one.real, one.imag
-        whole = np.maximum(cc * ss - cs**2, 1e-12 * cc * ss + 1e-300)
-        return np.asarray((a * a * ss - 2.0 * a * b * cs + b * b * cc) / whole)
+        whole = cc * ss - cs**2
+        seen = whole > UNSEEN * (cc + ss) ** 2  # at even steps a wave of two steps has a cosine and no sine
+        gain = (a * a * ss - 2.0 * a * b * cs + b * b * cc) / np.where(seen, whole, 1.0)
+        return np.where(seen, gain, 0.0)
 
 
 def hides_waves(scorer: Scorer, state: State) -> bool:

@@ -15,7 +15,7 @@ NOTED = 1.5  # times the noise that are worth a word
 EVEN = 0.5  # probability of a verdict that tests of the rest gave, and not the sets of effects
 LINES = 5  # that anybody reads
 # What an effect's own variable is called among the columns of a run; joints and places vary with too many effects.
-COLUMN = {word: word for word in ("payload", "temperature", "time")} | {"load": "payload", "link force": "payload"}
+COLUMN = {"payload": "payload", "load": "payload", "link force": "payload", "temperature": "temperature"}
 
 
 class Strongest(Protocol):
@@ -46,7 +46,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     count = len(result.suggested)
     named = {step[0] for step in result.suggested}
     columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
-    followed = {item.on for item in result.depends_on}
+    followed = [item.on for item in result.depends_on[:1]]  # the only one that is told in the verdict
     return "\n".join(
         tell_verdict(
             result.verdict,
@@ -123,7 +123,8 @@ def tell_verdict(
         sound = f"Nothing is missing that these {rows} readings could show"
         varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
         return [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
-    fall = f"the error is {after:.1f} um, {'down' if after <= before else 'up'} from {before:.1f} um; {floor}."
+    same, way = f"{after:.1f}" == f"{before:.1f}", "down" if after < before else "up"
+    fall = f"the error is {after:.1f} um, {'as it was' if same else f'{way} from {before:.1f} um'}; {floor}."
     if verdict == "missing":
         # A tie stands at the head of its step's words; a later one has to be heard of first, too.
         open_ones = [name for name, tie in zip(names, ties, strict=False) if tie]

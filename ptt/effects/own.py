@@ -177,7 +177,19 @@ def _broken(parameter: Parameter) -> str:
 
 def _guard_methods(cls: type[Effect], where: str) -> None:
     """Every method of the class that the fit calls says whose code failed, and where."""
-    for name in ("needs", "search", "refine", "meant_by", "renew", "basis", "shift", "slope", "say", "cause"):
+    for name in (
+        "needs",
+        "largest",
+        "search",
+        "refine",
+        "meant_by",
+        "renew",
+        "basis",
+        "shift",
+        "slope",
+        "say",
+        "cause",
+    ):
         own = cls.__dict__.get(name)
         if own is not None and not callable(own):
             raise InputError(f"{name} of {cls.name} is no function", where=where, fix=f"write def {name}(self, ...)")

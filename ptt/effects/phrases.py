@@ -179,9 +179,10 @@ def compose(parts: Sequence[Said], noun: str) -> str:
     if sure:
         return f"{words}{few}"
     # Several values may be sure together though no single one is: what they have in common no reading may tell.
-    within = "no single value of it is beyond chance" if len(parts) > 1 else "no more than chance would make it"
-    error = replace(shown[0], size=float(np.nan_to_num(shown[0].error)))
-    return f"{words}, give or take {sizes_in_words([error])} ({within})"
+    within = "only together are these values beyond chance" if len(parts) > 1 else "no more than chance would make it"
+    if np.isnan(shown[0].error):
+        return f"{words}, {within}"
+    return f"{words}, give or take {sizes_in_words([replace(shown[0], size=shown[0].error)])} ({within})"
 
 
 def doubt(parts: Sequence[Said]) -> str:

@@ -22,7 +22,6 @@ WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-10, 11))  # mm, 0.
 
 GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws: between them a row more or less takes the gap up
 WAITS, AT_ONCE = ({"waits": torch.tensor([waits], dtype=torch.float64)} for waits in (1.0, 0.0))
-TURNING = 0.1  # of the full change, root mean square over the rows: what so few rows show is worth a trial
 LATE = 0.02  # of the gap, mean over the rows: rows that wait for it, from which they are worth a trial
 
 SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal compensation of {who} by {what}")
@@ -217,8 +216,7 @@ class Windup(Effect):
         if not view.kept:
             scale = 1.0 if family(view) == "three-ptt" else 0.01
             keep_reversals(view, [torch.tensor([length * scale], dtype=torch.float64) for length in WINDUP_LENGTHS])
-        late = {length: (turned - view.direction).square().mean().sqrt() for length, turned in view.kept.values()}
-        return [length for length, missed in late.items() if float(missed) > TURNING]
+        return [length for length, turned in view.kept.values() if float((turned - view.direction).abs().mean()) > 0.02]
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """A geometric ladder of travel constants, the one next to the usual first."""
