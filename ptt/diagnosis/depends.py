@@ -95,9 +95,7 @@ def _dependence(
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
     chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
     share, period = min(item.energy, 1.0), item.block.period
-    if period is not None and all(
-        d.period_mm is None for d in tested
-    ):  # finer than readings that few show by themselves
+    if period is not None and all(d.period_mm is None for d in tested):  # finer than so few readings show by themselves
         curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
         found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))
     elif tested:

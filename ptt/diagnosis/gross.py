@@ -195,9 +195,7 @@ def in_one_place(far: np.ndarray, used: np.ndarray, tool: np.ndarray) -> tuple[n
     from scipy.spatial import cKDTree  # only where there is something to ask: it takes a while to load
 
     place = tool[rows] / np.maximum(np.ptp(tool[rows], axis=0), 1e-9)
-    count = min(
-        NEIGHBOURS + 2 * AT_ONCE + 1, len(rows)
-    )  # among them what follows in time, which is judged as a stretch
+    count = min(NEIGHBOURS + 2 * AT_ONCE + 1, len(rows))  # what follows in time is among them, and judged as a stretch
     _, nearest = cKDTree(place).query(place[np.searchsorted(rows, here)], k=count)
     for row, others in zip(here, rows[nearest], strict=True):
         near[row] = far[others[np.abs(others - row) > AT_ONCE][:NEIGHBOURS]].sum()

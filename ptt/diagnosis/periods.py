@@ -14,9 +14,7 @@ from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
 COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
-PHASES = (
-    2.0  # turns for each reading: poses at random tell them, and of those that even steps make alike the first counts
-)
+PHASES = 2.0  # turns for each reading: poses at random tell them, and of what even steps make alike the first counts
 ALIAS = 0.5  # nats by which a line may be behind another and be taken for it, as it is slower
 FEWEST = 40  # rows from which a spectrum says anything
 FINER = 8  # places between two frequencies for the line that is found: what it leaves of itself is another line

@@ -46,7 +46,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     count = len(result.suggested)
     named = {step[0] for step in result.suggested}
     columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
-    followed = [item.on for item in result.depends_on[:1]]  # the only one that is told in the verdict
+    followed = result.depends_on[0].on if result.depends_on else None  # the only one that is told in the verdict
     return "\n".join(
         tell_verdict(
             result.verdict,
@@ -60,7 +60,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
             strongest=result.depends_on[0] if result.depends_on else None,
             reasons=result.rest.reasons,
             overruled=result.verdict_probability[result.verdict] <= EVEN,
-            bent={key: on for key, on in columns.items() if key in named and on in followed},
+            bent={key: on for key, on in columns.items() if key in named and on == followed},
             cut_short=steps is not None and steps == count,
             wander=result.wander,
         )

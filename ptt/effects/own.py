@@ -26,6 +26,7 @@ STEM = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 MOST = 10_000  # values of one effect; a joint error map of seven joints has 84
 KINDS = ("three-ptt", "serial")
 ROLES = ("linear", "searched", "given")
+METHODS = ("needs", "largest", "search", "refine", "meant_by", "renew", "basis", "shift", "slope", "say", "cause")
 
 
 def load_effects(path: str | Path) -> dict[str, type[Effect]]:
@@ -177,19 +178,7 @@ def _broken(parameter: Parameter) -> str:
 
 def _guard_methods(cls: type[Effect], where: str) -> None:
     """Every method of the class that the fit calls says whose code failed, and where."""
-    for name in (
-        "needs",
-        "largest",
-        "search",
-        "refine",
-        "meant_by",
-        "renew",
-        "basis",
-        "shift",
-        "slope",
-        "say",
-        "cause",
-    ):
+    for name in METHODS:
         own = cls.__dict__.get(name)
         if own is not None and not callable(own):
             raise InputError(f"{name} of {cls.name} is no function", where=where, fix=f"write def {name}(self, ...)")
