@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from ptt.effects import library
-from ptt.effects.base import linear_size
+from ptt.effects.layout import linear_size
 from ptt.fitting.linear import usual_sizes
 from ptt.fitting.observability import unobservable
 from ptt.fitting.result import FitResult
@@ -178,7 +178,7 @@ def _guide(hidden: Draw, problem: Problem, fitted: FitResult) -> np.ndarray:
 
 def _in_shapes(fitted: FitResult, problem: Problem, shift: np.ndarray) -> np.ndarray:
     """Least squares of a known shift (n, out) in the basis of the fitted effect."""
-    from ptt.effects.base import shape_of
+    from ptt.effects.layout import shape_of
 
     term = fitted.model.terms[0]
     basis = term.effect.basis(problem.view, shape_of(term.effect, term.theta, 3)).numpy()

@@ -22,7 +22,7 @@ from coverage import SEEN_AT_ALL, TRUTH, WHITE, Draw, machine, onto_measured
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
 from ptt.effects import library
-from ptt.effects.base import linear_size
+from ptt.effects.layout import linear_size
 from ptt.fitting.linear import usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit

@@ -9,8 +9,8 @@ from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 from ptt.effects import library
-from ptt.effects.base import flatten, linear_size
 from ptt.effects.bench import sample_machine
+from ptt.effects.layout import flatten, linear_size
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import usual_sizes
 from ptt.fitting.observability import unobservable

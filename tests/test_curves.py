@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.diagnosis import search as searching
-from ptt.diagnosis import steps
+from ptt.diagnosis import instead, steps
 from ptt.diagnosis.find import find
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.hidden import Trial
+from ptt.diagnosis.improve import LEAST
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.search import LEAST
 from ptt.diagnosis.turn import still_missed
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
@@ -68,7 +67,7 @@ def test_a_curve_does_not_keep_out_what_only_an_exact_score_tells():
     found = explained(*rails(1.0))
     curve = found.scorer.score(("guide-straightness",), WHITE)
     assert all(gain.nats < 0.0 for gain in found.scorer.screen(curve))
-    more = searching._beside(found.scorer, curve, "guide-straightness")
+    more = instead._beside(found.scorer, curve, "guide-straightness")
     names = {found.system.atoms[key].name for key in more.keys}
     assert "tower-position" in names and more.total > curve.total + LEAST
 

@@ -21,10 +21,12 @@ from ptt.diagnosis.candidates import first_of
 from ptt.diagnosis.find import find
 from ptt.diagnosis.gross import alone, stand_out
 from ptt.diagnosis.hidden import Trial
+from ptt.diagnosis.improve import ROUNDS, SCREENS, climb, improve
 from ptt.diagnosis.memory import WHITE, Memory
+from ptt.diagnosis.plainest import PLAIN, plainest
 from ptt.diagnosis.product import nats_of_none, nats_of_product
 from ptt.diagnosis.screen import Gain
-from ptt.diagnosis.search import PLAIN, ROUNDS, SCREENS, best_of, climb, improve, plainest
+from ptt.diagnosis.search import best_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.gauss_newton import HOPELESS

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from torch.testing import assert_close
 
 from ptt.effects import library
-from ptt.effects.base import total_size
 from ptt.effects.bench import sample_view, take
 from ptt.effects.case import make_case, usual_theta
 from ptt.effects.geometry import pull
+from ptt.effects.layout import total_size
 from ptt.effects.memory import gradual_reversal, play
 from ptt.effects.shapes import (
     FINE,

@@ -20,7 +20,7 @@ from ptt.diagnosis.verdict_words import explain_verdict
 from ptt.diagnosis.wander import Wander
 from ptt.diagnosis.words import explain_step, sentence, sentences
 from ptt.effects import library
-from ptt.effects.base import family
+from ptt.effects.layout import family
 from ptt.effects.phrases import compose, figure, listed, scaled
 from ptt.fitting import gauge
 from ptt.fitting.gauge import Told, sparsest

@@ -12,8 +12,8 @@ from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 from ptt.effects import Effect, library
-from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
+from ptt.effects.layout import flatten
 from ptt.errors import MachineError, ModelError, PosesError, TableError
 from ptt.fitting.gauss_newton import HOPELESS, bounded_step, descend
 from ptt.fitting.observability import correlations, unobservable

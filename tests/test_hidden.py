@@ -11,8 +11,8 @@ from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.find import find
 from ptt.diagnosis.hidden import FAITHFUL, Trial, hide
+from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.row_sums import hide_rows
-from ptt.diagnosis.search import PLAIN
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.model.model import Model

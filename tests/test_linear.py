@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from ptt.effects import Effect, library
-from ptt.effects.base import flatten
 from ptt.effects.bench import sample_machine
+from ptt.effects.layout import flatten
 from ptt.fitting.linear import Linear, assemble, linear_columns, usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit

@@ -21,7 +21,7 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.challenge.truth import find_truth, table_of
 from ptt.effects import library
-from ptt.effects.base import linear_size
+from ptt.effects.layout import linear_size
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
 from ptt.fitting.solve import fit

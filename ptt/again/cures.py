@@ -11,8 +11,8 @@ from ptt.again.supposed import stand_at, suppose
 from ptt.again.weigh import Weighed, weigh
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.noise import starting_noise
+from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import PLAIN
 from ptt.diagnosis.steps import BESIDE, TIE
 from ptt.effects import Library
 from ptt.progress import Tell

@@ -8,7 +8,7 @@ import numpy as np
 from ptt.again.atoms import side_by_side
 from ptt.diagnosis.atoms import EFFECT_ODDS, Atom
 from ptt.effects import Effect, library
-from ptt.effects.base import linear_size
+from ptt.effects.layout import linear_size
 from ptt.fitting.kept import Kept
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.linear import Place

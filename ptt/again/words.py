@@ -10,7 +10,7 @@ import torch
 
 from ptt.again.figures import TOTAL, Moved
 from ptt.effects import Effect
-from ptt.effects.base import family
+from ptt.effects.layout import family
 from ptt.effects.phrases import Said, capital, compose, figure, listed, sizes_in_words
 from ptt.run.view import View
 

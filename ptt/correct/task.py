@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from ptt.correct.newton import holding
-from ptt.effects.base import shape_of
 from ptt.effects.drive import FollowingError, pace_number
+from ptt.effects.layout import shape_of
 from ptt.effects.memory import Passed, go_on
 from ptt.mechanisms.protocol import Mechanism
 from ptt.model.chain import Shifts

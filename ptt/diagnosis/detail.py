@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.diagnosis.atoms import EFFECT_ODDS, effect_atom, straight_sizes
+from ptt.diagnosis.atoms import EFFECT_ODDS
+from ptt.diagnosis.effect_atoms import effect_atom, straight_sizes
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State

@@ -9,11 +9,11 @@ from ptt.diagnosis.ansatz import Ansatz, Run, Trials
 from ptt.diagnosis.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.found import Found, moved, settled
+from ptt.diagnosis.improve import improve
 from ptt.diagnosis.moments import find_moments, place_moments
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import starting_noise
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import improve
 from ptt.diagnosis.state import State
 from ptt.diagnosis.summed import sum_up
 from ptt.diagnosis.summed_system import SummedSystem

@@ -9,10 +9,12 @@ import torch
 from ptt.diagnosis.atoms import Atom, is_effect, is_sudden
 from ptt.diagnosis.fits import fit_less
 from ptt.diagnosis.found import Found, is_better, moved, scorer_at
+from ptt.diagnosis.improve import HOPEFUL, improve
+from ptt.diagnosis.instead import is_plain, refilled
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import SEEN, TRIED, added, loose, without
+from ptt.diagnosis.plainest import plainest
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import HOPEFUL, improve, is_plain, plainest, refilled
 from ptt.diagnosis.state import State
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS

@@ -16,17 +16,19 @@ from ptt.diagnosis.fits import fit_less
 from ptt.diagnosis.found import Found, carried_by, is_better, moved, says_more, scorer_at, settled
 from ptt.diagnosis.gross import are_exceptions, has_a_place
 from ptt.diagnosis.harmonics import with_harmonics
+from ptt.diagnosis.improve import improve
+from ptt.diagnosis.instead import refilled
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import curves_of, find_period
+from ptt.diagnosis.plainest import is_told, plainest
 from ptt.diagnosis.possible import beyond_machines
 from ptt.diagnosis.rest import SILENT, stated_of
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import improve, is_told, plainest, refilled
 from ptt.diagnosis.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State

@@ -6,6 +6,7 @@ import numpy as np
 
 from ptt.diagnosis.atoms import is_effect, is_sudden
 from ptt.diagnosis.gross import gross_errors, places_of
+from ptt.diagnosis.improve import climb
 from ptt.diagnosis.memories import FAR_BEHIND
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose, remember_instead
@@ -13,7 +14,7 @@ from ptt.diagnosis.noise import stated_noise, visit_left, wanders_beyond
 from ptt.diagnosis.rest import EXCESS
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import best_of, climb, ends_of, remembering
+from ptt.diagnosis.search import best_of, ends_of, remembering
 from ptt.diagnosis.shapes import with_moments
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import holds_unknown

@@ -9,16 +9,16 @@ from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import first_of, present_candidates
+from ptt.diagnosis.improve import LEAST
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import LEAST
 from ptt.diagnosis.shapes import shape_key, with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System, holds_unknown
 from ptt.effects import Library
-from ptt.effects.base import flatten
+from ptt.effects.layout import flatten
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult

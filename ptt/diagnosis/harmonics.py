@@ -4,13 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, effect_atom, odds_of_effect
+from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.effect_atoms import effect_atom, odds_of_effect
+from ptt.diagnosis.improve import HOPEFUL, SLOW_BELOW, climb, improve
+from ptt.diagnosis.instead import FEW
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.periods import FEWEST
+from ptt.diagnosis.plainest import PLAIN, plainest
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import FEW, HOPEFUL, PLAIN, SLOW_BELOW, climb, improve, plainest
 from ptt.diagnosis.shapes import shape_key
 from ptt.diagnosis.spectrum import STEP, WIDE, Along, left_along
 from ptt.diagnosis.state import State

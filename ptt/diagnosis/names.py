@@ -12,11 +12,12 @@ from ptt.diagnosis.first import dated, sift, sift_again
 from ptt.diagnosis.fits import fit_less
 from ptt.diagnosis.found import Found, moved
 from ptt.diagnosis.harmonics import with_harmonics
+from ptt.diagnosis.improve import climb
+from ptt.diagnosis.instead import is_plain
 from ptt.diagnosis.lost import lost_by_one
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
-from ptt.diagnosis.search import climb, is_plain
 from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import Turn, moments_of, unlike
 from ptt.effects import Effect

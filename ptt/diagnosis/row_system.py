@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, atoms_of, atoms_of_blocks, is_sudden, odds_of_block
+from ptt.diagnosis.atoms import Atom, atoms_of_blocks, is_sudden, odds_of_block
 from ptt.diagnosis.blocks import SIZE, Block, unknown_blocks
+from ptt.diagnosis.effect_atoms import atoms_of
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums, as_joined, base_sums
 from ptt.diagnosis.narrow import narrow
 from ptt.diagnosis.poses import Poses, poses_of

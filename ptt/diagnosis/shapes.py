@@ -11,7 +11,7 @@ from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
-from ptt.effects.base import shape_of
+from ptt.effects.layout import shape_of
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem

@@ -11,8 +11,8 @@ from ptt.diagnosis.hidden import held_out, hide, left_of
 from ptt.diagnosis.laws import is_broad
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import added, loose, without
+from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import PLAIN
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import holds_unknown
 

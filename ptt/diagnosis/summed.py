@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from ptt.diagnosis.ansatz import Ansatz, Run, Trials, columns_of
-from ptt.diagnosis.atoms import atoms_of
+from ptt.diagnosis.effect_atoms import atoms_of
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.memory import WHITE, as_sums, base_sums, block_sums, sum_rows
 from ptt.diagnosis.sampled import Held, share_of_rows, spread

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, straight_sizes
+from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.blocks import SIZE, Block
+from ptt.diagnosis.effect_atoms import straight_sizes
 from ptt.diagnosis.memory import WHITE, Hidden, Memory, Sums
 from ptt.diagnosis.wander import Clock, innovations
 from ptt.fitting.linear import Linear

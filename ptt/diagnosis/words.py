@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 
 from ptt.diagnosis.at_tool import at_tool_um
-from ptt.effects.base import family
+from ptt.effects.layout import family
 from ptt.effects.phrases import Said, capital, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
 from ptt.fitting.gauge import Told, sparsest

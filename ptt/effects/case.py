@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, flatten, sizes
+from ptt.effects.base import Effect
 from ptt.effects.bench import sample_view
+from ptt.effects.layout import flatten, sizes
 from ptt.run.view import View
 
 Differentiate = Callable[[Effect, Tensor, View], tuple[Tensor, Tensor]]

@@ -9,9 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, flatten, linear_size, sizes
+from ptt.effects.base import Effect
 from ptt.effects.bench import bare, take
 from ptt.effects.case import Case, Differentiate, make_case
+from ptt.effects.layout import flatten, linear_size, sizes
 from ptt.effects.phrases import compose
 from ptt.mechanisms.derivatives import by_input
 from ptt.run.view import PER_ROW

@@ -7,8 +7,9 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage, per_joint
+from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
+from ptt.effects.layout import per_joint
 from ptt.effects.phrases import Phrase, Said, said
 from ptt.run.view import View
 

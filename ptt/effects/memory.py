@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from ptt.effects.base import family
+from ptt.effects.layout import family
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.turns import REACH, REACH_RAD, Entry, remember
 from ptt.run.view import View

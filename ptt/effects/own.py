@@ -14,8 +14,9 @@ from typing import Any
 
 import torch
 
-from ptt.effects.base import STAGES, Effect, flatten, linear_size
+from ptt.effects.base import STAGES, Effect
 from ptt.effects.bench import sample_view
+from ptt.effects.layout import flatten, linear_size
 from ptt.effects.parameter import Parameter
 from ptt.errors import InputError, shown
 from ptt.files import read_bytes

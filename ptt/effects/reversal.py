@@ -8,9 +8,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage, family, per_joint
+from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
 from ptt.effects.constants import finer
+from ptt.effects.layout import family, per_joint
 from ptt.effects.memory import gradual_reversal, keep_reversals, play, play_slope
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.serial import Serial

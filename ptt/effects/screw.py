@@ -8,9 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect, Parameter, Stage, family, per_joint
+from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
+from ptt.effects.layout import family, per_joint
 from ptt.effects.phrases import Phrase, Said, figure, said
 from ptt.effects.shapes import SHAPES, WAVES, smooth_shapes, straight_shapes, wave_shapes
 from ptt.mechanisms.serial import Serial

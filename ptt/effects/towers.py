@@ -7,7 +7,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Parameter, shape_of
+from ptt.effects.base import Parameter
 from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.geometry import (
@@ -19,6 +19,7 @@ from ptt.effects.geometry import (
     horizontal_axes,
     machine,
 )
+from ptt.effects.layout import shape_of
 from ptt.effects.phrases import Phrase, Said
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
 from ptt.run.view import View

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ptt.effects.base import Effect, Parameter, sizes
+from ptt.effects.base import Effect, Parameter
+from ptt.effects.layout import sizes
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.result import FitResult

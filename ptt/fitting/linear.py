@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.base import linear_size, usual_values
+from ptt.effects.layout import linear_size, usual_values
 from ptt.effects.sudden import ALWAYS, Sudden, run_clock
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.sums import Sums, accumulate

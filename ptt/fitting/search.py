@@ -8,7 +8,7 @@ import torch
 from scipy.linalg import solve_triangular
 
 from ptt.effects import Effect
-from ptt.effects.base import flatten
+from ptt.effects.layout import flatten
 from ptt.fitting.factor import factor_of
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Linear, Shape, assemble, tried_sizes

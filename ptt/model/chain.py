@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.base import linear_size, shape_of, weigh
+from ptt.effects.layout import linear_size, shape_of, weigh
 from ptt.mechanisms.derivatives import by_input, by_parameters
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View

@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect, Library, Parameter, library
-from ptt.effects.base import sizes, total_size
 from ptt.effects.dated import is_dated
+from ptt.effects.layout import sizes, total_size
 from ptt.effects.registry import make_effect
 from ptt.errors import ModelError, shown
 from ptt.machine import MachineFile

@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.base import STAGES, flatten, total_size
+from ptt.effects.base import STAGES
+from ptt.effects.layout import flatten, total_size
 from ptt.effects.registry import parse_key
 from ptt.errors import ModelError
 from ptt.machine import MachineFile

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from ptt.effects import Library
-from ptt.effects.base import linear_size, usual_values
+from ptt.effects.layout import linear_size, usual_values
 from ptt.errors import InputError
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.model.model import Model

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect, Library
-from ptt.effects.base import usual_values
+from ptt.effects.layout import usual_values
 from ptt.effects.metrology import TrackerFrame, rigid_basis
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.result import PRIOR_SHARE

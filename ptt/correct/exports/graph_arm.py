@@ -12,7 +12,7 @@ import numpy as np
 from ptt.correct.exports.graph import Graph, Node
 from ptt.correct.exports.graph_vectors import FLAT, Vector, along_by, by, cross, dot, less, plus, turned
 from ptt.effects import Effect
-from ptt.effects.base import sizes
+from ptt.effects.layout import sizes
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.statics import GRAVITY, gravity_of

@@ -9,7 +9,7 @@ import numpy as np
 from ptt.correct.exports.graph import Node
 from ptt.correct.exports.graph_legs import Place, Vector, cross, dot, meet
 from ptt.effects import Effect
-from ptt.effects.base import sizes
+from ptt.effects.layout import sizes
 from ptt.effects.shapes import SHAPES, WAVES, curve_pieces, wavy_pieces
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.base import shape_of, sizes
+from ptt.effects.layout import shape_of, sizes
 from ptt.effects.parameter import Parameter
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import LONG

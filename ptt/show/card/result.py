@@ -9,8 +9,8 @@ from ptt.diagnosis.diagnosis import Diagnosis
 from ptt.diagnosis.explanation import Candidate
 from ptt.diagnosis.verdict_words import acting
 from ptt.diagnosis.words import doubt_in_words, headline, remedy, sentence
-from ptt.effects.base import family
 from ptt.effects.cards import card_of
+from ptt.effects.layout import family
 from ptt.effects.phrases import Said, capital, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
 from ptt.record import Record

@@ -7,11 +7,11 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.base import family
 from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.card import TELLING, Card
 from ptt.effects.case import usual_theta
 from ptt.effects.geometry import machine, pull
+from ptt.effects.layout import family
 from ptt.model.chain import predict
 from ptt.run.table import make_table
 from ptt.run.view import View

@@ -12,8 +12,8 @@ import torch
 from ptt.correct.exports.c.numbers import table
 from ptt.correct.terms import split_terms
 from ptt.effects import Effect
-from ptt.effects.base import sizes
 from ptt.effects.joint_error_map import FAST, SLOW
+from ptt.effects.layout import sizes
 from ptt.effects.reversal import gap_of
 from ptt.effects.shapes import FINE, KNOTS, SHAPES, curve_pieces, wavy_pieces
 from ptt.machine import MachineFile

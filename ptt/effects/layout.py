@@ -1,0 +1,119 @@
+"""How the values of an effect lie in one flat vector, and how columns of a basis lie beside each other."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from ptt.mechanisms.serial import Serial
+from ptt.run.view import View
+
+if TYPE_CHECKING:
+    from ptt.effects.base import Effect
+
+
+def family(view: View) -> str:
+    """Mechanism family of a view: 'three-ptt' or 'serial'."""
+    return "serial" if isinstance(view.mechanism, Serial) else "three-ptt"
+
+
+def sizes(effect: "Effect", joints: int) -> tuple[int, ...]:
+    """Number of values of each parameter of an effect on k joints."""
+    return tuple(parameter.size(joints) for parameter in effect.parameters)
+
+
+def weigh(basis: Tensor, amounts: Tensor) -> Tensor:
+    """Sum of the columns of a basis, each times its amount; a basis that is the same for all rows is summed once.
+
+    Args:
+        basis: (n, out, P).
+        amounts: (P,).
+
+    Returns:
+        (n, out).
+    """
+    if basis.stride(0) == 0 and len(basis):
+        return (basis[0] @ amounts).expand(len(basis), -1)
+    return basis @ amounts
+
+
+def linear_size(effect: "Effect", joints: int) -> int:
+    """Number of linear values of an effect on k joints."""
+    return sum(parameter.size(joints) for parameter in effect.parameters if parameter.role == "linear")
+
+
+def total_size(effect: "Effect", joints: int) -> int:
+    """Number of all values of an effect on k joints."""
+    return sum(sizes(effect, joints))
+
+
+def shape_of(effect: "Effect", theta: Tensor, joints: int) -> dict[str, Tensor]:
+    """Cut the searched and given parameters out of the flat vector.
+
+    Args:
+        effect: the effect.
+        theta: all its parameters, flat.
+        joints: k.
+
+    Returns:
+        Stem -> values, (size,).
+    """
+    parts = torch.split(theta, list(sizes(effect, joints)))
+    return {p.stem: part for p, part in zip(effect.parameters, parts, strict=True) if p.role != "linear"}
+
+
+def usual_values(effect: "Effect", view: View) -> Tensor:
+    """Usual size of each value of an effect on a machine.
+
+    Args:
+        effect: the effect.
+        view: of the machine.
+
+    Returns:
+        (P,) of all parameters in declared order, in their units.
+    """
+    kind, joints = family(view), view.joints
+    parts = [torch.full((p.size(joints),), p.on(kind).usual, dtype=torch.float64) for p in effect.parameters]
+    usual = torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+    beside = effect.proportions(view.mechanism)
+    return usual if beside is None else usual * beside
+
+
+def flatten(effect: "Effect", shape: Mapping[str, Tensor], joints: int) -> Tensor:
+    """Zero amplitudes with the given shape: the point at which an effect is screened.
+
+    Args:
+        effect: the effect.
+        shape: stem -> values of the searched and given parameters.
+        joints: k.
+
+    Returns:
+        Flat theta.
+    """
+    parts = [
+        torch.zeros(parameter.size(joints), dtype=torch.float64)
+        if parameter.role == "linear"
+        else torch.as_tensor(shape[parameter.stem], dtype=torch.float64).reshape(-1).expand(parameter.size(joints))
+        for parameter in effect.parameters
+    ]
+    return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
+
+
+def per_joint(*columns: Tensor) -> Tensor:
+    """Basis of parameters that each act on their own joint.
+
+    Args:
+        columns: one (n, k) or (n, k, c) tensor per parameter, the shift of joint i per unit of its own value.
+
+    Returns:
+        (n, k, P), the parameters side by side.
+    """
+    blocks = []
+    for column in columns:
+        values = column.unsqueeze(-1) if column.dim() == 2 else column  # shape: (n, k, c)
+        n, k, c = values.shape
+        own = values.new_zeros(n, k, k, c)
+        own.diagonal(dim1=1, dim2=2).copy_(values.transpose(1, 2))
+        blocks.append(own.reshape(n, k, k * c))
+    return torch.cat(blocks, dim=-1)
