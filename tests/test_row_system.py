@@ -1,5 +1,6 @@
 """What is worked out once is not again: sums that are there, what hidden rows say, steps that lead nowhere."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 
 from ptt.diagnosis import hidden as hidden_module
 from ptt.diagnosis import memories
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.atoms import BLOCK_ODDS, MEMORY_ODDS, Atom
 from ptt.diagnosis.blocks import Block, Place
 from ptt.diagnosis.hidden import held_out, hide
+from ptt.diagnosis.memories import prior_of
 from ptt.diagnosis.memory import WHITE, Memory, entries
 from ptt.diagnosis.row_sums import SumsOfRows
 from ptt.diagnosis.row_system import RowSystem
@@ -48,23 +50,22 @@ def test_combinations_of_columns_have_the_sums_of_their_rows_whatever_is_known_b
         system.sums(MEMORIES[1])  # with the means of poses, and white sums
     of = system.among(chosen, ways)
     for memory in MEMORIES:
-        white, values, log_noise = system_of()._white(chosen, memory)
-        sums = of(memory)
-        np.testing.assert_allclose(sums.gram, ways.T @ white @ white.T @ ways, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(sums.side, ways.T @ white @ values, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose((sums.square, sums.log_noise), (values @ values, log_noise), rtol=1e-10)
+        anew, sums = system_of().sums_of(chosen, memory), of(memory)
+        np.testing.assert_allclose(sums.gram, ways.T @ anew.gram @ ways, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(sums.side, ways.T @ anew.side, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose((sums.square, sums.log_noise), (anew.square, anew.log_noise), rtol=1e-10)
 
 
 def test_sums_beside_errors_of_poses_stay_when_columns_come() -> None:
     system, more = system_of(), np.random.default_rng(5).normal(size=(ROWS, 3, 2))
     some, every = np.array([0, 5, 7]), np.arange(WIDTH + 2)
-    for memory in MEMORIES[:3]:
+    for memory in MEMORIES:
         system.sums(memory).across(some, np.arange(WIDTH))
     wider = system.widened({"d": _atom("d", np.array([WIDTH, WIDTH + 1]))}, more, np.ones(2))
-    assert set(wider._sums) == set(MEMORIES[:3])
+    assert set(wider._sums) == {*MEMORIES, Memory(MEMORIES[3].wander)}  # on which those of both rest
     assert np.array_equal(np.flatnonzero(wider._sums[MEMORIES[1]].there), some)
     anew = system_of().widened({}, more, np.ones(2))
-    for memory in MEMORIES[:3]:
+    for memory in MEMORIES:
         mine, theirs = wider.sums(memory), anew.sums(memory)
         for chosen in (some, np.array([WIDTH + 1, 2, 5])):
             np.testing.assert_allclose(mine.across(chosen, every), theirs.across(chosen, every), rtol=1e-9, atol=1e-9)
@@ -130,12 +131,32 @@ def _left_out(keys: tuple[str, ...], block: int) -> float:
     return float(np.square(system.values[here] - system.columns[here][:, :, state.columns] @ values).sum())
 
 
-def test_no_step_is_taken_from_a_wander_that_lies_far_behind_errors_of_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+def _both(one_memory: bool) -> Scorer:
+    """Readings of few poses, each with an error to itself, of a tracker that wanders."""
     random, pose = np.random.default_rng(9), np.arange(300) % POSES
     slow = 0.3 * np.cumsum(random.normal(size=(300, 3)), axis=0)
-    scorer = Scorer(system_of(random.normal(size=(300, 3)) + slow + 30.0 * random.normal(size=(POSES, 3))[pose]))
+    system = system_of(random.normal(size=(300, 3)) + slow + 30.0 * random.normal(size=(POSES, 3))[pose])
+    return Scorer(replace(system, one_memory=one_memory))
+
+
+def test_a_wander_is_told_beside_errors_of_poses() -> None:
+    scorer = _both(one_memory=False)
+    found, _ = scorer.best_memory(scorer.score((), WHITE))
+    assert found.wander is not None and found.wander.constant > 20.0 and found.pose > 100.0
+    totals = [scorer.score((), memory).total for memory in (found, replace(found, pose=0.0), Memory(None, found.pose))]
+    assert totals[0] > max(totals[1:]) + 100.0
+
+
+def test_no_step_is_taken_from_a_wander_that_lies_far_behind_errors_of_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    scorer = _both(one_memory=True)
     monkeypatch.setattr(memories, "_uphill", None)
     found, _ = scorer.best_memory(scorer.score((), WHITE))
-    assert found.pose  # beside which a wander is told, but explains next to nothing of the poses
+    assert found.pose and found.wander is None
     memory, _ = scorer.best_memory(scorer.score((), found))
     assert memory == found
+
+
+def test_errors_of_poses_cost_what_an_unknown_costs_unless_they_are_of_visits() -> None:
+    system = system_of()
+    assert prior_of(Memory(None, 1.0), system) == -BLOCK_ODDS
+    assert prior_of(Memory(None, 1.0), replace(system, by_visit=True)) == -MEMORY_ODDS

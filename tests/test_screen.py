@@ -17,7 +17,7 @@ from ptt.diagnosis.memories import prior_of
 from ptt.diagnosis.memory import WHITE, Memory, Sums
 from ptt.diagnosis.periods import _spectrum
 from ptt.diagnosis.poses import poses_of
-from ptt.diagnosis.row_sums import SumsOfRows, sums_of_poses, sums_of_rows, white_rows
+from ptt.diagnosis.row_sums import FewSums, SumsOfRows, sums_of_poses, sums_of_rows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import BROAD, Basis, Screen
@@ -102,15 +102,23 @@ def test_an_effect_of_one_joint_of_seven_adds_no_less_than_that_joint_alone(busy
 
 @pytest.mark.parametrize("registered", [False, True])
 @pytest.mark.parametrize("width", [1, MANY])
-@pytest.mark.parametrize(
-    "memory", [WHITE, Memory(None, 3.0), Memory(Wander(2.0, 6.0)), Memory(Wander(2.0, 6.0, (9.0, 0.4, 1.0)))]
-)
-def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, width: int, registered: bool) -> None:
-    random = np.random.default_rng(6)
+@pytest.mark.parametrize("wander", [None, Wander(2.0, 6.0), Wander(2.0, 6.0, (9.0, 0.4, 1.0))])
+@pytest.mark.parametrize("size", [0.0, 3.0, 200.0])
+def test_sums_have_the_density_of_the_whole_covariance(
+    size: float, wander: Wander | None, width: int, registered: bool
+) -> None:
+    """Of a wander, of errors of poses and of both at once, read off the sums of the last of some columns."""
+    random, memory = np.random.default_rng(6), Memory(wander, size)
     pose, time = np.array([0, 0, 1, 2, 2, 2, 3, 0]), np.array([0.0, 1.0, 3.0, 4.0, 9.0, 10.0, 0.0, 2.0])
     starts = np.isin(np.arange(8), [0, 6])
     values = random.normal(size=(8, 3, width))
-    white, log_noise = white_rows(values.T, memory, Clock(time, starts, registered), poses_of(pose))
+    clock = Clock(time, starts, registered)
+    found = FewSums(lambda: values.T, np.zeros((1, 1)), clock, poses_of(pose)).of(memory)
+    columns = np.zeros((8, 3, 0))
+    rows = RowSystem(
+        np.arange(8), np.zeros(0, int), {}, clock, Noise(np.eye(3), "first guess"), 0.0, np.ones(0), columns,
+        values[:, :, -1], pose, pose, {}, SimpleNamespace(), np.zeros((0, 3, 0)), np.zeros((0, 3)),
+    )  # fmt: skip
     lasted = np.repeat([10.0, 2.0], [6, 2])  # s, each run, both from zero on
     run, density = np.cumsum(starts), 0.0
     for axis, column in enumerate(values[:, :, -1].T):
@@ -122,8 +130,10 @@ def test_white_rows_have_the_density_of_the_whole_covariance(memory: Memory, wid
                 apart -= np.exp(-2.0 * lasted / memory.wander.constant) * kept
             covariance += memory.wander.share * memory.wander.axes[axis] * apart * (run[:, None] == run)
         density += multivariate_normal(cov=covariance).logpdf(column)
-    mine = -0.5 * np.square(white[-1]).sum() - log_noise - 12.0 * np.log(2.0 * np.pi)
-    np.testing.assert_allclose(mine, density, rtol=1e-10)
+    none = np.zeros(0, dtype=int)
+    for sums in (found, rows.sums_of(none, memory), rows.sums(memory), rows.sums_of(none, memory)):
+        mine = -0.5 * sums.square - sums.log_noise - 12.0 * np.log(2.0 * np.pi)
+        np.testing.assert_allclose(mine, density, rtol=1e-10)
 
 
 def test_wanders_are_told_apart_as_their_whole_covariances_do() -> None:
@@ -282,7 +292,9 @@ def test_where_a_frame_stands_is_no_news_of_the_scatter() -> None:
         left = out.T @ values.ravel()
         covariance = out.T @ np.kron(np.eye(rows) + wander, np.eye(3)) @ out
         square = left @ np.linalg.solve(covariance, left)
-        return float(-0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * len(left) * np.log(square)) + prior_of(memory)
+        return float(-0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * len(left) * np.log(square)) + prior_of(
+            memory, system
+        )
 
     scorer = Scorer(system)
     for wander in (Wander(60.0, 4.0), Wander(0.5, 10.0)):

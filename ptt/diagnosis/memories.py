@@ -1,4 +1,4 @@
-"""Which memory of the noise suits a set of atoms: a wander of the tracker, errors that belong to a pose, or none."""
+"""Which memory of the noise suits a set of atoms: a wander of the tracker, errors that belong to a pose, or both."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import lapack
 
-from ptt.diagnosis.atoms import MEMORY_ODDS
+from ptt.diagnosis.atoms import BLOCK_ODDS, MEMORY_ODDS
 from ptt.diagnosis.memory import WHITE, Memory, Sums
+from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.state import State
 from ptt.diagnosis.system import System
 from ptt.diagnosis.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
@@ -18,6 +19,8 @@ REPEATED = 30  # visits beyond the first from which errors of a pose can be told
 UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
 STRONG = 1e5  # deviations that a column may well make: more widens no evidence, and rounding would drown weak ones
 AT_REST = int(np.searchsorted(SHARES, 1.0)) - 1  # number of the share that a wander may have without a run showing it
+NEAR = 4.0  # times a size of the errors of poses: a wander beside them leaves them the next size up or down at most
+UNLIKELY = 20.0  # nats behind another kind of wander, on every other place of the grid: steps bring a few
 FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
 Value = Callable[[Memory], float]
 
@@ -65,7 +68,7 @@ def best_memory(system: System, state: State) -> tuple[Memory, float]:
     def value(memory: Memory) -> float:
         if memory not in seen:
             sums = among(memory)
-            seen[memory] = _evidence(sums, system) - sums.log_noise + prior_of(memory)
+            seen[memory] = _evidence(sums, system) - sums.log_noise + prior_of(memory, system)
         return seen[memory]
 
     tried = _neighbours(system, state, value) if system.memories is None else system.memories
@@ -73,10 +76,11 @@ def best_memory(system: System, state: State) -> tuple[Memory, float]:
     return best, value(best) - value(state.memory)
 
 
-def prior_of(memory: Memory) -> float:
-    """Log prior odds of a memory of the noise."""
+def prior_of(memory: Memory, system: System) -> float:
+    """Log prior odds of a memory of the noise; errors that come back with their pose are as much as any unknown."""
     wander = 0.0 if memory.wander is None else memory.wander.log_prior - MEMORY_ODDS
-    return wander - (MEMORY_ODDS if memory.pose else 0.0)
+    poses = BLOCK_ODDS if system.errs_by_pose(memory) else MEMORY_ODDS
+    return wander - (poses if memory.pose else 0.0)
 
 
 def _ways(system: System, state: State) -> np.ndarray:
@@ -97,26 +101,53 @@ def _evidence(sums: Sums, system: System) -> float:
 
 
 def _neighbours(system: System, state: State, value: Value) -> list[Memory]:
-    """All errors of poses without a wander, and the best wander of each kind that is not far behind what there is."""
+    """Errors of poses of all sizes without a wander, and the best wander of each kind, alone and beside these.
+
+    A wander is not looked for where errors of poses alone are far ahead of it, which then hide what it does; unless it
+    may lie beside them.
+    """
     found = [state.memory]
     if system.repeats >= REPEATED:  # first: they cost little, and may leave nothing to a wander
         found += [Memory(None, float(size)) for size in POSES]
-    if len(system.clock.constants):
-        left = system.left(state.columns, state.posterior.values)
-        spots = [_rough_spot(system, left, axes) for axes in kinds_of_wander(system.noise)]
-        for spot, _ in sorted(spots, key=lambda item: -item[1]):
-            if value(spot.memory) >= max(map(value, found)) - FAR_BEHIND:
-                found.append(_best_beside(spot, value))
+    if not len(system.clock.constants):
+        return found
+    left, poses = system.left(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
+    if poses.pose and isinstance(system, RowSystem) and not system.one_memory:
+        return found + _beside_poses(system, left, poses, value)
+    for spot in _rough_spots(system, left):
+        if value(spot.memory) >= max(map(value, found)) - FAR_BEHIND:
+            found.append(_best_beside(spot, value).memory)
     return found
 
 
-def _best_beside(spot: Spot, value: Value) -> Memory:
+def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Value) -> list[Memory]:
+    """The best wander of each kind beside errors of poses, and these as large as they may be then, or none of them."""
+
+    def beside(memory: Memory) -> float:
+        return value(replace(memory, pose=poses.pose))
+
+    sizes = [float(size) for size in POSES if 1.0 / NEAR < size / poses.pose < NEAR]
+    spots = _rough_spots(system, left - system.poses.shrunk(left.T, poses.pose).T)
+    both = [_best_beside(spot, beside) for spot in spots]
+    alone = [_best_beside(spot, value).memory for spot in both]
+    return alone + [replace(spot.memory, pose=size) for spot in both for size in sizes]
+
+
+def _rough_spots(system: System, left: np.ndarray) -> list[Spot]:
+    """Where on the grid the wander of a residual lies, by its kinds, the likelier first; no kind that is far behind."""
+    spots = sorted(
+        (_rough_spot(system, left, axes) for axes in kinds_of_wander(system.noise)), key=lambda item: -item[1]
+    )
+    return [spot for spot, likely in spots if likely > spots[0][1] - UNLIKELY]
+
+
+def _best_beside(spot: Spot, value: Value) -> Spot:
     """The best wander of a kind by coordinate steps over the grid."""
     for _ in range(3):
         before, spot = spot, _uphill(_uphill(spot, 1, 0, value), 0, 1, value)
         if spot is before:
             break
-    return spot.memory
+    return spot
 
 
 def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> tuple[Spot, float]:

@@ -12,7 +12,7 @@ from ptt.run.noise import Noise
 
 @dataclass(frozen=True)
 class Memory:
-    """What makes readings alike beside the model: the tracker's wander, or errors that belong to a pose.
+    """What makes readings alike beside the model: the tracker's wander, and errors that belong to a pose.
 
     Attributes:
         wander: None for none.
@@ -143,7 +143,7 @@ def sum_rows(joined: np.ndarray, memory: Memory, clock: Clock, pose: np.ndarray)
 
     Args:
         joined: columns, and the readings as the last, (m, 3, P + 1) whitened.
-        memory: of the noise.
+        memory: of the noise, a wander or errors of poses.
         clock: of the rows.
         pose: (m,) int, equal for visits of one pose.
 

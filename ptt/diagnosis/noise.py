@@ -54,7 +54,7 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
 
 
 def noise_left(system: System, state: State) -> Noise:
-    """What a set of atoms leaves, by coordinates.
+    """What a set of atoms leaves, by coordinates, less errors that come back with their pose: these are no noise.
 
     Args:
         system: the linearised problem.
@@ -63,7 +63,13 @@ def noise_left(system: System, state: State) -> Noise:
     Returns:
         The noise; its degrees of freedom are those that the atoms do not use up.
     """
-    return _noise_of(system.innovation(state.columns, state.posterior.values, state.memory), system, state)
+    left = _noise_of(system.innovation(state.columns, state.posterior.values, state.memory), system, state)
+    return _by_visit(left, state) if system.errs_by_pose(state.memory) else left
+
+
+def _by_visit(left: Noise, state: State) -> Noise:
+    """What one visit scatters by, of what visits of a pose scatter by together with the errors that they share."""
+    return replace(left, covariance=left.covariance / (1.0 + state.memory.pose))
 
 
 def _noise_of(left: np.ndarray, system: System, state: State) -> Noise:
@@ -89,7 +95,7 @@ def visit_left(system: System, state: State) -> Noise:
     wander, left = state.memory.wander, noise_left(system, state)
     if wander is not None and not system.clock.is_slow(wander):
         left = _noise_of(system.left(state.columns, state.posterior.values), system, state)
-    return replace(left, covariance=left.covariance / (1.0 + state.memory.pose)) if system.by_visit else left
+    return _by_visit(left, state) if system.by_visit else left
 
 
 def wanders_beyond(system: System, state: State) -> bool:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ptt.diagnosis.memory import Hidden, Memory, PoseParts, Sums, as_sums, entries, of_poses, run_of
-from ptt.diagnosis.poses import Poses
+from ptt.diagnosis.poses import Poses, PosesBeside
 from ptt.diagnosis.wander import Clock, filtered
 
 PLENTY = 4  # rows for each column from which the sums of all columns are worked out at once
@@ -146,7 +146,7 @@ def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all
     return SumsOfRows(room, side, square, log_noise, white=white, there=there)
 
 
-def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: Poses, size: float) -> Sums:
+def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: Poses | PosesBeside, size: float) -> Sums:
     """Normal sums where each pose has an error to itself.
 
     Args:
@@ -160,7 +160,7 @@ def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: Pos
     width = len(means)
     square = plain.square - float(values @ (share * values))
     return SumsOfPoses(
-        np.empty((width, width)), plain.side - means @ (share * values), square, log_noise,
+        np.empty((width, width)), plain.side - means @ (share * values), square, plain.log_noise + log_noise,
         there=np.zeros(width, dtype=bool), plain=plain, means=means, share=share,
     )  # fmt: skip
 
@@ -192,8 +192,13 @@ class FewSums:
         if memory.wander is None:
             taken, log_noise = of_poses(self._parts, memory)
             return as_sums(self._white - taken, log_noise)
-        white, log_noise = white_rows(self._joined, memory, self.clock, self.poses)
-        return as_sums(_gram(white) + self.base, log_noise)
+        white, log_noise = filtered(self._joined, memory.wander, self.clock)
+        gram = _gram(white) + self.base
+        if memory.pose:
+            poses = self.poses.beside(memory.wander, self.clock)
+            means, (share, more) = flattened(poses.means(white)), poses.share(memory.pose)
+            gram, log_noise = gram - (means * share) @ means.T, log_noise + more
+        return as_sums(gram, log_noise)
 
     @cached_property
     def _joined(self) -> np.ndarray:
@@ -245,26 +250,3 @@ def flattened(rows: np.ndarray) -> np.ndarray:
 def _gram(rows: np.ndarray) -> np.ndarray:
     flat = flattened(rows)
     return np.asarray(flat @ flat.T)
-
-
-def white_rows(rows: np.ndarray, memory: Memory, clock: Clock, poses: Poses) -> tuple[np.ndarray, float]:
-    """Rows as they are white under a memory of the noise.
-
-    The covariance I + v 1 1^T of k visits of a pose has the inverse root I - c 1 1^T with c = (1 - 1/sqrt(1 + k v))/k.
-
-    Args:
-        rows: (.., m) in noise units.
-        memory: of the noise.
-        clock: of the rows.
-        poses: of the rows.
-
-    Returns:
-        The same shape, and half the log-determinant of the noise's covariance.
-    """
-    white, log_noise = filtered(rows, memory.wander, clock)
-    if not memory.pose:
-        return white, log_noise
-    times, less = memory.pose * poses.visits, np.empty_like(white)
-    total = poses.means(white) * (1.0 - 1.0 / np.sqrt(1.0 + times)) / np.sqrt(poses.visits)
-    less[..., poses.order] = np.repeat(total, poses.visits, axis=-1)
-    return white - less, log_noise + 1.5 * float(np.log1p(times).sum())

@@ -20,10 +20,10 @@ from ptt.diagnosis.row_sums import (
     hide_rows,
     sums_of_poses,
     sums_of_rows,
-    white_rows,
 )
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.system import System, clock_of, straightened, whitened
+from ptt.diagnosis.wander import Wander, filtered
 from ptt.effects import Effect
 from ptt.effects.sudden import ALWAYS
 from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
@@ -50,6 +50,7 @@ class RowSystem(System):
         base_columns: of the base reflectors, (b, 3, P) in units of their own noise.
         base_values: (b, 3).
         asked_little: so that sums of all its columns do not pay, however many rows there are.
+        one_memory: a wander and errors of poses are not asked for at once: the sums of chunks know one of them.
     """
 
     columns: np.ndarray
@@ -61,6 +62,7 @@ class RowSystem(System):
     base_columns: np.ndarray
     base_values: np.ndarray
     asked_little: bool = False
+    one_memory: bool = False
     _sums: dict[Memory, Sums] = field(default_factory=dict)
 
     @property
@@ -98,21 +100,34 @@ class RowSystem(System):
         self.__dict__.pop("_means", None)
 
     def _sums_of_all(self, memory: Memory) -> Sums:
-        if memory.pose and memory.wander is None:
-            values = self.poses.means(self.values.T).ravel()
-            return sums_of_poses(self.sums(WHITE), self._means, values, self.poses, memory.pose)
-        return sums_of_rows(*self._white(None, memory), all_of_them=not self.asked_little)
+        if memory.pose:
+            means = self._means if memory.wander is None else self._means_of(self.flat, memory.wander)
+            return self._beside_poses(self.sums(Memory(memory.wander)), means, memory)
+        return sums_of_rows(*self._white(None, memory.wander), all_of_them=not self.asked_little)
+
+    def _beside_poses(self, plain: Sums, means: np.ndarray, memory: Memory) -> Sums:
+        """Sums where poses have errors to themselves, from those without and the means of their columns."""
+        values = self._means_of(self.values.T[None], memory.wander)[0]
+        return sums_of_poses(plain, means, values, self.poses.beside(memory.wander, self.clock), memory.pose)
+
+    def _means_of(self, rows: np.ndarray, wander: Wander | None) -> np.ndarray:
+        """Means of the poses of columns (p, 3, m), or what stands for them beside a wander, (p, 3 poses)."""
+        return flattened(self.poses.beside(wander, self.clock).means(filtered(rows, wander, self.clock)[0]))
 
     @cached_property
     def _means(self) -> np.ndarray:
-        return flattened(self.poses.means(self.flat))
+        return self._means_of(self.flat, None)
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
         """Normal sums of chosen columns, from those of all where they are there."""
         if memory in self._sums:
             return super().sums_of(chosen, memory)
-        white, values, log_noise = self._white(chosen, memory)
-        return Sums(white @ white.T, white @ values, float(values @ values), log_noise)
+        white, values, log_noise = self._white(chosen, memory.wander)
+        sums = Sums(white @ white.T, white @ values, float(values @ values), log_noise)
+        if not memory.pose:
+            return sums
+        means = self._means_of(self.flat[chosen], memory.wander)
+        return self._beside_poses(sums, means, memory).of(np.arange(len(chosen)))
 
     def gram_after(self, chosen: np.ndarray) -> np.ndarray:
         """As of every system; what is sudden acts on each row."""
@@ -182,12 +197,12 @@ class RowSystem(System):
             wider.__dict__["_means"] = np.concatenate([self._means, flattened(self.poses.means(more))])
         for memory, sums in sorted(self._sums.items(), key=lambda item: item[0].pose > 0.0):  # those rest on the others
             if isinstance(sums, SumsOfRows):
-                white, values, _ = wider._white(np.arange(len(self.flat), len(flat)), memory)
+                white, values, _ = wider._white(np.arange(len(self.flat), len(flat)), memory.wander)
                 wider._sums[memory] = sums.widened(white, values)
             elif isinstance(sums, SumsOfPoses):
-                wider._sums[memory] = sums.widened(
-                    wider.sums(WHITE), wider._means, self.poses.means(self.values.T).ravel()
-                )
+                means = np.concatenate([sums.means, wider._means_of(more, memory.wander)])
+                values = self._means_of(self.values.T[None], memory.wander)[0]
+                wider._sums[memory] = sums.widened(wider.sums(Memory(memory.wander)), means, values)
         return wider
 
     def only(self, keys: Sequence[str]) -> "RowSystem":
@@ -202,16 +217,16 @@ class RowSystem(System):
             scale=self.scale[chosen], base_columns=self.base_columns[:, :, chosen], asked_little=True, _sums={},
         )  # fmt: skip
 
-    def _white(self, chosen: np.ndarray | None, memory: Memory) -> tuple[np.ndarray, np.ndarray, float]:
-        """Columns and readings that are white under a memory, base reflectors behind them, (p, r) and (r,).
+    def _white(self, chosen: np.ndarray | None, wander: Wander | None) -> tuple[np.ndarray, np.ndarray, float]:
+        """Columns and readings that are white beside a wander, base reflectors behind them, (p, r) and (r,).
 
         Args:
             chosen: (p,) indices; None for all.
-            memory: of the noise.
+            wander: of the tracker.
         """
         index = slice(None) if chosen is None else chosen
-        white, log_noise = white_rows(self.flat[index], memory, self.clock, self.poses)
-        values, _ = white_rows(self.values.T, memory, self.clock, self.poses)
+        white, log_noise = filtered(self.flat[index], wander, self.clock)
+        values, _ = filtered(self.values.T, wander, self.clock)
         flat = flattened(white)
         if not len(self.base_values):
             return flat, values.ravel(), log_noise
@@ -265,7 +280,8 @@ def build_system(
         np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
         few.scale(scale), few.columns(columns), linear.values[rows], sharing[rows],
         travel_blocks(problem.table, blocks_beside(problem.frames))[rows], _levers(linear, noise, rows), linear.at,
-        few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values, by_visit=by_visit,
+        few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
+        one_memory=span is not None, by_visit=by_visit,
     )  # fmt: skip
 
 

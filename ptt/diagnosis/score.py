@@ -115,7 +115,7 @@ class Scorer:
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         sums = system.sums_of(columns, memory)
         odds = sum(atom.odds for atom in atoms if atom.key not in self.given)
-        beside = prior_of(memory) - odds - sums.log_noise
+        beside = prior_of(memory, system) - odds - sums.log_noise
         posterior = self._learned(atoms, sums, system.spare, begin, least - beside)
         gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner)
         if posterior.ended and posterior.total + gained > least - beside:
