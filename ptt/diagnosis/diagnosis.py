@@ -35,7 +35,7 @@ class Diagnosis:
         rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
-        opening: rows not looked at, at which nobody knows from which side the machine came, (n,) bool.
+        opening: rows not looked at: nobody knows from which side the machine came or where a pin lies, (n,) bool.
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.

@@ -42,7 +42,7 @@ from ptt.diagnosis.turn import (
     unlike,
 )
 from ptt.effects import Effect, Library
-from ptt.fitting.opening import remembering_rows, without_opening
+from ptt.fitting.opening import untold_rows, without_opening
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -219,7 +219,7 @@ def _turned(
     moments, periods = best_moments(scorer, state, loose(scorer, state), candidates), turn.periods
     carried = carried_by(state, system, problem)
     current = moved(found, asked.model, problem)
-    opening = turn.opening | remembering_rows(current.terms, problem, noise)
+    opening = turn.opening | untold_rows(current.terms, problem, noise)
     system.forget()
     return found, replace(
         following, model=current, noise=noise, carried=carried, held=blocks,

@@ -22,7 +22,7 @@ from ptt.diagnosis.state import State
 from ptt.diagnosis.turn import Turn, moments_of, unlike
 from ptt.effects import Effect
 from ptt.fitting.linear import linear_columns
-from ptt.fitting.opening import without_opening
+from ptt.fitting.opening import untold_rows, without_opening
 from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
 
@@ -54,8 +54,9 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
         The first turn less rows that are gross errors, for a search from nothing; and the one that asks for unknowns
         beside names.
     """
-    turn, problem = replace(first, kept=()), without_opening(asked.problem, first.opening)
+    turn = replace(first, kept=())
     for number in range(ROUNDS):
+        problem = without_opening(asked.problem, turn.opening)
         opened = _opened(asked, turn, problem) if number else _sifted(asked, turn, problem)
         found, curves = _named(asked, opened, problem, plain_first=number == 0)
         current, moments = moved(found, asked.model, problem), opened.turn.moments
@@ -65,6 +66,7 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
         turn = replace(
             opened.turn, model=current, kept=current.keys, memory=found.state.memory, seen=found.seen,
             moments=unlike([*moments, *moments_of(current)]),
+            opening=turn.opening | untold_rows(current.terms, problem, turn.noise),
         )  # fmt: skip
         if stays:
             break

@@ -18,7 +18,7 @@ from ptt.effects import Effect
 from ptt.effects.screw import OncePerRev
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
-from ptt.fitting.opening import remembering_rows
+from ptt.fitting.opening import untold_rows
 from ptt.fitting.outliers import linear_residual
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
@@ -73,7 +73,7 @@ def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
         problem: n rows.
         noise: the noise floor.
     """
-    opening = remembering_rows(model.terms, problem, noise)
+    opening = untold_rows(model.terms, problem, noise)
     return Turn(0, model, noise, np.zeros(problem.table.rows, dtype=bool), np.zeros((problem.table.rows, 3)), opening)
 
 

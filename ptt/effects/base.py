@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import torch
 from torch import Tensor
 
 from ptt.effects.card import Card
@@ -28,11 +29,13 @@ class Effect:
         mechanisms: families it fits.
         parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
         requires: contexts of `View.varies` without which the data cannot test it.
+        told_by: context that tells it from a size of the drawing, without which it is one among many; '' for none.
         follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
         stands_for: names of commoner causes that it looks like together, each of which it has to be likelier than.
         stands_for_away: how many where its further values are not zero, as it then looks like more.
         reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
         product: its further values are zero, or the first one times an unknown place, usually one usual size away.
+        of_drawing: a size that the drawing states, which is off a little on every machine.
         of_run: belongs to the run that it was fitted on (a set-up, a knocked tripod), not to the machine.
         card: cause, source, usual size, fingerprint, remedy; None makes one of the docstring.
         phrases: what each parameter above and below zero means.
@@ -50,11 +53,13 @@ class Effect:
     mechanisms: ClassVar[tuple[str, ...]] = ("three-ptt", "serial")
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     requires: ClassVar[tuple[str, ...]] = ()
+    told_by: ClassVar[str] = ""
     follows_clock: ClassVar[bool] = False
     stands_for: ClassVar[tuple[str, ...]] = ()
     stands_for_away: ClassVar[int] = 1
     reverses: ClassVar[bool] = False
     product: ClassVar[bool] = False
+    of_drawing: ClassVar[bool] = False
     of_run: ClassVar[bool] = False
     card: ClassVar[Card | None] = None
     phrases: ClassVar[tuple[Phrase, ...]] = ()
@@ -118,6 +123,17 @@ class Effect:
             One mapping from parameter stem to its values per trial; a single empty one where nothing is searched.
         """
         return ({},)
+
+    def undecided(self, view: View) -> Tensor:
+        """Rows at which the side on which it has a joint lie hangs on less than a drawing is known to.
+
+        Args:
+            view: n rows.
+
+        Returns:
+            (n,) bool.
+        """
+        return torch.zeros(view.rows, dtype=torch.bool)
 
     def usual_trial(self, view: View) -> Mapping[str, Tensor]:
         """The trial that stands for the effect where nothing was measured yet; the middle one, if nothing says else."""

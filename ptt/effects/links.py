@@ -19,8 +19,10 @@ from ptt.effects.geometry import (
     pull,
 )
 from ptt.effects.phrases import Phrase
+from ptt.mechanisms.statics import GRAVITY
 from ptt.run.view import View
 
+SLIGHT = 0.0025  # of the weight: a joint that is a millimetre off at 400 mm turns a link's force by as much
 FEWEST_A_SIDE = 3  # rows: fewer are as well a scatter of single readings
 
 
@@ -29,6 +31,7 @@ class LinkLength(ThreePttEffect):
     """Link i is longer than drawn."""
 
     name: ClassVar[str] = "link-length"
+    of_drawing: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("length", "mm", 0.1, "link too long", True),)
     noun: ClassVar[str] = "link"
     called: ClassVar[str] = "link length"
@@ -65,6 +68,7 @@ class JointOffset(ThreePttEffect):
     """Axes of a universal joint do not meet, so the effective length varies with the link's angle."""
 
     name: ClassVar[str] = "joint-offset"
+    of_drawing: ClassVar[bool] = True
     stands_for: ClassVar[tuple[str, ...]] = ("homing-offset", "link-length")  # the latter to 99 %
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rail", "mm", 0.05, "times the cosine of the link's angle to the rail", True),
@@ -149,6 +153,11 @@ class JointClearance(ThreePttEffect):
         both = (rows >= FEWEST_A_SIDE).sum(dim=0) > 1
         return None if bool(both.any()) else "poses on both sides of where a link force changes sign, and a load"
 
+    def undecided(self, view: View) -> Tensor:
+        """Rows at which a link carries next to nothing, so that a drawing's errors change the sign of its force."""
+        weight = GRAVITY * (view.payload + view.platform_mass)
+        return (pull(view).abs() < SLIGHT * weight[:, None]).any(dim=1)
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Half the play, longer when pulled and shorter when pushed."""
         return length_basis(0.5 * torch.sign(pull(view)))
@@ -159,6 +168,7 @@ class LinkCompliance(ThreePttEffect):
     """Link i with its joints gives way along itself under its force: dL_i = c_i N_i, N_i the pull."""
 
     name: ClassVar[str] = "link-compliance"
+    told_by: ClassVar[str] = "payload"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "compliance", "mm/N", 5e-5, "stretch of link and joints per unit of pull", True, within=(0.0, math.inf)

@@ -1,4 +1,4 @@
-"""Rows that open a run: from where the joints came to them nobody knows, so what remembers it is not told there."""
+"""Rows at which nobody knows on which side a joint lies: they open a run, or nothing pushes it there."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -62,18 +62,40 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
     return told if few and 0.5 * square[told].sum() > AT_STAKE else none
 
 
+def undecided_rows(terms: Sequence[Term], problem: Problem) -> np.ndarray:
+    """Rows at which a drawing's errors may change the side on which what was found has a joint lie.
+
+    A play of which all visits of two poses are told on the wrong side looks like what no effect describes.
+
+    Args:
+        terms: of a fitted model.
+        problem: n rows.
+
+    Returns:
+        (n,) bool; none where they are too many.
+    """
+    sides = [term.effect.undecided(problem.view).numpy() for term in terms if len(term.theta)]
+    told = problem.used & np.any(sides, axis=0) if sides else np.zeros(problem.table.rows, dtype=bool)
+    return told if told.sum() < MOST_REMEMBERING * problem.used.sum() else np.zeros_like(told)
+
+
+def untold_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
+    """Rows at which nobody knows on which side what was found has a joint lie, (n,) bool; arguments as above."""
+    return remembering_rows(terms, problem, noise) | undecided_rows(terms, problem)
+
+
 def told_aside(rows: int) -> str:
-    """Why there are fewer readings than in the run, in words: it opens with them.
+    """Why there are fewer readings than in the run, in words.
 
     Args:
         rows: that are left aside, one at the least.
     """
     which = "one row" if rows == 1 else f"{rows} rows"
-    return f"{which} left aside, at which nobody knows from which side the machine came"
+    return f"{which} left aside, at which nobody knows from which side the machine came or on which side a pin lies"
 
 
 def without_opening(problem: Problem, rows: np.ndarray) -> Problem:
-    """The problem without rows that open its runs, which date nothing either: no reading is left before it.
+    """The problem without rows of which nobody knows a side, which date nothing either: no reading is left there.
 
     Args:
         problem: n rows.

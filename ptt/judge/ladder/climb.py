@@ -14,7 +14,7 @@ from ptt.fitting.chunks import LONG
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.long import hidden_residual
 from ptt.fitting.masked import masked_effects
-from ptt.fitting.opening import remembering_rows, told_aside, without_opening
+from ptt.fitting.opening import told_aside, untold_rows, without_opening
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
@@ -149,7 +149,7 @@ def _measure(
     tell = progress or unwatched
     hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
     fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
-    aside = _remembering(fits, problem)
+    aside = _untold(fits, problem)
     if aside.any():
         problem, notes = without_opening(problem, aside), (*notes, told_aside(int(aside.sum())))
         fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
@@ -181,14 +181,14 @@ def _measure(
     return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem), masked)
 
 
-def _remembering(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:
-    """Rows that any of some fits finds to remember from which side the machine came, (n,) bool; of long runs none.
+def _untold(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:
+    """Rows at which any of some fits has a joint lie on nobody knows which side, (n,) bool; of long runs none.
 
     Every rung is held to the same rows, and a few of ten thousands move none of them.
     """
     if problem.table.rows > LONG:
         return np.zeros(problem.table.rows, dtype=bool)
-    return np.any([remembering_rows(each.model.terms, problem, each.noise) for each in fits], axis=0)
+    return np.any([untold_rows(each.model.terms, problem, each.noise) for each in fits], axis=0)
 
 
 def _noise_beside(fitted: FitResult, problem: Problem) -> Noise | None:
