@@ -9,6 +9,7 @@ from conftest import BENCH as TEXT
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import SMOOTH_WAY, parts_of
+from ptt.diagnosis import smooth_way
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.effects.reversal import Backlash
@@ -76,6 +77,16 @@ def test_play_on_circles_is_named_whichever_way_the_sliders_went(rise: float, sm
     np.testing.assert_allclose([value.value for value in gaps], GAP, atol=0.004)
     assert ('`moves = "smooth"`' in found.words) is smooth
     assert found.model.file.machine.moves == ("smooth" if smooth else "sliders")
+
+
+def test_names_that_suffice_are_not_asked_again_where_turns_fit_no_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object) -> None:
+        raise AssertionError("asked again")
+
+    monkeypatch.setattr(smooth_way, "find", refuse)
+    assert diagnose(Model(BENCH), read(way(160, 8.0), PIECES, smooth=False)).suggested == (("backlash",),)
+    with pytest.raises(AssertionError, match="asked again"):
+        diagnose(Model(BENCH), read(way(160, 8.0), PIECES, smooth=True))
 
 
 @pytest.mark.parametrize("smooth", [True, False])

@@ -16,7 +16,7 @@ from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.shapes import shape_key, with_shapes
 from ptt.diagnosis.span import Span
 from ptt.diagnosis.state import State
-from ptt.diagnosis.system import System, holds_unknown
+from ptt.diagnosis.system import System
 from ptt.effects import Library
 from ptt.effects.layout import flatten
 from ptt.effects.screw import OncePerRev
@@ -100,7 +100,8 @@ def scorer_at(
     candidates, untestable = present_candidates(fitted, problem, known, found.seen)
     rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
     system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
-    return Scorer(system, model.keys, steps, found.scorer.barred), untestable
+    scorer = Scorer(system, model.keys, steps, found.scorer.barred)
+    return scorer, untestable
 
 
 def settled(state: State, system: System) -> bool:
@@ -131,21 +132,12 @@ def is_better(one: Found, other: Found) -> bool:
     return same and one.state.total > other.state.total + LEAST
 
 
-def says_more(one: Found, other: Found) -> bool:
+def says_more(one: Found, other: Found, least: float = LEAST) -> bool:
     """The same as `is_better`, also with another noise and other rows: by the density of the readings in 1/mm.
 
     A gross error may lie anywhere within a mm or so, so a row that is left out has a density of one.
     """
-    return _density(one) > _density(other) + LEAST
-
-
-def asks_for_turns(found: Found) -> bool:
-    """Whether something follows from where joints came, or is unknown, so that where they turned may tell more."""
-    if found.sample is not None:
-        return False
-    unknown = holds_unknown(found.system, found.state.keys, found.state.memory)
-    effects = [found.system.atoms[key].effect for key in found.state.keys]
-    return unknown or bool(found.gross.any()) or any(effect is not None and effect.reverses for effect in effects)
+    return _density(one) > _density(other) + least
 
 
 def _density(found: Found) -> float:

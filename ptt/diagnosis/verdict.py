@@ -16,7 +16,7 @@ from ptt.diagnosis.exchange import Exchange, exchanges
 from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.fits import stands
-from ptt.diagnosis.found import Found, asks_for_turns, says_more
+from ptt.diagnosis.found import Found
 from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import (
@@ -32,6 +32,7 @@ from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
+from ptt.diagnosis.smooth_way import on_smooth_way
 from ptt.diagnosis.steps import Named, name_steps
 from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.unknowns import Unknown, unknowns_of
@@ -44,7 +45,7 @@ from ptt.model.model import Model, Term
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
 from ptt.run.problem import Problem
-from ptt.run.smooth import SMOOTHLY, smoothly
+from ptt.run.smooth import SMOOTHLY
 
 MICRO = 1e3  # um in a mm
 IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has to bring
@@ -82,13 +83,7 @@ def diagnose(
     opening, whole = opening_rows(problem), problem
     problem = problem.masked(opening)
     found = find(model, problem, known, tell, steps)
-    other = smoothly(problem) if asks_for_turns(found) else None
-    if other is not None:
-        tell("smooth way")
-        smooth = replace(model, file=other.file)
-        again = find(smooth, other, known, tell, steps)
-        if says_more(again, found):
-            found, model, problem = again, smooth, other
+    found, model, problem = on_smooth_way(found, model, problem, known, tell, steps)
     if found.opening is not None:
         opening, problem = opening | found.opening, without_opening(problem, found.opening)
     if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:

@@ -1,0 +1,60 @@
+"""The smooth way: whether joints turn between rows, as on a circle, where a smooth way through the rows does."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.diagnosis.find import find
+from ptt.diagnosis.fits import fit_less
+from ptt.diagnosis.found import Found, says_more
+from ptt.diagnosis.plainest import PLAIN
+from ptt.diagnosis.system import holds_unknown
+from ptt.effects import Library
+from ptt.model.model import Model
+from ptt.progress import Tell
+from ptt.run.problem import Problem
+from ptt.run.smooth import smoothly
+
+
+def on_smooth_way(
+    found: Found, model: Model, problem: Problem, known: Library, tell: Tell, steps: int
+) -> tuple[Found, Model, Problem]:
+    """Ask again with the turns of a smooth way, where that may tell more.
+
+    Args:
+        found: the best explanation.
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        tell: told what is being done.
+        steps: how many effects may be added.
+
+    Returns:
+        The likelier of both explanations, with the model as given and the readings seen as it sees them.
+    """
+    other = smoothly(problem) if found.sample is None else None
+    if other is None or not (_is_open(found) or _turns_say_more(found, problem, other)):
+        return found, model, problem
+    tell("smooth way")
+    smooth = replace(model, file=other.file)
+    again = find(smooth, other, known, tell, steps)
+    return (again, smooth, other) if says_more(again, found, PLAIN) else (found, model, problem)
+
+
+def _is_open(found: Found) -> bool:
+    """Whether something is left unknown, or readings are thrown away, that turns elsewhere may be behind."""
+    return holds_unknown(found.system, found.state.keys, found.state.memory) or bool(found.gross.any())
+
+
+def _turns_say_more(found: Found, problem: Problem, other: Problem) -> bool:
+    """Whether what reverses fits better where joints turn elsewhere; else names that suffice are not asked again."""
+    effects = [found.system.atoms[key].effect for key in found.state.keys]
+    if not any(effect is not None and effect.reverses for effect in effects):
+        return False
+    aside = found.gross if found.opening is None else found.gross | found.opening
+    nothing = np.zeros_like(found.carried)
+    here, there = (
+        fit_less(replace(found.fitted.model, file=one.file), one, nothing, aside, found.noise)
+        for one in (problem, other)
+    )
+    return here.chi2 - there.chi2 > 2.0 * found.state.posterior.phi * PLAIN
