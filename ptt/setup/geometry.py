@@ -8,10 +8,12 @@ from ptt.setup.drawing import mistakes_in
 from ptt.setup.fitted import SLIP, fitted_mistakes
 from ptt.setup.judged import BEYOND, BROKEN, FALL, MOST_ROWS, STEEP, Judged, is_proof, judge, thinned, undo_all
 from ptt.setup.result import Finding
-from ptt.setup.score import FLOOR, agree
-from ptt.setup.setup import Hypothesis, Setup, drawn
+from ptt.setup.rigid import align_many
+from ptt.setup.score import FLOOR, agree, forward_many
+from ptt.setup.setup import Hypothesis, Setup, drawn, used_rows
 
 UNHEARD = 5.0  # mm: ordinary faults come to a millimetre or two
+MANY_FAR, SHARE_FAR = 5, 0.05  # readings off by that much, and of all: fewer are gross errors
 EXACT = (0.01, 50.0)  # mm, and the fall: commands are computed, so the right drawing gives the targets to their digits
 FEW_ROWS = 48  # rows screened
 LEADERS = 3
@@ -52,15 +54,32 @@ def differ(setup: Setup) -> bool:
 
 def unexplained(setup: Setup) -> list[str]:
     """One sentence where the columns of a 3-PTT disagree by more than any machine is built off its drawing."""
-    if not isinstance(setup.file.machine, ThreePttSpec) or not is_off(setup):
+    if not isinstance(setup.file.machine, ThreePttSpec):
         return []
-    left = judge(thinned(setup, MOST_ROWS), ()).agreement.rms
-    if not np.nan_to_num(left).max() > UNHEARD:
-        return []
+    left = judge(thinned(setup, MOST_ROWS), ()).agreement.rms if is_off(setup) else np.zeros(0)
+    if not np.nan_to_num(left).max(initial=0.0) > UNHEARD:
+        return _partly_off(setup)
     pair = int(np.nanargmax(left))
     return [
         f"{APART[pair]} {_um(1e3 * float(left[pair]))} um beside ordinary faults: no machine is built so far off, and "
         "no single mistake that is known explains it; is it the machine file of this run, and its targets?"
+    ]
+
+
+def _partly_off(setup: Setup) -> list[str]:
+    """One sentence where many readings are off by that much and the others, which hide it, are not."""
+    wanted = np.isfinite(setup.table.target).all(axis=1, keepdims=True)
+    place = np.where(wanted, setup.table.target, forward_many([setup])[0])
+    read = used_rows(setup.table)[:, None] & np.isfinite(setup.table.measured)
+    distance = align_many(place[None], np.where(read, setup.table.measured, np.nan)[None], setup.free)[2][0]
+    far = np.flatnonzero(np.nan_to_num(distance) > UNHEARD)
+    if len(far) < max(MANY_FAR, SHARE_FAR * np.isfinite(distance).sum()):
+        return []
+    where = f"between rows {far[0] + 1} and {far[-1] + 1}"
+    return [
+        f"{len(far)} of {int(np.isfinite(distance).sum())} readings, {where}, are off the "
+        f"{'targets' if wanted.any() else 'commands'} by more than {UNHEARD:g} mm and the others are not: no machine "
+        "is built so; were sliders, reflectors or the tracker's frame others there?"
     ]
 
 
