@@ -66,7 +66,7 @@ def test_what_came_and_went_is_one_thing_that_nobody_knows(events: Events, named
     assert (found.depends_on[0].residual, found.depends_on[0].on) == (residual, "time")
 
 
-def told_of(events: Events, turning: float = 0.0) -> Diagnosis:
+def told_of(events: Events, turning: float = 0.0, began: float = 0.0) -> Diagnosis:
     """What is said of a helix, moved by plain formulas, along which things happen at some rows."""
     file, random, way = bench(), np.random.default_rng(1), np.linspace(0.0, 1.0, ROWS)
     robot = build_mechanism(file.machine)
@@ -80,7 +80,7 @@ def told_of(events: Events, turning: float = 0.0) -> Diagnosis:
         else:
             knocked[row:] += event
     measured = robot.forward(torch.as_tensor(joints + error)).numpy() + knocked
-    table = make_table(target, joints, measured=measured, time_s=10.0 * np.arange(ROWS))
+    table = make_table(target, joints, measured=measured, time_s=began + 10.0 * np.arange(ROWS))
     return diagnose(Model(file), build_problem(file, table))
 
 
@@ -128,3 +128,9 @@ def test_what_comes_and_goes_within_five_readings_is_no_two_events():
     told = Scorer(build_system(fit(both, problem, robust=False), problem, [], noise, 1000.0, problem.used))
     less = told.score(["setup-jump"], WHITE)  # what the model has may be taken out and come back
     assert [gain.key for gain in told.screen(less, lambda atom: atom.name == slip.key)] == [slip.key]
+
+
+@pytest.mark.parametrize("began", [0.0, 5000.0])
+def test_a_moment_is_said_by_the_clock_of_the_table(began: float) -> None:
+    """Who looks for it in the file finds the row, whenever the clock was started."""
+    assert f"slip after {began + 890.0:.0f} s" in told_of({90: (0, 0.05)}, began=began).words

@@ -139,7 +139,7 @@ def tell_verdict(
         lines += [f"Named beside it: {step}" for step in steps]
     elif steps:
         lines.append(f"Named beside it: {listed(list(names))}; what each means is said with the candidates.")
-    return [*lines, f"With what is named {fall}" if steps else f"The error is {after:.1f} um, {floor}"]
+    return [*lines, f"With what is named {fall}" if steps else f"The error is {after:.1f} um, {floor}."]
 
 
 def _bent(bent: Mapping[str, str]) -> str:

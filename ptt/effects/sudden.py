@@ -70,9 +70,9 @@ class Sudden(Effect):
         return (run_clock(view) > shape["after"]).to(view.q.dtype)
 
     def cause(self, theta: Tensor, view: View) -> str:
-        """With the moment."""
+        """With the moment, by the table's own clock."""
         after = float(theta[-1])
-        moment = f"{after:.0f} s" if "time" in view.varies else f"row {after + 1.0:.0f}"
+        moment = f"{after + view.began:.0f} s" if "time" in view.varies else f"row {after + 1.0:.0f}"
         return f"{super().cause(theta, view)} after {moment}"
 
 

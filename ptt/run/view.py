@@ -51,6 +51,7 @@ class View:
         paces: joint velocity by the other `ptt.run.pace.PACES`, (n, k, 3); None where these are not asked.
         number: place of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
         entries: where rows are left out before a row, how the joints came to it.
+        began: what the table's clock showed at the first row, s.
         kept: gradual reversals of just these rows for lengths that a search tries, by the lengths' identity.
     """
 
@@ -82,6 +83,7 @@ class View:
     paces: Tensor | None = None
     number: Tensor | None = None
     entries: tuple[Entry, ...] = ()
+    began: float = 0.0
     kept: dict[int, tuple[Tensor, Tensor]] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property

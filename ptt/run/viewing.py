@@ -101,6 +101,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         payload=payload,
         warmth=warmth,
         time=elapsed(table),
+        began=0.0 if table.time_s is None else float(table.time_s[0]),
         torque=None if table.torque is None else _tensor(table.torque) * (1e3 if spec.kind == "serial" else 1.0),
         platform_mass=spec.platform_mass_kg if spec.kind == "three-ptt" else 0.0,
         platform_radius=spec.platform_radius_mm if spec.kind == "three-ptt" else 0.0,
