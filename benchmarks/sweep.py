@@ -123,7 +123,7 @@ def _plain(value: Any) -> Any:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--level", choices=("single", "multi", "unknown", "none"), default="single")
+    parser.add_argument("--level", choices=("single", "multi", "unknown", "none", "dense"), default="single")
     parser.add_argument("--foreign", action="store_true", help="geometry, path, length and noise by the seed")
     parser.add_argument("--noise", choices=tuple(NOISES), help="one kind for all; else all kinds in turn")
     parser.add_argument("--kinds", choices=("shown", "unseen", "all"), default="shown", help="outside the library")

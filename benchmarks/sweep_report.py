@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from sweep_pictures import draw_confusion, draw_detection, draw_reliability
 
+from ptt.challenge.hide import FAULTS
+
 Row = dict[str, Any]
 Rows = list[Row]
-LEVELS = ("none", "single", "multi", "unknown")
+LEVELS = ("none", "single", "multi", "unknown", "dense")
 NOISE_FREE = "bench"  # name of the bench's own noise
 GOOD = ("exact", "declared", "fair")
 SURE = 0.9  # probability from which a statement has to be right in 95 of 100
@@ -19,25 +21,38 @@ ROSY = 1.5  # times the printed expectation, held-out error and doubt of the too
 
 
 def judged(rows: Rows) -> Rows:
-    """Cases that can be judged: every fault counts; outside the library the fault that nobody knows does."""
+    """Cases that can be judged: every fault counts; the one that nobody knows, or that stands out, where others may."""
 
     def fair(row: Row) -> bool:
         if not row["rows"]:
             return True  # broken before anything was drawn: it must show
         if row["level"] == "unknown":
             return bool(set(row["outside"]) & set(row["counted"]))
+        if row["level"] == "dense":
+            return _main(row) in row["counted"]
         return set(row["hidden"]) == set(row["counted"])
 
     return [row for row in rows if fair(row)]
 
 
 def is_right(row: Row) -> bool:
-    """Silent where nothing is hidden, 'unknown' where nobody knows it, all the names and no other elsewhere."""
+    """Silent where nothing is hidden, 'unknown' where nobody knows it, all the names and no other elsewhere.
+
+    Where all sizes of the drawing are off beside one fault, that one has to be named and nothing that is not there.
+    """
     if "error" in row:
         return False
     if row["level"] in ("none", "unknown"):
         return bool(row["right"])
+    if row["level"] == "dense":
+        named = any(_main(row) in group for group in row["named"])
+        return named and not wrong_names(row) and row["verdict"] == "missing"
     return row["outcome"] in GOOD and row["verdict"] == "missing"
+
+
+def _main(row: Row) -> str:
+    """What the library calls the fault that a rig was drawn for."""
+    return FAULTS[row["faults"][0]].called
 
 
 def wrong_names(row: Row) -> int:

@@ -80,13 +80,14 @@ class Scored:
     blocks: frozenset[str]
     scored: dict[object, SimpleNamespace] = field(default_factory=dict)
     given: tuple[str, ...] = ()
+    drawn: frozenset[str] = frozenset()
 
     @property
     def system(self) -> SimpleNamespace:
         atoms = {
             key: SimpleNamespace(
                 block=SimpleNamespace(on=("x",)) if key in self.blocks else None,
-                effect=None if key in self.blocks else SimpleNamespace(stands_for=()),
+                effect=None if key in self.blocks else SimpleNamespace(stands_for=(), of_drawing=key in self.drawn),
                 columns=range(30 if key == "b" else 3),
                 tested=key != "p",
                 shape=None if key in "abcpu" else {},
@@ -125,6 +126,14 @@ def test_of_sets_that_do_alike_the_one_with_the_fewest_parts_is_said():
     assert plainest(scorer, best) is plain  # what the model has comes before what does as well
     other = scorer.add("an", 97.1)
     assert plainest(scorer, best) is other
+
+
+def test_more_than_two_sizes_of_a_drawing_are_hardly_more_than_two():
+    for drawn, said in ((frozenset("acnp"), "acn"), (frozenset("a"), "ab")):
+        scorer = Scored(frozenset("u"), drawn=drawn)
+        best = scorer.add("acn", 100.0)
+        curve = scorer.add("ab", 99.0)  # of thirty values, as much as two and a half names beside the other
+        assert plainest(scorer, best) is (best if said == "acn" else curve)
 
 
 def test_a_curve_is_as_much_as_an_unknown_so_the_likelier_of_both_is_said():

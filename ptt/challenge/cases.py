@@ -24,6 +24,10 @@ MOST_FAULTS = 5
 ALSO: dict[str, tuple[Protocol, ...]] = {"volume": ("volume", "payload", "warmup"), "path": ("path", "speed")}
 # The library has these, and hardly a run tells them from others: hidden alone, never among several.
 AMBIGUOUS = ("joint-offset", "tracker-scale")
+# Of a real machine each size of the drawing is off, by about what readings scatter by.
+SIZES_OF_DRAWING = ("homing-offset", "lead-scale", "tower-position", "tower-tilt", "link-length", "joint-offset")
+LITTLE = (0.2, 2.5)  # sizes of each of these, times the noise of one reading
+MOST_TIMES = 3.0  # of a size as it is drawn: what a run hardly shows is not made huge
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Case:
 
     Attributes:
         seed: of everything.
-        level: single, multi, unknown or none.
+        level: single, multi, unknown, none or dense, one fault beside all sizes of the drawing, each off a little.
         protocol: how it is measured.
         faults: names of what is hidden.
         noise: kind of noise; None is the bench's own.
@@ -71,7 +75,7 @@ def plan(
     """Spread cases evenly over faults, runs and noises.
 
     Args:
-        level: single, multi, unknown or none.
+        level: single, multi, unknown, none or dense.
         count: how many.
         start: first seed.
         kinds: shown, unseen or all, of the faults outside the library.
@@ -97,9 +101,13 @@ def _hide(level: str, number: int, random: np.random.Generator, kinds: str) -> t
         protocol = PROTOCOLS[number % len(PROTOCOLS)]
         return protocol, _several(random, protocol, 2 + number // len(PROTOCOLS) % (MOST_FAULTS - 1))
     names = names_of(level, kinds)
+    if level == "dense":
+        names = tuple(name for name in names if name not in (*SIZES_OF_DRAWING, *AMBIGUOUS))
     name = names[number % len(names)]
     runs = protocols_of(name)
     protocol = runs[random.integers(len(runs))]
+    if level == "dense":
+        return protocol, (name, *SIZES_OF_DRAWING)
     more = _several(random, protocol, number // 2 % 3) if level == "unknown" else ()
     return protocol, (name, *more)
 
@@ -140,6 +148,9 @@ def _hide_visibly(sound: DrawnRig, case: Case, seed: int) -> tuple[float, DrawnR
         return 0.0, hide_faults(sound, case.faults, seed)
     still = simulate(sound.rig, sound.targets, noise=False)
     noise = reading_noise(sound.rig, still.truth).total
+    if case.level == "dense":
+        off, own = _best_size(sound, still, noise, case.faults[0], seed)
+        return off, _off_a_little(hide_faults(sound, case.faults[:1], own), sound, still, noise, seed)
     tried = [_best_size(sound, still, noise, name, seed) for name in case.faults]
     seen = [name for name, (off, _) in zip(case.faults, tried, strict=True) if off == 0.0]
     # Of several those that this run cannot show are left out; what the case is about stays.
@@ -149,6 +160,16 @@ def _hide_visibly(sound: DrawnRig, case: Case, seed: int) -> tuple[float, DrawnR
         if name in seen or not enough:
             drawn = hide_faults(drawn, [name], own)
     return 0.0 if enough else max(off for off, _ in tried), drawn
+
+
+def _off_a_little(drawn: DrawnRig, sound: DrawnRig, still: RunResult, noise: float, seed: int) -> DrawnRig:
+    """The rig with each size of the drawing off by about what a reading scatters by."""
+    random = np.random.default_rng([seed, 62])
+    for name in SIZES_OF_DRAWING:
+        wanted = float(np.exp(random.uniform(*np.log(LITTLE)))) * noise
+        times = min(wanted / max(_size(hide_faults(sound, [name], seed), still), 1e-9), MOST_TIMES)
+        drawn = hide_faults(drawn, [name], seed, times)
+    return drawn
 
 
 def _best_size(sound: DrawnRig, still: RunResult, noise: float, name: str, seed: int) -> tuple[float, int]:

@@ -21,13 +21,14 @@ FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN, *SHOWN, *UNSE
 _ODD: TypeAdapter[Any] = TypeAdapter(Odd)
 
 
-def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int) -> DrawnRig:
+def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int, times: float = 1.0) -> DrawnRig:
     """Hide faults of random size in a rig, whether or not its run is the best one to see them.
 
     Args:
         drawn: the rig, its targets, and what is hidden already.
         names: faults of `ptt.rig.draw.fault_names`, effects of the library or not.
         seed: of the sizes.
+        times: as large as the seed has them, of faults whose values are lengths or angles of each leg alone.
 
     Returns:
         The rig with these faults, too.
@@ -42,6 +43,8 @@ def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int) -> DrawnRig:
         if name not in FAULTS or FAULTS[name].called in {FAULTS[other].called for other in truth}:
             raise InputError(f"fault '{name}' is not known or hidden already", fix=f"use others of {', '.join(FAULTS)}")
         values = FAULTS[name].draw(random, scene)
+        if times != 1.0:
+            values = {key: (times * np.array(legs)).tolist() for key, legs in values.items()}
         truth[name] = values
         rig = _put(rig, FAULTS[name].section, _settle(values, len(drawn.targets) * rig.conditions.cycles))
     return replace(drawn, rig=rig, truth=truth)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
+from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.blocks import Block
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
@@ -53,7 +54,8 @@ class Atom:
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.
         fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
-        tested: whether the readings hold what tells it from an offset: play that no reversal shows is never plainest.
+        tested: whether the readings hold what tells it from an offset: play that no reversal shows, or a spring that
+            always carries the same, is never plainest.
         since: by the clock, from when on a sudden effect of the model is there; None of all others.
         reach: how many times its first value a joint's second may well be, in their units; None where it may be any.
     """
@@ -114,6 +116,21 @@ def is_block(atom: Atom) -> bool:
 def is_any(atom: Atom) -> bool:
     """Whether an atom is one at all: where all of them may be taken."""
     return True
+
+
+def is_field(atom: Atom) -> bool:
+    """Whether an atom is an unknown that varies with the place alone."""
+    return atom.block is not None and set(atom.block.on) <= set(COORDINATES)
+
+
+def is_curve(atom: Atom) -> bool:
+    """Whether an atom is a curve over a joint's travel whose level and slope are sizes of the drawing."""
+    return atom.effect is not None and any(parameter.lent for parameter in atom.effect.parameters)
+
+
+def is_drawn(atom: Atom) -> bool:
+    """Whether an atom is a size of the drawing that is off."""
+    return atom.effect is not None and atom.effect.of_drawing
 
 
 def is_sudden(atom: Atom) -> bool:

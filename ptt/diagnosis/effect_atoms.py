@@ -42,7 +42,6 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
     Returns:
         The atoms by key; those of candidates are numbered by shape.
     """
-    sided = bool(problem.two_sided.any())
     names = {effect.name for effect in candidates} | {term.effect.name for term in fitted.model.terms}
     atoms: dict[str, Atom] = {}
     for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
@@ -55,14 +54,14 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
         atom = _in_shape(atom, shape_of(own.effect, own.theta, problem.view.joints), problem, free)
         since = float(own.theta[-1]) if is_sudden(atom) else None
-        atoms[key] = replace(atom, since=since, tested=sided or not _has_sides(atom))
+        atoms[key] = replace(atom, since=since, tested=_is_tested(atom, problem))
     like: dict[str, Atom] = {}  # of each effect its first shape
     for number, trial in enumerate(linear.trials):
         key, name = f"{trial.effect.key}#{number}", trial.effect.key
         if name not in like:
             odds = odds_of_effect(trial.effect, len(names), trial.trials)
             first = effect_atom(key, trial.columns, trial.effect, problem, odds, trial.shape)
-            like[name] = replace(first, tested=sided or not _has_sides(first))
+            like[name] = replace(first, tested=_is_tested(first, problem))
         atom = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
         atoms[key] = _in_shape(atom, trial.shape, problem, slice(0, len(trial.columns)))
     return atoms
@@ -79,9 +78,12 @@ def _in_shape(atom: Atom, shape: Mapping[str, Tensor], problem: Problem, chosen:
     return replace(atom, largest=np.concatenate([np.full(size, most) for size, most in each])[chosen])
 
 
-def _has_sides(atom: Atom) -> bool:
-    """Whether an atom is an effect that the way a joint came tells."""
-    return atom.effect is not None and "direction" in atom.effect.requires
+def _is_tested(atom: Atom, problem: Problem) -> bool:
+    """Whether the readings hold what tells an effect from a size of the drawing: both sides of a joint, two loads."""
+    effect, view = atom.effect, problem.view
+    if effect is not None and "direction" in effect.requires:
+        return bool(problem.two_sided.any())
+    return effect is None or effect.told_by in ("", *view.varies) or view.torque is not None
 
 
 def effect_atom(

@@ -10,6 +10,7 @@ from ptt.diagnosis.atoms import is_block
 from ptt.diagnosis.bursts import broken_beams
 from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.detail import follows_travel, with_detail
+from ptt.diagnosis.drawing import by_drawing
 from ptt.diagnosis.exact import by_names, without_needless
 from ptt.diagnosis.first import beside_names, names_suffice, search_first
 from ptt.diagnosis.fits import fit_less
@@ -24,7 +25,7 @@ from ptt.diagnosis.moves import loose, without
 from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.periods import curves_of, find_period
-from ptt.diagnosis.plainest import is_told, plainest
+from ptt.diagnosis.plainest import PLAIN, is_told, plainest
 from ptt.diagnosis.possible import beyond_machines
 from ptt.diagnosis.rest import SILENT, stated_of
 from ptt.diagnosis.row_system import RowSystem
@@ -99,10 +100,14 @@ def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
     """Where names lead, or a search from nothing if they do not suffice; and the readings without an opening."""
     first, named = names_alone(asked, first)
     found, problem = _followed(asked, named)
-    if not names_suffice(found.scorer, found.state, problem):
-        found.system.forget()
-        found, problem = _followed(asked, first)
-    return found, problem
+    if names_suffice(found.scorer, found.state, problem):
+        return found, problem
+    found.system.forget()
+    anew, others = _followed(asked, first)
+    if not says_more(found, anew, PLAIN):
+        return anew, others
+    anew.system.forget()
+    return _followed(asked, named, alone=False)  # an unknown beside names is likelier than all that began with unknowns
 
 
 def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
@@ -127,15 +132,16 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
     return replace(found, state=plainest(scorer, best, nothing=False))
 
 
-def _followed(asked: Asked, turn: Turn | None) -> tuple[Found, Problem]:
-    """Where turns lead, and the readings without those that open a run; names that do not suffice lead nowhere."""
+def _followed(asked: Asked, turn: Turn | None, *, alone: bool = True) -> tuple[Found, Problem]:
+    """Where turns lead, and the readings without those that open a run; names that have to suffice alone may not."""
     assert turn is not None
     while turn is not None:
         problem = without_opening(asked.problem, turn.opening)
         found, candidates = _searched(asked, turn, problem)
         if turn.before is not None and is_better(turn.before, found):  # curves that bend further did the work
             return turn.before, problem
-        if turn.number == 0 and turn.kept is not None and not names_suffice(found.scorer, found.state, problem):
+        named = alone and turn.number == 0 and turn.kept is not None
+        if named and not names_suffice(found.scorer, found.state, problem):
             return found, problem
         found, turn = _turned(asked, turn, found, problem, candidates)
     return found, problem
@@ -165,6 +171,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
             state = beside_names(scorer, state, problem)
         elif turn.number < TURNS - 1:  # what is said is what it is linearised at
             state = refilled(scorer, _improved(scorer, state))
+    scorer, state = by_drawing(scorer, state)
     return Found(
         fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
         asked.span, opening=turn.opening, seen=turn.seen,

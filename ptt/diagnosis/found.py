@@ -100,7 +100,7 @@ def scorer_at(
     candidates, untestable = present_candidates(fitted, problem, known, found.seen)
     rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
     system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
-    scorer = Scorer(system, model.keys, steps, found.scorer.barred)
+    scorer = Scorer(system, model.keys, steps, found.scorer.barred, fields=found.scorer.fields)
     return scorer, untestable
 
 

@@ -1,8 +1,8 @@
-"""Instead: what plain effects and the tracker do in the place of what can do their work."""
+"""Instead: what plain effects, sizes of the drawing and the tracker do in the place of what can do their work."""
 
 from collections.abc import Sequence
 
-from ptt.diagnosis.atoms import Atom, is_metrology
+from ptt.diagnosis.atoms import Atom, is_curve, is_drawn, is_effect, is_field, is_metrology
 from ptt.diagnosis.improve import LEAST, improve
 from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, without, worth_a_try
 from ptt.diagnosis.score import Scorer
@@ -12,7 +12,7 @@ FEW = 12  # columns up to which an effect is a plain one: four values a leg
 
 
 def refilled(scorer: Scorer, best: State) -> State:
-    """Ask what plain effects do in the place of one that can do several's work, and beside it where it is a curve.
+    """Ask what names do in the place of unknowns, and plain ones in the place of what can do several's work.
 
     Args:
         scorer: of the system.
@@ -21,6 +21,10 @@ def refilled(scorer: Scorer, best: State) -> State:
     Returns:
         The best set found.
     """
+    best = _named_instead(scorer, best)
+    if smooth := [key for key in loose(scorer, best) if _goes_by_place(scorer.system.atoms[key])]:
+        drawn = drawn_instead(scorer, best, smooth)
+        best = improve(scorer, drawn) if drawn.total > best.total + LEAST else best
     for key in loose(scorer, best):
         for other in (_instead_of, _beside):
             if key in best.keys and len(scorer.system.atoms[key].columns) > FEW:
@@ -28,6 +32,49 @@ def refilled(scorer: Scorer, best: State) -> State:
         if key in best.keys:
             best = _commoner(scorer, best, key)
     return _asked_of_tracker(scorer, best)
+
+
+def _named_instead(scorer: Scorer, best: State) -> State:
+    """A set with names alone in the place of its unknowns, and plain ones beside a curve that then has their part.
+
+    A curve with what is a tower's in it is far too wide; the screen holds it so, and the unknown has both their parts.
+    """
+    blocks = [key for key in loose(scorer, best) if scorer.system.atoms[key].block is not None]
+    if not blocks:
+        return best
+    fewer = scorer.score(without(best, *blocks), best.memory, best.scales)
+    named = improve(scorer, fewer, is_effect, swaps=False)
+    for key in loose(scorer, named):
+        if key in named.keys and len(scorer.system.atoms[key].columns) > FEW:
+            named = _beside(scorer, named, key)
+    return named if named.total > best.total + LEAST else best
+
+
+def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str]) -> State:
+    """The best set of names with all sizes of the drawing that are needed in the place of what varies with the place.
+
+    On a machine of which each is off by no more than readings scatter none alone is worth its name, and all that one
+    more does on the way to them is less than an unknown does at once.
+
+    Args:
+        scorer: of the system.
+        best: a set.
+        gone: unknowns and curves of it that go.
+    """
+    rest = without(best, *gone)
+    drawn = {atom.name for atom in scorer.system.atoms.values() if is_drawn(atom)}
+    all_of_them = scorer.score((*rest, *_coming(scorer, rest, drawn)), best.memory, best.scales)
+    fewer = improve(scorer, all_of_them, _is_none, swaps=False)
+    return improve(scorer, fewer, is_plain, swaps=False)
+
+
+def _goes_by_place(atom: Atom) -> bool:
+    """Whether an atom is an unknown of the place, or a curve of which sizes of the drawing are part."""
+    return is_field(atom) or is_curve(atom)
+
+
+def _is_none(atom: Atom) -> bool:
+    return False
 
 
 def _instead_of(scorer: Scorer, best: State, key: str) -> State:

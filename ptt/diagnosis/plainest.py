@@ -1,6 +1,6 @@
 """Plainest: of the sets that do nearly as well as the best, the one that says least."""
 
-from ptt.diagnosis.atoms import causes
+from ptt.diagnosis.atoms import causes, is_drawn
 from ptt.diagnosis.instead import FEW
 from ptt.diagnosis.moves import SEEN, loose
 from ptt.diagnosis.score import Scorer
@@ -8,6 +8,7 @@ from ptt.diagnosis.state import State
 from ptt.diagnosis.witness import drifts
 
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
+SIZES = 2  # of a drawing: where more are off, all may be
 
 
 def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
@@ -52,13 +53,15 @@ def is_told(scorer: Scorer, state: State) -> bool:
 def _parts(scorer: Scorer, state: State) -> float:
     """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more.
 
-    A curve of many values is as much as an unknown, and what looks like several commoner causes as much as these.
+    A curve of many values is as much as an unknown, and what looks like several commoner causes as much as these. Where
+    two sizes of the drawing are off further ones are hardly news.
     """
     odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
-    names = sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms)
-    return names + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
+    parts = float(sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms))
+    more = max(sum(causes(atom.effect) for atom in atoms if atom.effect is not None and is_drawn(atom)) - SIZES, 0)
+    return parts - 0.9 * more + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
 
 
 def _bends(scorer: Scorer, state: State) -> int:

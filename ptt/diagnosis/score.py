@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_any
+from ptt.diagnosis.atoms import Atom, is_any, is_field
 from ptt.diagnosis.idle import idle_columns
 from ptt.diagnosis.memories import best_memory, prior_of
 from ptt.diagnosis.memory import Hidden, Memory, Sums
@@ -34,8 +34,9 @@ class Scorer:
     """Scores sets of atoms of one system and remembers them."""
 
     def __init__(
-        self, system: System, given: Sequence[str] = (), steps: int = 12, barred: Set[str] = frozenset()
-    ) -> None:
+        self, system: System, given: Sequence[str] = (), steps: int = 12, barred: Set[str] = frozenset(), *,
+        fields: bool = True,
+    ) -> None:  # fmt: skip
         """Start with nothing scored.
 
         Args:
@@ -43,9 +44,10 @@ class Scorer:
             given: atoms of the model as given, which are part of every set and cost nothing.
             steps: how many effects may be added to them.
             barred: names of effects that may not, because an exact fit does without them.
+            fields: whether unknowns that vary with the place alone may.
         """
         self.system, self.given = system, tuple(key for key in given if key in system.atoms)
-        self.steps, self.barred = steps, barred
+        self.steps, self.barred, self.fields = steps, barred, fields
         self.screened: dict[tuple[tuple[str, ...], Memory], Screen] = {}
         self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
         self.whole: deque[State] = deque()
@@ -62,7 +64,7 @@ class Scorer:
 
         What the wider one learns it keeps to itself, for this one would not know the atoms of its sets.
         """
-        wider = Scorer(system, self.given, self.steps, self.barred)
+        wider = Scorer(system, self.given, self.steps, self.barred, fields=self.fields)
         wider.scored, wider.whole = dict(self.scored), deque(self.whole)
         wider.begun, wider.suiting = dict(self.begun), dict(self.suiting)
         wider.known = self.known | {where: screen.gains for where, screen in self.screened.items()}
@@ -216,7 +218,12 @@ class Scorer:
         atoms = [self.system.atoms[key] for key in keys]
         names, effects = {atom.name for atom in atoms} | self.barred, [atom.name for atom in atoms if atom.effect]
         full = len(effects) - len(self.given) >= self.steps
-        return lambda atom: atom.name not in names and not (atom.effect and full) and not _excluded(atom, effects)
+
+        def opens(atom: Atom) -> bool:
+            shut = atom.name in names or (atom.effect and full) or (is_field(atom) and not self.fields)
+            return not shut and not _excluded(atom, effects)
+
+        return opens
 
     def _is_at_an_end(self, new: Sequence[Atom]) -> bool:
         """Whether too few readings tell what was before or after a moment, once those that are gross are left out."""

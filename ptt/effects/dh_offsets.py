@@ -26,6 +26,7 @@ class DhOffsets(Effect):
     """
 
     name: ClassVar[str] = "dh-offsets"
+    of_drawing: ClassVar[bool] = True
     stage: ClassVar[Stage] = "geometry"
     mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
     parameters: ClassVar[tuple[Parameter, ...]] = (

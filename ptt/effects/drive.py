@@ -21,6 +21,7 @@ class HomingOffset(Effect):
     """Zero of each axis is off: c_i."""
 
     name: ClassVar[str] = "homing-offset"
+    of_drawing: ClassVar[bool] = True
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("offset", "mm", 0.5, "where the axis really is when it says zero", True, axis=True, usual_rad=5e-3),
@@ -165,6 +166,7 @@ class AxisCompliance(Effect):
     """The axis gives way under its load: c_i tau_i."""
 
     name: ClassVar[str] = "axis-compliance"
+    told_by: ClassVar[str] = "payload"
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("compliance", "mm/N", 2e-4, "yield per unit of load", True, axis=True, usual_rad=1e-8),

@@ -26,6 +26,7 @@ class LeadScale(Effect):
     """Lead of the screw is off: k_i (q - q0)."""
 
     name: ClassVar[str] = "lead-scale"
+    of_drawing: ClassVar[bool] = True
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("scale", "1", 1e-4, "share by which the axis travels too far", True, usual_rad=1e-4),

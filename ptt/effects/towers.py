@@ -30,6 +30,7 @@ class TowerPosition(ThreePttEffect):
     """The joint of leg i stands off radially and tangentially; base and platform joint enter alike."""
 
     name: ClassVar[str] = "tower-position"
+    of_drawing: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("radial", "mm", 0.2, "joint too far out", True),
         Parameter("tangential", "mm", 0.2, "joint shifted along increasing azimuth", True),
@@ -80,6 +81,7 @@ class TowerTilt(ThreePttEffect):
     """
 
     name: ClassVar[str] = "tower-tilt"
+    of_drawing: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("radial", "rad", 1e-3, "upper end leans outward", True),
         Parameter("tangential", "rad", 1e-3, "upper end leans along increasing azimuth", True),

@@ -30,6 +30,7 @@ class PlatformTwist(ThreePttEffect):
     """
 
     name: ClassVar[str] = "platform-twist"
+    of_drawing: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("radial", "rad", 1e-3, "radial error of the platform joint's axis against the slider's", True),
         Parameter("upward", "rad", 1e-3, "upward error of the platform joint's axis against the slider's", True),
