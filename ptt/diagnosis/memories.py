@@ -19,6 +19,7 @@ REPEATED = 30  # visits beyond the first from which errors of a pose can be told
 UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
 STRONG = 1e5  # deviations that a column may well make: more widens no evidence, and rounding would drown weak ones
 AT_REST = int(np.searchsorted(SHARES, 1.0)) - 1  # number of the share that a wander may have without a run showing it
+MOST_POSES = 300  # of which both are asked at once: what more of them share takes minutes to tell apart
 NEAR = 4.0  # times a size of the errors of poses: a wander beside them leaves them the next size up or down at most
 UNLIKELY = 20.0  # nats behind another kind of wander, on every other place of the grid: steps bring a few
 FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
@@ -104,7 +105,7 @@ def _neighbours(system: System, state: State, value: Value) -> list[Memory]:
     """Errors of poses of all sizes without a wander, and the best wander of each kind, alone and beside these.
 
     A wander is not looked for where errors of poses alone are far ahead of it, which then hide what it does; unless it
-    may lie beside them.
+    may lie beside them, which is asked of a few hundred poses.
     """
     found = [state.memory]
     if system.repeats >= REPEATED:  # first: they cost little, and may leave nothing to a wander
@@ -112,7 +113,12 @@ def _neighbours(system: System, state: State, value: Value) -> list[Memory]:
     if not len(system.clock.constants):
         return found
     left, poses = system.left(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
-    if poses.pose and isinstance(system, RowSystem) and not system.one_memory:
+    if (
+        poses.pose
+        and isinstance(system, RowSystem)
+        and not system.one_memory
+        and len(system.poses.visits) <= MOST_POSES
+    ):
         return found + _beside_poses(system, left, poses, value)
     for spot in _rough_spots(system, left):
         if value(spot.memory) >= max(map(value, found)) - FAR_BEHIND:
