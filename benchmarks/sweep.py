@@ -3,6 +3,7 @@
     python benchmarks/sweep.py --level single --foreign --count 200 --out out/sweep
     python benchmarks/sweep.py --level none --foreign --noise wander
     python benchmarks/sweep.py --level unknown --foreign --kinds unseen --start 5000
+    python benchmarks/sweep.py --level dense --foreign  # every size of the drawing off a little, beside one fault
     python benchmarks/sweep_report.py out/sweep [out/sweep_before]
 
 Rigs come from `ptt.rig` alone. `--foreign` draws geometry, path, length and noise by the seed, else it is the bench;

@@ -359,14 +359,14 @@ def test_what_nothing_explains_does_not_hold_together(sound: tuple[MachineFile, 
 
 
 def test_readings_that_are_far_off_in_a_part_of_the_run_alone_are_said() -> None:
-    """Two sliders change places for a third of a run: the others agree, and hide it from any mean."""
+    """Two sliders change places for a third of a run: the others agree, and hide it from any mean. Rows are lines."""
     file, table = draw_run(2, rows=90)
     assert table.command is not None
     row = np.arange(table.rows)
     there = (row >= 40) & (row < 70)
     other = np.where(there[:, None], table.command[:, [1, 0, 2]], table.command)
     found = check_setup(file, table.replace(target=np.full_like(table.target, np.nan), command=other))
-    assert not found.findings and "between rows 41 and 70, are off the commands" in str(found)
+    assert not found.findings and "between rows 42 and 71, are off the commands" in str(found)
     few = np.where((row < 3)[:, None], table.measured + 20.0, table.measured)  # gross errors
     assert check_setup(file, table.replace(measured=few)).to_dict()["unexplained"] is None
 

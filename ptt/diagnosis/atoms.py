@@ -123,7 +123,7 @@ def is_field(atom: Atom) -> bool:
     return atom.block is not None and set(atom.block.on) <= set(COORDINATES)
 
 
-def is_curve(atom: Atom) -> bool:
+def holds_sizes(atom: Atom) -> bool:
     """Whether an atom is a curve over a joint's travel whose level and slope are sizes of the drawing."""
     return atom.effect is not None and any(parameter.lent for parameter in atom.effect.parameters)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.atoms import is_block, is_curve, is_drawn, is_field
+from ptt.diagnosis.atoms import holds_sizes, is_block, is_drawn, is_field
 from ptt.diagnosis.improve import improve
 from ptt.diagnosis.instead import drawn_instead
 from ptt.diagnosis.moves import loose
@@ -29,11 +29,11 @@ def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
         the best set without.
     """
     atoms = scorer.system.atoms
-    for kind in (is_field, is_curve):
+    for kind in (is_field, holds_sizes):
         gone = [key for key in loose(scorer, state) if kind(atoms[key])]
         named = _likelier(scorer, state, gone)
         if named is not None:
-            barred = scorer.barred | {atoms[key].name for key in gone if is_curve(atoms[key])}
+            barred = scorer.barred | {atoms[key].name for key in gone if holds_sizes(atoms[key])}
             fields = scorer.fields and kind is not is_field
             less = Scorer(scorer.system, scorer.given, scorer.steps, barred, fields=fields)
             best = improve(less, less.score(named.keys, named.memory, named.scales))

@@ -21,10 +21,10 @@ from ptt.diagnosis.improve import improve
 from ptt.diagnosis.instead import refilled
 from ptt.diagnosis.laws import by_laws, with_atoms
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import loose, without
+from ptt.diagnosis.moves import loose
 from ptt.diagnosis.names import names_alone
 from ptt.diagnosis.noise import noise_again, starting_noise
-from ptt.diagnosis.periods import curves_of, find_period
+from ptt.diagnosis.periods import period_left
 from ptt.diagnosis.plainest import PLAIN, is_told, plainest
 from ptt.diagnosis.possible import beyond_machines
 from ptt.diagnosis.rest import SILENT, stated_of
@@ -106,8 +106,9 @@ def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
     anew, others = _followed(asked, first)
     if not says_more(found, anew, PLAIN):
         return anew, others
-    anew.system.forget()
-    return _followed(asked, named, alone=False)  # an unknown beside names is likelier than all that began with unknowns
+    anew.system.forget()  # an unknown beside names is likelier than all that began with unknowns
+    beside, problem = _followed(asked, named, alone=False)
+    return (beside, problem) if says_more(beside, anew) else (anew, others)
 
 
 def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
@@ -133,7 +134,7 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
 
 
 def _followed(asked: Asked, turn: Turn | None, *, alone: bool = True) -> tuple[Found, Problem]:
-    """Where turns lead, and the readings without those that open a run; names that have to suffice alone may not."""
+    """Where turns lead, the first alone where names are to suffice and do not; and the readings without an opening."""
     assert turn is not None
     while turn is not None:
         problem = without_opening(asked.problem, turn.opening)
@@ -196,10 +197,7 @@ def _turned(
     system = scorer.system
     assert isinstance(system, RowSystem)
     found = replace(found, scorer=scorer, system=system, state=state, seen=(*turn.seen, *waves))
-    line = find_period(scorer, state, problem, turn.periods, waves)
-    if line is None and (curves := curves_of(state, system)):  # of few rows they bend to any wave
-        straight = scorer.score(without(state, *curves), state.memory, state.scales)
-        line = find_period(scorer, straight, problem, turn.periods, waves)
+    line = period_left(scorer, state, problem, turn.periods, waves)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
     stays = settled(state, system) and set(blocks) == set(turn.held)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ptt.diagnosis.atoms import Atom, is_curve, is_drawn, is_effect, is_field, is_metrology
+from ptt.diagnosis.atoms import Atom, holds_sizes, is_drawn, is_effect, is_field, is_metrology
 from ptt.diagnosis.improve import LEAST, improve
 from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, without, worth_a_try
 from ptt.diagnosis.score import Scorer
@@ -70,7 +70,7 @@ def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str]) -> State:
 
 def _goes_by_place(atom: Atom) -> bool:
     """Whether an atom is an unknown of the place, or a curve of which sizes of the drawing are part."""
-    return is_field(atom) or is_curve(atom)
+    return is_field(atom) or holds_sizes(atom)
 
 
 def _is_none(atom: Atom) -> bool:

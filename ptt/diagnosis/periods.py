@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.atoms import odds_of_block
+from ptt.diagnosis.moves import without
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.spectrum import STEP, WIDE, Along, hides_waves, left_along
 from ptt.diagnosis.state import State
@@ -68,6 +69,21 @@ def find_period(
             first = turns[np.argmax(nats > nats.max() - ALIAS)]
             best, found = float(nats.max()), Period(along.joint, along.span / _placed(along, first))
     return found
+
+
+def period_left(
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[tuple[int, float]], waves: Sequence[OncePerRev]
+) -> Period | None:
+    """The same, also with free curves taken out where these leave none; arguments as there.
+
+    Of few rows they bend to any wave.
+    """
+    line = find_period(scorer, state, problem, offered, waves)
+    curves = curves_of(state, scorer.system) if line is None else ()
+    if not curves:
+        return line
+    straight = scorer.score(without(state, *curves), state.memory, state.scales)
+    return find_period(scorer, straight, problem, offered, waves)
 
 
 def curves_of(state: State, system: System) -> tuple[str, ...]:

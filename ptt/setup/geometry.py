@@ -75,9 +75,9 @@ def _partly_off(setup: Setup) -> list[str]:
     far = np.flatnonzero(np.nan_to_num(distance) > UNHEARD)
     if len(far) < max(MANY_FAR, SHARE_FAR * np.isfinite(distance).sum()):
         return []
-    where = f"between rows {far[0] + 1} and {far[-1] + 1}"
+    first, last = setup.table.line[far[[0, -1]]]
     return [
-        f"{len(far)} of {int(np.isfinite(distance).sum())} readings, {where}, are off the "
+        f"{len(far)} of {int(np.isfinite(distance).sum())} readings, between rows {first} and {last}, are off the "
         f"{'targets' if wanted.any() else 'commands'} by more than {UNHEARD:g} mm and the others are not: no machine "
         "is built so; were sliders, reflectors or the tracker's frame others there?"
     ]
