@@ -9,8 +9,7 @@ from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import first_of, present_candidates
-from ptt.diagnosis.improve import LEAST
-from ptt.diagnosis.moves import without
+from ptt.diagnosis.moves import LEAST, without
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.shapes import shape_key, with_shapes

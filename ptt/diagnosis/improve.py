@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 from ptt.diagnosis.atoms import is_any
-from ptt.diagnosis.moves import plain_moves, slow_moves
+from ptt.diagnosis.moves import LEAST, plain_moves, slow_moves
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.state import State
 
 ROUNDS = 16
-LEAST = 0.3  # nats that a move has to gain
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less, and gone past if they lose less
 PAST = 2  # swaps that lose a little from which plain moves are tried
 SCREENS = 150  # sets screened from which swaps are looked for no more: a machine with a few faults asks for far fewer

@@ -15,10 +15,10 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES, path_views
 from ptt.diagnosis.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
 from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain, stand_of
-from ptt.diagnosis.improve import HOPEFUL, LEAST, improve
+from ptt.diagnosis.improve import HOPEFUL, improve
 from ptt.diagnosis.instead import FEW
 from ptt.diagnosis.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
-from ptt.diagnosis.moves import loose, without
+from ptt.diagnosis.moves import LEAST, loose, without
 from ptt.diagnosis.plainest import plainest
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer

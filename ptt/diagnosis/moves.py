@@ -19,6 +19,8 @@ NEAR = 15.0  # nats by the screen within which another may do better than the on
 SWAPS = 3
 SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
 FREED = 10.0  # nats beyond its odds that an atom may bring by going: variances of others that it held up
+UNDERSTATED = 1.5  # times what the screen says that an atom may bring once variances are learned anew: a seventh does
+LEAST = 0.3  # nats that a move has to gain
 FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside it: its score need not be exact
 PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
 
@@ -46,21 +48,42 @@ def added(scorer: Scorer, state: State, gain: Gain, least: float = -np.inf) -> S
 
 
 def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
-    """One more atom, one less."""
+    """One more atom, one less; what hardly makes a set likelier only where nothing else does."""
+    moves = _more(scorer, state, allowed)
+    # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
+    # From a set that cannot be, and stays so whatever comes, any may go.
+    most = max((other.total for other in moves), default=-np.inf)
+    may_go = [key for key in loose(scorer, state) if state.total + FREED + scorer.system.atoms[key].odds >= most]
+    if not np.isfinite(state.total):
+        return moves + _less(scorer, state, may_go, moves)
+    worth = {key: state.worth(key) for key in may_go}
+    likely = [key for key in may_go if worth[key] < scorer.system.atoms[key].odds + FREED]
+    moves += _less(scorer, state, likely, moves)
+    if any(other.total > state.total + LEAST for other in moves):
+        return moves
+    return moves + _less(scorer, state, [key for key in may_go if key not in likely and worth[key] < SAFE], moves)
+
+
+def _more(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
+    """One more atom: leaders of the screen, as long as they may do better than those before them."""
     found = worth_a_try(scorer, state, allowed)
     lead = found[:TRIED]
     lead += [gain for gain in found if is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
     moves = list[State]()
     for gain in lead:
-        moves.append(added(scorer, state, gain, _least(state, moves)))
-    # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
-    # From a set that cannot be, and stays so whatever comes, any may go.
-    most = max((other.total for other in moves), default=-np.inf)
-    may_go = [key for key in loose(scorer, state) if state.total + FREED + scorer.system.atoms[key].odds >= most]
-    weak = [key for key in may_go if state.worth(key) < SAFE or not np.isfinite(state.total)]
-    for key in weak:
-        moves.append(scorer.score(without(state, key), state.memory, state.scales, _least(state, moves)))
+        most = max((other.total - state.total for other in moves), default=-np.inf)
+        if not np.isfinite(state.total) or most < UNDERSTATED * gain.nats + NEAR:
+            moves.append(added(scorer, state, gain, _least(state, moves)))
     return moves
+
+
+def _less(scorer: Scorer, state: State, gone: Sequence[str], moves: Sequence[State]) -> list[State]:
+    """One atom less, for each that may go."""
+    found = list[State]()
+    for key in gone:
+        least = _least(state, [*moves, *found])
+        found.append(scorer.score(without(state, key), state.memory, state.scales, least))
+    return found
 
 
 def worth_a_try(scorer: Scorer, state: State, allowed: Allowed) -> list[Gain]:
