@@ -106,7 +106,7 @@ def _is_too_large(state: State, atom: Atom) -> bool:
     """Whether a value is clearly larger than its cause can make it in this shape."""
     if atom.largest is None:
         return False
-    return bool((_values(state, atom) > atom.largest + WRONG_SIDE * _errors(state, atom)).any())
+    return bool((np.abs(_values(state, atom)) > atom.largest + WRONG_SIDE * _errors(state, atom)).any())
 
 
 def _values(state: State, atom: Atom) -> np.ndarray:

@@ -91,13 +91,13 @@ class Effect:
         return None
 
     def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float]:
-        """Up to which size linear values can be what they are called, with these searched parameters, in their units.
+        """Up to which size, either way, linear values can be what they are called, with these searched parameters.
 
         Args:
             shape: the searched and given parameters.
 
         Returns:
-            Stem -> size of those that have one.
+            Stem -> size of those that have one, in its unit.
         """
         return {}
 

@@ -16,6 +16,7 @@ from ptt.run.view import View
 
 RIGID = "small rigid motion, Rodrigues' formula to first order"
 USUAL_SCALE = 2e-5
+WITHOUT_AIR = 3e-4  # share by which a tracker that leaves the air out reads lengths long, a tenth to spare
 AWAY = 3e3  # mm along an axis, how far off a tracker usually stands
 SETTLING = (1e3, 3.0, 1.25, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between
 
@@ -106,6 +107,10 @@ class TrackerScale(MetrologyEffect):
         residual="x",
         telling="x",
     )
+
+    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float]:
+        """What a tracker reads wrong that knows nothing of the air, whose refractive index is 1.00027."""
+        return {"scale": WITHOUT_AIR}
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """The position itself, and what is the same everywhere."""
