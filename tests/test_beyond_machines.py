@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from ptt.challenge.challenge import bench as bench_machine
@@ -41,18 +42,41 @@ def test_a_drawing_may_be_off_by_what_no_machine_is(mrad: float, far: tuple[str,
     assert found.state.keys == ("tower-tilt",) and away(found) == far
 
 
-def test_what_stands_in_at_absurd_values_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first way is made to miss the tilt, as one does that was led astray; the second comes to it."""
-    begun, barred = finding._begun, list[frozenset[str]]()
+@pytest.fixture
+def barred(monkeypatch: pytest.MonkeyPatch) -> list[frozenset[str]]:
+    """What each search is not to say, the first one made to miss the tilt, as one does that was led astray."""
+    begun, told = finding._begun, list[frozenset[str]]()
 
     def led_astray(asked, first):
-        barred.append(frozenset(first.barred))
+        told.append(frozenset(first.barred))
         return begun(asked, first if first.barred else replace(first, barred=frozenset({"tower-tilt"})))
 
     monkeypatch.setattr(finding, "_begun", led_astray)
-    monkeypatch.setattr(finding, "beyond_machines", lambda state, atoms, scale: ("guide-straightness",))
+    return told
+
+
+def test_what_stands_in_at_absurd_values_gives_way(barred: list[frozenset[str]], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(finding, "beyond_machines", lambda *of: ("guide-straightness",))
+    assert found_in(leaning(2.0)).state.keys == ("tower-tilt",)
+    assert barred == [frozenset(), frozenset({"guide-straightness"})]
+
+
+def test_what_is_found_instead_is_asked_the_same(barred: list[frozenset[str]], monkeypatch: pytest.MonkeyPatch):
+    """A second name that was beyond machines at first is none of what is found then."""
+    monkeypatch.setattr(
+        finding, "beyond_machines", lambda state, *of: () if "tower-tilt" in state.keys else ("a curve", "another")
+    )
+    assert found_in(leaning(2.0)).state.keys == ("tower-tilt",)
+    assert barred == [frozenset(), frozenset({"a curve"})]
+
+
+def test_a_tracker_that_leaves_out_the_air_reads_three_tenths_of_a_mm_too_long_at_the_most() -> None:
     found = found_in(leaning(2.0))
-    assert found.state.keys == ("tower-tilt",) and barred == [frozenset(), frozenset({"guide-straightness"})]
+    atom = next(atom for atom in found.system.atoms.values() if atom.name == "tracker-scale")
+    usual = library()["tracker-scale"].parameters[0].usual
+    assert atom.largest is not None
+    assert atom.largest[0] * usual == pytest.approx(3e-4)
+    assert np.isinf(atom.largest[1:]).all()
 
 
 def test_friction_takes_no_more_than_half_the_travel_that_it_takes() -> None:

@@ -10,6 +10,8 @@ from conftest import BENCH as TEXT
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import SMOOTH_WAY, parts_of
 from ptt.diagnosis import smooth_way
+from ptt.diagnosis.find import find
+from ptt.diagnosis.found import Found
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.effects.reversal import Backlash
@@ -87,6 +89,22 @@ def test_names_that_suffice_are_not_asked_again_where_turns_fit_no_better(monkey
     assert diagnose(Model(BENCH), read(way(160, 8.0), PIECES, smooth=False)).suggested == (("backlash",),)
     with pytest.raises(AssertionError, match="asked again"):
         diagnose(Model(BENCH), read(way(160, 8.0), PIECES, smooth=True))
+
+
+@pytest.mark.parametrize("names", [True, False])
+def test_an_unknown_is_asked_again_where_names_then_say_all(monkeypatch: pytest.MonkeyPatch, names: bool) -> None:
+    asked = list[Model]()
+
+    def find_again(model: Model, problem: Problem, *others: object) -> Found:
+        asked.append(model)
+        return find(model, problem, library(), lambda what: None)
+
+    monkeypatch.setattr(smooth_way, "find", find_again)
+    monkeypatch.setattr(smooth_way, "holds_unknown", lambda *of: True)
+    monkeypatch.setattr(smooth_way, "_turns_say_more", lambda *of: False)
+    monkeypatch.setattr(smooth_way, "names_say_all", lambda *of: names)
+    diagnose(Model(BENCH), read(way(160, 8.0), PIECES, smooth=False))
+    assert [model.file.machine.moves for model in asked] == ["smooth"] * names
 
 
 @pytest.mark.parametrize("smooth", [True, False])

@@ -33,7 +33,7 @@ def broken_beams(found: Found) -> np.ndarray:
     system, state, rows = found.system, found.state, np.zeros_like(found.gross)
     if not isinstance(system, RowSystem):
         return rows
-    crowd = _crowded_moments(found, system)
+    crowd = crowded_moments(found)
     if not crowd and state.memory.wander is None and not holds_unknown(system, state.keys, state.memory):
         return rows
     lasting = without(state, *crowd)
@@ -46,8 +46,16 @@ def broken_beams(found: Found) -> np.ndarray:
     return rows
 
 
-def _crowded_moments(found: Found, system: RowSystem) -> list[str]:
-    """What is said to have happened within a few rows of something else that did."""
-    moments = {key: moment for key in found.state.keys if (moment := system.atoms[key].moment) is not None}
-    at = {key: int(np.searchsorted(system.clock.time, moment)) for key, moment in moments.items()}
+def crowded_moments(found: Found) -> list[str]:
+    """What is said to have happened within a few rows of something else that did.
+
+    Args:
+        found: an explanation.
+
+    Returns:
+        Keys of its atoms.
+    """
+    atoms, time = found.system.atoms, found.system.clock.time
+    moments = {key: moment for key in found.state.keys if (moment := atoms[key].moment) is not None}
+    at = {key: int(np.searchsorted(time, moment)) for key, moment in moments.items()}
     return [key for key in at if any(other != key and abs(at[key] - at[other]) <= NEAR for other in at)]

@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 
-import numpy as np
-
-from ptt.diagnosis.find import find
+from ptt.diagnosis.find import find, names_say_all
 from ptt.diagnosis.fits import fit_less
 from ptt.diagnosis.found import Found, says_more
 from ptt.diagnosis.plainest import PLAIN
@@ -33,28 +31,26 @@ def on_smooth_way(
         The likelier of both explanations, with the model as given and the readings seen as it sees them.
     """
     other = smoothly(problem) if found.sample is None else None
-    if other is None or not (_is_open(found) or _turns_say_more(found, problem, other)):
+    if other is None:
+        return found, model, problem
+    smooth = replace(model, file=other.file)
+    unknown = holds_unknown(found.system, found.state.keys, found.state.memory)
+    likely = bool(found.gross.any()) or _turns_say_more(found, problem, other)
+    if not likely and not (unknown and names_say_all(smooth, other, known, tell, steps)):
         return found, model, problem
     tell("smooth way")
-    smooth = replace(model, file=other.file)
     again = find(smooth, other, known, tell, steps)
     return (again, smooth, other) if says_more(again, found, PLAIN) else (found, model, problem)
 
 
-def _is_open(found: Found) -> bool:
-    """Whether something is left unknown, or readings are thrown away, that turns elsewhere may be behind."""
-    return holds_unknown(found.system, found.state.keys, found.state.memory) or bool(found.gross.any())
-
-
 def _turns_say_more(found: Found, problem: Problem, other: Problem) -> bool:
-    """Whether what reverses fits better where joints turn elsewhere; else names that suffice are not asked again."""
+    """Whether what reverses fits better where joints turn elsewhere, beside the unknowns that there are."""
     effects = [found.system.atoms[key].effect for key in found.state.keys]
     if not any(effect is not None and effect.reverses for effect in effects):
         return False
     aside = found.gross if found.opening is None else found.gross | found.opening
-    nothing = np.zeros_like(found.carried)
     here, there = (
-        fit_less(replace(found.fitted.model, file=one.file), one, nothing, aside, found.noise)
+        fit_less(replace(found.fitted.model, file=one.file), one, found.carried, aside, found.noise)
         for one in (problem, other)
     )
     return here.chi2 - there.chi2 > 2.0 * found.state.posterior.phi * PLAIN
