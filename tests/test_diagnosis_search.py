@@ -14,7 +14,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import exact, first, score, steps
+from ptt.diagnosis import exact, first, follow, score, steps
 from ptt.diagnosis import find as finding
 from ptt.diagnosis import search as searching
 from ptt.diagnosis.candidates import first_of
@@ -173,11 +173,13 @@ class Sums:
 
     def __init__(self, totals: dict[str, float]) -> None:
         self.totals = totals
-        atoms = {key: SimpleNamespace(key=key, block=None, effect=None) for key in "uvef"}
+        atoms = {key: SimpleNamespace(key=key, block=None, effect=None, odds=14.0) for key in "uvef"}
         for key in "uv":
-            atoms[key].block = SimpleNamespace(on=("x",), reverses=False)
+            atoms[key].block = SimpleNamespace(on=("x",), reverses=False, is_curve=False, varies_curve=False)
         for key in "ef":
-            atoms[key].effect = SimpleNamespace(parameters=(), name=key, stage="drive", reverses=False)
+            atoms[key].effect = SimpleNamespace(
+                parameters=(), name=key, stage="drive", reverses=False, of_drawing=False
+            )
         self.system = SimpleNamespace(atoms=atoms, rows=range(50), errs_by_pose=lambda memory: memory.pose > 0.0)
 
     def score(self, keys, memory, scales=None, least=None):
@@ -219,6 +221,25 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     assert sure is None or told.steps[0].sure == pytest.approx(sure, abs=1e-3)
     monkeypatch.setattr(steps, "tool_doubt", lambda *_: 6.0)  # beside the 7 of hidden rows more than 9 without it
     assert not steps.name_steps(scorer, scorer.score("eu", WHITE)).steps
+
+
+@pytest.mark.parametrize(("joint", "varies", "named"), [(1, True, []), (1, False, ["e"]), (2, True, ["e"])])
+def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypatch, joint, varies, named):
+    """Of 85 nats with the mean of the same joint in its place that is no further unknown: 99."""
+    scorer = Sums({"eu": 100.0, "u": 30.0, "uv": 85.0})
+    atoms = scorer.system.atoms
+    atoms["e"].effect.parameters = (SimpleNamespace(lent=("lead-scale",)),)
+    atoms["u"].block = SimpleNamespace(
+        on=("time",), reverses=False, is_curve=False, varies_curve=varies, place=SimpleNamespace(joint=1)
+    )
+    atoms["v"].block = SimpleNamespace(
+        on=("b2",), reverses=False, is_curve=True, varies_curve=False, place=SimpleNamespace(joint=joint)
+    )
+    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
+    monkeypatch.setattr(steps, "hide", lambda *_: gaining(9.0))
+    for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ()), ("_leads", False)):
+        monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
+    assert [step.key for step in steps.name_steps(scorer, scorer.score("eu", WHITE)).steps] == named
 
 
 @pytest.mark.parametrize(("worth", "pose", "named"), [(18.0, 0.0, True), (18.0, 1.0, False), (60.0, 1.0, True)])
@@ -481,7 +502,7 @@ def test_moments_are_dated_before_any_swap_is_looked_for(monkeypatch):
         return best_of(scorer, ends)
 
     monkeypatch.setattr(first, "best_of", told)
-    for place in (first, finding):  # so that it is searched from nothing
+    for place in (first, finding, follow):  # so that it is searched from nothing
         monkeypatch.setattr(place, "names_suffice", lambda *of: False)
     found = find(Model(MACHINE), problem, library(), lambda what: None)
     assert dated and all(dated[:1]) and {found.system.atoms[key].name for key in found.state.keys} == {"homing-slip"}

@@ -32,18 +32,31 @@ LINKS, ZEROS = np.array([0.022, -0.015, 0.012]), np.array([-0.02, 0.03, 0.015]) 
 TOWERS = np.array([[0.03, -0.02, 0.0], [0.01, 0.03, 0.0], [-0.03, 0.01, 0.0]])
 
 
-def off_in_all(rows: int, seed: int, field: float = 0.0) -> Problem:
-    """A tripod of which links, zeros, towers and leads are off, its platform moved by a field of the place besides."""
+CUBE = 40.0 * np.array([[0, 0, 0], [1, 1, 1], [-1, -1, 1], [1, -1, -1], [-1, 1, -1]])  # ISO 9283: P1 to P5
+
+
+def off_in_all(
+    rows: int, seed: int, field: float = 0.0, poses: np.ndarray | None = None, times: float = 1.0
+) -> Problem:
+    """A tripod of which links, zeros, towers and leads are off, its platform moved by a field of the place besides.
+
+    Args:
+        rows: number of readings.
+        seed: of the poses and of the noise.
+        field: size of the field, mm.
+        poses: that are gone through again and again; None draws each at random.
+        times: how far the sizes are off beside the usual here.
+    """
     file = bench()
     spec, random = file.machine, np.random.default_rng(seed)
     robot = build_mechanism(spec)
-    target = random.uniform(-45.0, 45.0, (rows, 3))
+    target = random.uniform(-45.0, 45.0, (rows, 3)) if poses is None else poses[np.arange(rows) % len(poses)]
     q = robot.inverse(torch.as_tensor(target)).numpy()
-    sliders = q + ZEROS + 2e-4 * np.array([1.0, -1.0, 0.5]) * (q - q.mean(axis=0))
+    sliders = q + times * ZEROS + times * 2e-4 * np.array([1.0, -1.0, 0.5]) * (q - q.mean(axis=0))
     azimuth = np.radians(spec.slider_azimuth_deg)
     ways = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)])
-    base, joint = spec.base_radius_mm * ways + TOWERS, spec.platform_radius_mm * ways
-    length, place = spec.link_length_mm + LINKS, target.copy()
+    base, joint = spec.base_radius_mm * ways + times * TOWERS, spec.platform_radius_mm * ways
+    length, place = spec.link_length_mm + times * LINKS, target.copy()
     rail = robot.rail.numpy()
     for _ in range(20):  # Newton's way to where links of these lengths reach
         foot = base + sliders[:, :, None] * rail
@@ -64,6 +77,17 @@ def test_sizes_that_are_all_off_a_little_are_named_and_no_unknown_of_the_place(s
     names = {name for names in found.suggested for name in names[:1]}
     assert all(library()[name].of_drawing for name in names)
     assert found.rms_um["after"]["total"] < 1.15 * 1e3 * NOISE * 3.0**0.5
+
+
+@pytest.mark.parametrize(("times", "seed"), [(4.0, 5), (4.0, 6), (10.0, 4), (10.0, 6)])
+def test_neither_errors_of_each_pose_nor_what_a_few_poses_label_take_the_place_of_sizes(
+    times: float, seed: int
+) -> None:
+    """Of five poses an unknown says as much as sizes do, and hidden ones hardly tell what these are."""
+    found = diagnose(Model(bench()), off_in_all(150, seed, poses=CUBE, times=times))
+    assert found.verdict == "missing" and found.rms_um["after"]["total"] < 1.15 * 1e3 * NOISE * 3.0**0.5
+    sizes = {name for step in found.suggested for name in step[:1] if library()[name].of_drawing}
+    assert sizes or "together would do the same" in found.words
 
 
 def test_what_sizes_of_a_drawing_cannot_do_stays_unknown() -> None:

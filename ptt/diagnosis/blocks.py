@@ -76,6 +76,12 @@ class Block:
         own = None if self.place.joint is None else str(self.place.joint + 1)
         return self.period is None and len(self.on) == 1 and self.on[0][1:] == own
 
+    @property
+    def varies_curve(self) -> bool:
+        """Whether it is a curve over the travel of the joint that it belongs to which changes with something else."""
+        own = None if self.place.joint is None else str(self.place.joint + 1)
+        return len(self.on) > 1 and not self.reverses and any(each[1:] == own for each in self.on)
+
     def is_like(self, other: "Block") -> bool:
         """Whether another acts where this one does and follows the same variable first."""
         return self.place.residual == other.place.residual and self.on[0] == other.on[0]

@@ -12,6 +12,7 @@ from ptt.diagnosis.state import State
 from ptt.fitting.posterior import Posterior
 
 FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
+HARDLY = 0.25  # of what all rows show of an atom: where other blocks tell less of it, each shows a part of its own
 ELSEWHERE = 5.0  # nats below which readings along the travel ask for nothing, and beyond which base reflectors do
 
 
@@ -29,6 +30,7 @@ class Trial:
         count: coordinates of all blocks.
         plainly: what the atom takes off each block where every way counts alike, (k,).
         needed: whether the others alone would have values that physics does not let them have.
+        told: of what is shown without it, as much as the other rows tell of each block.
     """
 
     with_it: np.ndarray
@@ -38,6 +40,7 @@ class Trial:
     count: int
     plainly: np.ndarray
     needed: bool = False
+    told: float = np.inf
 
     @property
     def faithful(self) -> bool:
@@ -62,6 +65,11 @@ class Trial:
         if share:
             return _gains(as_known, max(2.0 * nats, share * float(self.without.sum())))
         return _gains(as_known, 2.0 * nats) or _gains(self.plainly, 2.0 * nats)
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the others say little of what hidden rows show of the atom, so that these can hardly speak for it."""
+        return self.told < HARDLY * self.shown
 
 
 def _at_base(gained: np.ndarray, least: float) -> bool:
@@ -98,22 +106,24 @@ def _hide(scorer: Scorer, whole: State, fewer: State) -> Trial:
     among = [place[column] for column in fewer.columns]
     plain = np.zeros(len(whole.columns))
     plain[among] = fewer.posterior.values
-    pairs, plainly, shown, count = list[np.ndarray](), list[float](), 0.0, 0
+    four, plainly, shown, count = list[np.ndarray](), list[float](), 0.0, 0
     blocks = _foretold(scorer, whole)
     lesser = scorer.without_rows(fewer, [hidden for hidden, _ in blocks], among)
     for (hidden, told), less in zip(blocks, lesser, strict=True):
         values = np.zeros(len(whole.columns))
         values[among] = less.values
-        pairs.append(hidden.misfits(np.stack([told.values, values], axis=1), told.precision))
+        solutions = np.stack([told.values, values, whole.posterior.values, plain], axis=1)
+        four.append(hidden.misfits(solutions, told.precision))
         plainly.append(hidden.left(values) - hidden.left(told.values))
         shown += hidden.left(plain) - hidden.left(whole.posterior.values)
         count += 3 * hidden.rows
     phi = whole.posterior.phi
-    squares = np.array(pairs).reshape(-1, 2) / phi
+    squares = np.array(four).reshape(-1, 4) / phi
     elsewhere = _elsewhere(scorer, whole, fewer, shown)
     return Trial(
         squares[:, 0], squares[:, 1], shown / phi, elsewhere / phi, count, np.array(plainly) / phi,
         needed=bool(np.isfinite(whole.total) and not np.isfinite(fewer.total)),
+        told=float((squares[:, 3] - squares[:, 2]).sum()),
     )  # fmt: skip
 
 

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from ptt.diagnosis.atoms import Atom, holds_sizes, is_drawn, is_effect, is_field, is_metrology
-from ptt.diagnosis.improve import LEAST, improve
-from ptt.diagnosis.moves import NEAR, SEEN, TRIED, added, loose, without, worth_a_try
+from ptt.diagnosis.improve import improve
+from ptt.diagnosis.memory import Memory
+from ptt.diagnosis.moves import LEAST, NEAR, SEEN, TRIED, added, loose, without, worth_a_try
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
 
@@ -23,7 +24,7 @@ def refilled(scorer: Scorer, best: State) -> State:
     """
     best = _named_instead(scorer, best)
     if smooth := [key for key in loose(scorer, best) if _goes_by_place(scorer.system.atoms[key])]:
-        drawn = drawn_instead(scorer, best, smooth)
+        drawn = drawn_instead(scorer, best, smooth, best.memory)
         best = improve(scorer, drawn) if drawn.total > best.total + LEAST else best
     for key in loose(scorer, best):
         for other in (_instead_of, _beside):
@@ -50,7 +51,7 @@ def _named_instead(scorer: Scorer, best: State) -> State:
     return named if named.total > best.total + LEAST else best
 
 
-def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str]) -> State:
+def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str], memory: Memory) -> State:
     """The best set of names with all sizes of the drawing that are needed in the place of what varies with the place.
 
     On a machine of which each is off by no more than readings scatter none alone is worth its name, and all that one
@@ -60,10 +61,11 @@ def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str]) -> State:
         scorer: of the system.
         best: a set.
         gone: unknowns and curves of it that go.
+        memory: of the noise.
     """
     rest = without(best, *gone)
     drawn = {atom.name for atom in scorer.system.atoms.values() if is_drawn(atom)}
-    all_of_them = scorer.score((*rest, *_coming(scorer, rest, drawn)), best.memory, best.scales)
+    all_of_them = scorer.score((*rest, *_coming(scorer, rest, drawn)), memory, best.scales)
     fewer = improve(scorer, all_of_them, _is_none, swaps=False)
     return improve(scorer, fewer, is_plain, swaps=False)
 

@@ -56,12 +56,13 @@ class Spot:
         return there if inside else None
 
 
-def best_memory(system: System, state: State) -> tuple[Memory, float]:
+def best_memory(system: System, state: State, *, poses: bool = True) -> tuple[Memory, float]:
     """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total.
 
     Args:
         system: the linearised problem.
         state: the set.
+        poses: whether each pose may have errors to itself.
     """
     among = system.among(state.columns, _ways(system, state))
     seen: dict[Memory, float] = {}
@@ -72,7 +73,11 @@ def best_memory(system: System, state: State) -> tuple[Memory, float]:
             seen[memory] = _evidence(sums, system) - sums.log_noise + prior_of(memory, system)
         return seen[memory]
 
-    tried = _neighbours(system, state, value) if system.memories is None else system.memories
+    tried = (
+        _neighbours(system, state, value, poses=poses or system.by_visit)
+        if system.memories is None
+        else system.memories
+    )
     best = max([WHITE, state.memory, *tried], key=value)
     return best, value(best) - value(state.memory)
 
@@ -101,25 +106,25 @@ def _evidence(sums: Sums, system: System) -> float:
     return -float(np.log(factor.diagonal()).sum()) - 0.5 * known * float(np.log((system.freedom + left) / known))
 
 
-def _neighbours(system: System, state: State, value: Value) -> list[Memory]:
+def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> list[Memory]:
     """Errors of poses of all sizes without a wander, and the best wander of each kind, alone and beside these.
 
     A wander is not looked for where errors of poses alone are far ahead of it, which then hide what it does; unless it
     may lie beside them, which is asked of a few hundred poses.
     """
     found = [state.memory]
-    if system.repeats >= REPEATED:  # first: they cost little, and may leave nothing to a wander
+    if poses and system.repeats >= REPEATED:  # first: they cost little, and may leave nothing to a wander
         found += [Memory(None, float(size)) for size in POSES]
     if not len(system.clock.constants):
         return found
-    left, poses = system.left(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
+    left, alone = system.left(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
     if (
-        poses.pose
+        alone.pose
         and isinstance(system, RowSystem)
         and not system.one_memory
         and len(system.poses.visits) <= MOST_POSES
     ):
-        return found + _beside_poses(system, left, poses, value)
+        return found + _beside_poses(system, left, alone, value)
     for spot in _rough_spots(system, left):
         if value(spot.memory) >= max(map(value, found)) - FAR_BEHIND:
             found.append(_best_beside(spot, value).memory)

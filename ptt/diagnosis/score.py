@@ -44,7 +44,7 @@ class Scorer:
             given: atoms of the model as given, which are part of every set and cost nothing.
             steps: how many effects may be added to them.
             barred: names of effects that may not, because an exact fit does without them.
-            fields: whether unknowns that vary with the place alone may.
+            fields: whether unknowns that vary with the place alone may, and errors that each pose has to itself.
         """
         self.system, self.given = system, tuple(key for key in given if key in system.atoms)
         self.steps, self.barred, self.fields = steps, barred, fields
@@ -272,7 +272,7 @@ class Scorer:
         """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""
         where = state.keys, state.memory
         if where not in self.suiting:
-            self.suiting[where] = best_memory(self.system, state)
+            self.suiting[where] = best_memory(self.system, state, poses=self.fields)
         return self.suiting[where]
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom, is_metrology, is_sudden
+from ptt.diagnosis.atoms import Atom, holds_sizes, is_drawn, is_metrology, is_sudden
 from ptt.diagnosis.doubt import tool_doubt
-from ptt.diagnosis.hidden import held_out, hide, left_of
+from ptt.diagnosis.hidden import Trial, held_out, hide, left_of
 from ptt.diagnosis.laws import is_broad
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import added, loose, without
@@ -94,7 +94,9 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     trials = {key: hide(scorer, beside[key], key) for key in likely}
     whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
     faithful = all(trials[key].faithful for key in whole or likely)
-    speaking = [key for key in likely if trials[key].speaks(PLAIN)]
+    speaking = [
+        key for key in likely if trials[key].speaks(PLAIN) or (faithful and _is_silent(atoms[key], trials[key]))
+    ]
     named = _delivered(scorer, speaking, 0.0 if faithful else HALF)
     if len(named) < len(speaking):  # they may want for one that is somewhat likelier than any unknown
         doubtful = [key for key in clear if key not in likely and ahead[key] > 0.0]
@@ -132,7 +134,8 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
 
     Whatever is missing, some effect takes a part of it: a name says more only where the unknown would not do as well.
     Laws of one variable are no rivals: on one path some law runs with any effect, and effects are laws that physics
-    knows. Nor is a play that varies one of a play: it says the same and more.
+    knows. Nor is a play that varies one of a play: it says the same and more. A curve has to say more than the mean of
+    an unknown that varies one.
     """
     less, effect = _less(scorer, state, key), scorer.system.atoms[key].effect
     reverses = effect is not None and effect.reverses
@@ -140,8 +143,23 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
     def is_rival(atom: Atom) -> bool:
         return is_broad(atom) and not (reverses and atom.block is not None and atom.block.reverses)
 
-    unknown = scorer.screen(less, is_rival)[:MOST_UNKNOWN]
-    return max((added(scorer, less, gain).total for gain in unknown), default=-np.inf)
+    unknown = [added(scorer, less, gain).total for gain in scorer.screen(less, is_rival)[:MOST_UNKNOWN]]
+    if holds_sizes(scorer.system.atoms[key]):
+        unknown += _with_means(scorer, state, less)
+    return max(unknown, default=-np.inf)
+
+
+def _with_means(scorer: Scorer, state: State, less: State) -> list[float]:
+    """Scores of a set less a curve with the mean of an unknown of it that varies one with something else.
+
+    Over the run such an unknown has a mean, which is no further unknown.
+    """
+    blocks = {key: atom.block for key, atom in scorer.system.atoms.items() if atom.block is not None and is_broad(atom)}
+    varied = {blocks[key].place.joint for key in state.keys if key in blocks and blocks[key].varies_curve}
+    means = [key for key, block in blocks.items() if block.is_curve and block.place.joint in varied]
+    return [
+        scorer.score((*less.keys, key), less.memory, less.scales).total + scorer.system.atoms[key].odds for key in means
+    ]
 
 
 def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
@@ -150,11 +168,21 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
     Blocks may be needed to make good for what an effect does that is not there.
     """
     while named:
-        vain = [key for key in named if not hide(scorer, _beside(scorer, named, key), key).speaks(share=share)]
+        trials = {key: hide(scorer, _beside(scorer, named, key), key) for key in named}
+        silent = [key for key, trial in trials.items() if not share and _is_silent(scorer.system.atoms[key], trial)]
+        vain = [key for key, trial in trials.items() if key not in silent and not trial.speaks(share=share)]
         if not vain:
             break
         named = [key for key in named if key != max(vain, key=lambda key: held_out(scorer, (key,)))]
     return named
+
+
+def _is_silent(atom: Atom, trial: Trial) -> bool:
+    """Whether an effect is a size of the drawing of which hidden rows tell nothing: a few poses show but all together.
+
+    Nothing contradicts it then, and that a size is off asks for no more proof than what is read.
+    """
+    return is_drawn(atom) and trial.is_silent
 
 
 def _without_stages(scorer: Scorer, every: Sequence[str], named: list[str]) -> list[str]:
