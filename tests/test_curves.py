@@ -11,8 +11,8 @@ from ptt.diagnosis import instead, steps
 from ptt.diagnosis.find import find
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.hidden import Trial
-from ptt.diagnosis.improve import LEAST
 from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.moves import LEAST
 from ptt.diagnosis.turn import still_missed
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library

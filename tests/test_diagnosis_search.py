@@ -223,18 +223,26 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     assert not steps.name_steps(scorer, scorer.score("eu", WHITE)).steps
 
 
-@pytest.mark.parametrize(("joint", "varies", "named"), [(1, True, []), (1, False, ["e"]), (2, True, ["e"])])
-def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypatch, joint, varies, named):
-    """Of 85 nats with the mean of the same joint in its place that is no further unknown: 99."""
+@pytest.mark.parametrize(
+    ("place", "varies", "there", "named"),
+    [
+        ("slider 2", True, False, []),
+        ("slider 2", False, False, ["e"]),
+        ("rail 2", True, False, ["e"]),
+        ("slider 2", True, True, ["e"]),
+    ],
+)
+def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypatch, place, varies, there, named):
+    """Of 85 nats with the mean at the same place instead of it, which is no further unknown: 99."""
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": 85.0})
     atoms = scorer.system.atoms
     atoms["e"].effect.parameters = (SimpleNamespace(lent=("lead-scale",)),)
-    atoms["u"].block = SimpleNamespace(
-        on=("time",), reverses=False, is_curve=False, varies_curve=varies, place=SimpleNamespace(joint=1)
-    )
-    atoms["v"].block = SimpleNamespace(
-        on=("b2",), reverses=False, is_curve=True, varies_curve=False, place=SimpleNamespace(joint=joint)
-    )
+    for key, on, curve, where in (("u", "time", False, "slider 2"), ("v", "b2", True, place)):
+        atoms[key].block = SimpleNamespace(
+            on=(on,), reverses=False, is_curve=curve, varies_curve=varies and not curve,
+            place=SimpleNamespace(residual=where),
+        )  # fmt: skip
+    scorer.opens = lambda keys: lambda atom: not there
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
     monkeypatch.setattr(steps, "hide", lambda *_: gaining(9.0))
     for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ()), ("_leads", False)):

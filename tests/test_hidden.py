@@ -59,6 +59,7 @@ def test_hidden_rows_are_silent_of_what_the_others_hardly_tell() -> None:
     assert not trial(0.1, -0.1, 0.0, -0.2).is_silent
     assert replace(trial(0.1, -0.1, 0.0, -0.2), told=20.0).is_silent
     assert not replace(trial(0.1, -0.1, 0.0, -0.2), told=30.0).is_silent
+    assert not replace(trial(0.1, -0.1, 0.0, -0.2), told=20.0, spread=3.0).is_silent  # one block alone shows it
 
 
 def test_plain_squares_may_speak_where_the_shown_rows_tell_little_of_what_is_hidden() -> None:

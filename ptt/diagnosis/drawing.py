@@ -1,4 +1,4 @@
-"""The drawing: of a real machine each size is off, and together they do what a smooth unknown of the place would do."""
+"""The drawing: of a real machine each size is off, and together they do what an unknown or a curve would do."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,6 +8,7 @@ import numpy as np
 from ptt.diagnosis.atoms import holds_sizes, is_block, is_drawn, is_field
 from ptt.diagnosis.improve import improve
 from ptt.diagnosis.instead import drawn_instead
+from ptt.diagnosis.memory import Memory
 from ptt.diagnosis.moves import LEAST, loose
 from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.score import Scorer
@@ -32,20 +33,21 @@ def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
         the best set without.
     """
     atoms = scorer.system.atoms
-    for kind in (is_field, holds_sizes, is_block):
+    for kind, poses in ((is_field, True), (is_field, False), (holds_sizes, True), (is_block, False)):
         gone = [key for key in loose(scorer, state) if kind(atoms[key])]
-        named = _likelier(scorer, state, gone, poses=kind is holds_sizes)
+        go = scorer.system.errs_by_pose(state.memory) and not poses
+        named = _likelier(scorer, state, gone, replace(state.memory, pose=0.0) if go else state.memory)
         if named is not None:
-            less, best = _without(scorer, named, gone, fields=scorer.fields and kind is holds_sizes)
-            if {key for key in best.keys if is_block(atoms[key])} <= set(state.keys):  # else these do not do the same
-                scorer, state = less, best
+            fields = scorer.fields and not go and not any(is_field(atoms[key]) for key in gone)
+            scorer, state = _without(scorer, state, named, gone, fields=fields)
     return scorer, state
 
 
-def _without(scorer: Scorer, named: State, gone: Sequence[str], *, fields: bool) -> tuple[Scorer, State]:
+def _without(scorer: Scorer, state: State, named: State, gone: Sequence[str], *, fields: bool) -> tuple[Scorer, State]:
     """A scorer that does not allow what sizes of the drawing have taken the place of, and the best set that it finds.
 
-    Nor does it allow another unknown, or another curve, that would say no more than these sizes either.
+    Nor does it allow another unknown, or another curve, that would say no more than these sizes either. One that the
+    set did not have before does not do the same as what has gone.
     """
     atoms = scorer.system.atoms
     barred = scorer.barred | {atoms[key].name for key in gone}
@@ -54,31 +56,48 @@ def _without(scorer: Scorer, named: State, gone: Sequence[str], *, fields: bool)
         scorer.system, scorer.given, scorer.steps, barred | bending - {atoms[key].name for key in named.keys},
         fields=fields,
     )  # fmt: skip
-    best = improve(plain, plain.score(named.keys, named.memory, named.scales))
+    named = plain.score(named.keys, named.memory, named.scales)
+    best = max(named, improve(plain, named), key=lambda one: _once_one_is_off(plain, one))
     every = Scorer(scorer.system, scorer.given, scorer.steps, barred, fields=fields)
     other = improve(every, every.score(best.keys, best.memory, best.scales))
-    least = PLAIN if any(is_block(atoms[key]) for key in set(other.keys) - set(best.keys)) else LEAST
-    return (every, other) if _once_one_is_off(every, other) > _once_one_is_off(plain, best) + least else (plain, best)
+    more = _once_one_is_off(every, other) - _once_one_is_off(plain, best)
+    least = PLAIN if _unknowns(every, other) - _unknowns(plain, best) else LEAST
+    allowed = _unknowns(every, other) <= _unknowns(scorer, state)
+    return (every, other) if allowed and more > least else (plain, best)
 
 
-def _likelier(scorer: Scorer, state: State, gone: Sequence[str], *, poses: bool) -> State | None:
-    """A set with sizes of the drawing in the place of something that says no more; None where nothing is to go.
+def _unknowns(scorer: Scorer, state: State) -> set[str]:
+    """Unknowns of a set, errors that each pose has to itself among them."""
+    found = {key for key in state.keys if is_block(scorer.system.atoms[key])}
+    return found | {"pose"} if scorer.system.errs_by_pose(state.memory) else found
 
-    An unknown has to say clearly more.
+
+def _likelier(scorer: Scorer, state: State, gone: Sequence[str], memory: Memory) -> State | None:
+    """A set with sizes of the drawing in the place of something that says no more, an unknown no clearly more.
 
     Args:
         scorer: of the system.
         state: the best set.
         gone: atoms of it that go.
-        poses: whether errors that each pose has to itself may stay.
+        memory: of the noise without what goes.
+
+    Returns:
+        The set; None where nothing goes, where it says more, or where no size has come in its place.
     """
-    go = not poses and scorer.system.errs_by_pose(state.memory)
-    if not gone and not go:
+    if not gone and memory == state.memory:
         return None
-    named = drawn_instead(scorer, state, gone, replace(state.memory, pose=0.0) if go else state.memory)
+    named = drawn_instead(scorer, state, gone, memory)
+    if _sizes(scorer, named) <= _sizes(scorer, state):
+        return None
+    unknown = memory != state.memory or any(is_block(scorer.system.atoms[key]) for key in gone)
     more = _once_one_is_off(scorer, state) - _once_one_is_off(scorer, named)
-    unknown = go or any(is_block(scorer.system.atoms[key]) for key in gone)
     return named if more < (PLAIN if unknown else 0.0) else None
+
+
+def _sizes(scorer: Scorer, state: State) -> set[str]:
+    """Names of the sizes of the drawing that are off."""
+    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    return {atom.name for atom in atoms if is_drawn(atom)}
 
 
 def _once_one_is_off(scorer: Scorer, state: State) -> float:

@@ -55,9 +55,10 @@ def find(
     found = _explained(asked, first)
     if span is not None:  # what explains a part has to be worked out for all of the run
         return found
-    broken = broken_beams(found) | found.gross
-    if (broken & ~found.gross).any() and (crowded_moments(found) or _names_do(_less(asked, broken), first)):
-        other = _left_out(asked, first, broken)
+    broken = broken_beams(found)
+    less = found.gross | broken
+    if broken.any() and (crowded_moments(found) or _names_do(_less(asked, less), first)):
+        other = _left_out(asked, first, less)
         sound = are_exceptions(other.gross, problem.used) and not has_a_place(other.gross, problem)
         found = other if sound and says_more(other, found) else found
     return found
@@ -79,18 +80,20 @@ def _asked(
 def _explained(asked: Asked, first: Turn) -> Found:
     """Where names lead, or a search from nothing, less what no machine is off by, with laws where they are likelier."""
     found, problem = _begun(asked, first)
-    tried = set(asked.model.keys)
-    while key := next((key for key in _beyond_machines(found) if key not in tried), None):
-        tried.add(key)
-        other, others = _begun(asked, replace(first, barred=first.barred | {key}))
+    barred, tried = first.barred, set(asked.model.keys)
+    while name := next((name for name in _beyond_machines(found) if name not in tried), None):
+        tried.add(name)
+        other, others = _begun(asked, replace(first, barred=barred | {name}))
         if says_more(other, found):
-            found, problem = other, others
+            found, problem, barred = other, others, barred | {name}
     found = by_names(found, asked.model, problem, asked.known, asked.freedom, asked.steps)
     return found if asked.span is not None else _lawful(asked, _more_than_nothing(found, problem), problem)
 
 
 def _beyond_machines(found: Found) -> tuple[str, ...]:
-    return beyond_machines(found.state, found.system.atoms, found.system.scale)
+    """Names of effects with values that no machine has."""
+    atoms = found.system.atoms
+    return tuple(atoms[key].name for key in beyond_machines(found.state, atoms, found.system.scale))
 
 
 def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
@@ -111,7 +114,9 @@ def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
 def _names_do(asked: Asked, first: Turn) -> bool:
     """Whether names alone say all."""
     found, problem = follow(asked, names_alone(asked, first)[1])
-    return names_suffice(found.scorer, found.state, problem)
+    suffice = names_suffice(found.scorer, found.state, problem)
+    found.system.forget()
+    return suffice
 
 
 def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> Found:

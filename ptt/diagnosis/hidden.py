@@ -30,7 +30,9 @@ class Trial:
         count: coordinates of all blocks.
         plainly: what the atom takes off each block where every way counts alike, (k,).
         needed: whether the others alone would have values that physics does not let them have.
-        told: of what is shown without it, as much as the other rows tell of each block.
+        told: by how much the values of all rows fit all blocks better than without it, each way counted as far as the
+            other rows tell it.
+        spread: what is left of `shown` without the block that shows most.
     """
 
     with_it: np.ndarray
@@ -41,6 +43,7 @@ class Trial:
     plainly: np.ndarray
     needed: bool = False
     told: float = np.inf
+    spread: float = np.inf
 
     @property
     def faithful(self) -> bool:
@@ -68,8 +71,11 @@ class Trial:
 
     @property
     def is_silent(self) -> bool:
-        """Whether the others say little of what hidden rows show of the atom, so that these can hardly speak for it."""
-        return self.told < HARDLY * self.shown
+        """Whether the others say little of what hidden rows show of the atom, so that these can hardly speak for it.
+
+        What one block alone shows is that one's own.
+        """
+        return self.told < HARDLY * self.shown and self.spread > 2.0 * ELSEWHERE
 
 
 def _at_base(gained: np.ndarray, least: float) -> bool:
@@ -106,7 +112,7 @@ def _hide(scorer: Scorer, whole: State, fewer: State) -> Trial:
     among = [place[column] for column in fewer.columns]
     plain = np.zeros(len(whole.columns))
     plain[among] = fewer.posterior.values
-    four, plainly, shown, count = list[np.ndarray](), list[float](), 0.0, 0
+    four, plainly, shown, count = list[np.ndarray](), list[float](), list[float](), 0
     blocks = _foretold(scorer, whole)
     lesser = scorer.without_rows(fewer, [hidden for hidden, _ in blocks], among)
     for (hidden, told), less in zip(blocks, lesser, strict=True):
@@ -115,15 +121,17 @@ def _hide(scorer: Scorer, whole: State, fewer: State) -> Trial:
         solutions = np.stack([told.values, values, whole.posterior.values, plain], axis=1)
         four.append(hidden.misfits(solutions, told.precision))
         plainly.append(hidden.left(values) - hidden.left(told.values))
-        shown += hidden.left(plain) - hidden.left(whole.posterior.values)
+        shown.append(hidden.left(plain) - hidden.left(whole.posterior.values))
         count += 3 * hidden.rows
     phi = whole.posterior.phi
     squares = np.array(four).reshape(-1, 4) / phi
-    elsewhere = _elsewhere(scorer, whole, fewer, shown)
+    all_shown = sum(shown)
+    elsewhere = _elsewhere(scorer, whole, fewer, all_shown)
     return Trial(
-        squares[:, 0], squares[:, 1], shown / phi, elsewhere / phi, count, np.array(plainly) / phi,
+        squares[:, 0], squares[:, 1], all_shown / phi, elsewhere / phi, count, np.array(plainly) / phi,
         needed=bool(np.isfinite(whole.total) and not np.isfinite(fewer.total)),
         told=float((squares[:, 3] - squares[:, 2]).sum()),
+        spread=(all_shown - max(shown, default=0.0)) / phi,
     )  # fmt: skip
 
 

@@ -35,10 +35,10 @@ def on_smooth_way(
         return found, model, problem
     smooth = replace(model, file=other.file)
     unknown = holds_unknown(found.system, found.state.keys, found.state.memory)
+    tell("smooth way")
     likely = bool(found.gross.any()) or _turns_say_more(found, problem, other)
     if not likely and not (unknown and names_say_all(smooth, other, known, tell, steps)):
         return found, model, problem
-    tell("smooth way")
     again = find(smooth, other, known, tell, steps)
     return (again, smooth, other) if says_more(again, found, PLAIN) else (found, model, problem)
 

@@ -154,11 +154,15 @@ def _with_means(scorer: Scorer, state: State, less: State) -> list[float]:
 
     Over the run such an unknown has a mean, which is no further unknown.
     """
-    blocks = {key: atom.block for key, atom in scorer.system.atoms.items() if atom.block is not None and is_broad(atom)}
-    varied = {blocks[key].place.joint for key in state.keys if key in blocks and blocks[key].varies_curve}
-    means = [key for key, block in blocks.items() if block.is_curve and block.place.joint in varied]
+    atoms = scorer.system.atoms
+    blocks = {key: atom.block for key, atom in atoms.items() if atom.block is not None and is_broad(atom)}
+    varied = {blocks[key].place.residual for key in state.keys if key in blocks and blocks[key].varies_curve}
+    opens = scorer.opens(less.keys)
+    means = [key for key, block in blocks.items() if block.is_curve and block.place.residual in varied]
     return [
-        scorer.score((*less.keys, key), less.memory, less.scales).total + scorer.system.atoms[key].odds for key in means
+        scorer.score((*less.keys, key), less.memory, less.scales).total + atoms[key].odds
+        for key in means
+        if opens(atoms[key])
     ]
 
 
