@@ -32,11 +32,16 @@ def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
         The same where it holds nothing of the kind, or where that says more; else a scorer that does not allow it, and
         the best set without.
     """
-    atoms = scorer.system.atoms
+    atoms, tried = scorer.system.atoms, set[tuple[object, ...]]()
     for kind, poses in ((is_field, True), (is_field, False), (holds_sizes, True), (is_block, False)):
         gone = [key for key in loose(scorer, state) if kind(atoms[key])]
         go = scorer.system.errs_by_pose(state.memory) and not poses
-        named = _likelier(scorer, state, gone, replace(state.memory, pose=0.0) if go else state.memory)
+        memory = replace(state.memory, pose=0.0) if go else state.memory
+        asked = (state.keys, state.memory, memory, *gone)
+        if asked in tried:
+            continue
+        tried.add(asked)
+        named = _likelier(scorer, state, gone, memory)
         if named is not None:
             fields = scorer.fields and not go and not any(is_field(atoms[key]) for key in gone)
             scorer, state = _without(scorer, state, named, gone, fields=fields)

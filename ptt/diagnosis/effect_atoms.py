@@ -6,13 +6,7 @@ from dataclasses import replace
 import numpy as np
 from torch import Tensor
 
-from ptt.diagnosis.atoms import (
-    EFFECT_ODDS,
-    SHAPE_POWER,
-    Atom,
-    causes,
-    is_sudden,
-)
+from ptt.diagnosis.atoms import EFFECT_ODDS, SHAPE_POWER, Atom, causes, is_sudden
 from ptt.effects import Effect
 from ptt.effects.layout import shape_of
 from ptt.fitting.linear import Linear

@@ -57,7 +57,7 @@ def find(
         return found
     broken = broken_beams(found)
     less = found.gross | broken
-    if broken.any() and (crowded_moments(found) or _names_do(_less(asked, less), first)):
+    if broken.any() and (crowded_moments(found) or _names_do(_masked(asked, less), first)):
         other = _left_out(asked, first, less)
         sound = are_exceptions(other.gross, problem.used) and not has_a_place(other.gross, problem)
         found = other if sound and says_more(other, found) else found
@@ -121,15 +121,15 @@ def _names_do(asked: Asked, first: Turn) -> bool:
 
 def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
     """What is found without some rows, (n,) bool, less those that it reaches all the same."""
-    found = _explained(_less(asked, broken), first)
+    found = _explained(_masked(asked, broken), first)
     reached = replace(found.fitted, residual=found.fitted.residual - found.carried)
     missed = still_missed(reached, asked.problem, found.noise, broken)
     if not np.array_equal(missed, broken):
-        found, broken = _explained(_less(asked, missed), first), missed
+        found, broken = _explained(_masked(asked, missed), first), missed
     return replace(found, gross=found.gross | broken)
 
 
-def _less(asked: Asked, rows: np.ndarray) -> Asked:
+def _masked(asked: Asked, rows: np.ndarray) -> Asked:
     return replace(asked, problem=asked.problem.masked(rows))
 
 

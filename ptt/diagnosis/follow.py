@@ -23,14 +23,7 @@ from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.state import State
-from ptt.diagnosis.turn import (
-    Turn,
-    best_moments,
-    gross_beside,
-    moments_of,
-    still_missed,
-    unlike,
-)
+from ptt.diagnosis.turn import Turn, best_moments, gross_beside, moments_of, still_missed, unlike
 from ptt.effects import Effect
 from ptt.fitting.opening import untold_rows, without_opening
 from ptt.run.problem import Problem
@@ -39,7 +32,7 @@ TURNS = 5  # of linearising and searching
 NARROWER = 0.8  # of the noise that an explanation was found with: where it leaves less, it is asked for again with that
 
 
-def follow(asked: Asked, turn: Turn | None, *, alone: bool = True) -> tuple[Found, Problem]:
+def follow(asked: Asked, turn: Turn, *, alone: bool = True) -> tuple[Found, Problem]:
     """Where turns lead; and the readings without an opening.
 
     Args:
@@ -47,8 +40,7 @@ def follow(asked: Asked, turn: Turn | None, *, alone: bool = True) -> tuple[Foun
         turn: the first.
         alone: whether a first turn that is to show that names suffice is the last one where they do not.
     """
-    assert turn is not None
-    while turn is not None:
+    while True:
         problem = without_opening(asked.problem, turn.opening)
         found, candidates = _searched(asked, turn, problem)
         if turn.before is not None and is_better(turn.before, found):  # curves that bend further did the work
@@ -56,8 +48,10 @@ def follow(asked: Asked, turn: Turn | None, *, alone: bool = True) -> tuple[Foun
         named = alone and turn.number == 0 and turn.kept is not None
         if named and not names_suffice(found.scorer, found.state, problem):
             return found, problem
-        found, turn = _turned(asked, turn, found, problem, candidates)
-    return found, problem
+        found, following = _turned(asked, turn, found, problem, candidates)
+        if following is None:
+            return found, problem
+        turn = following
 
 
 def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[Effect]]:

@@ -73,12 +73,9 @@ def best_memory(system: System, state: State, *, poses: bool = True) -> tuple[Me
             seen[memory] = _evidence(sums, system) - sums.log_noise + prior_of(memory, system)
         return seen[memory]
 
-    tried = (
-        _neighbours(system, state, value, poses=poses or system.by_visit)
-        if system.memories is None
-        else system.memories
-    )
-    best = max([WHITE, state.memory, *tried], key=value)
+    poses = poses or system.by_visit
+    tried = _neighbours(system, state, value, poses=poses) if system.memories is None else system.memories
+    best = max([WHITE, state.memory, *(one for one in tried if poses or not one.pose)], key=value)
     return best, value(best) - value(state.memory)
 
 

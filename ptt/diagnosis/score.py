@@ -43,7 +43,7 @@ class Scorer:
             system: the linearised problem.
             given: atoms of the model as given, which are part of every set and cost nothing.
             steps: how many effects may be added to them.
-            barred: names of effects that may not, because an exact fit does without them.
+            barred: names of atoms that may not: an exact fit does without them, or sizes of the drawing say as much.
             fields: whether unknowns that vary with the place alone may, and errors that each pose has to itself.
         """
         self.system, self.given = system, tuple(key for key in given if key in system.atoms)

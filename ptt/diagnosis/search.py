@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 from ptt.diagnosis.atoms import is_any, is_block, is_effect
 from ptt.diagnosis.improve import HOPEFUL, climb, improve
-from ptt.diagnosis.instead import (
-    refilled,
-)
+from ptt.diagnosis.instead import refilled
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
