@@ -361,6 +361,17 @@ def test_a_gauge_moves_no_reading(tmp_path):
     assert sum(float((one.term.theta.abs() > 10.0 * SIGMA).sum()) for one in told) == 3.0
 
 
+def test_the_error_of_a_value_counts_what_the_readings_have_to_tell_it_from(tmp_path):
+    """Of towers that stand off, and may lean as well."""
+    problem = hide(tmp_path, fault("geometry", "tower_radial_mm", 2, 0.2))
+    model = Model(problem.file) + KNOWN["tower-position"]() + KNOWN["tower-tilt"]()
+    place, lean = fit(model, problem, noise=NOISE).model.terms
+    (alone,), (beside,) = sparsest([place], problem, NOISE), sparsest([place], problem, NOISE, beside=[lean])
+    assert torch.allclose(alone.term.theta, beside.term.theta) and alone.alike == beside.alike
+    off = alone.term.std > 0.0
+    assert off.any() and (beside.term.std[off] > 1.2 * alone.term.std[off]).all()
+
+
 def test_what_cannot_be_told_does_not_hang_on_the_directions_that_stand_for_it(tmp_path, monkeypatch):
     """Where noise hides all of a tower's shifts, those that the tracker makes good for are among them all."""
     problem, small = hide(tmp_path, {}), torch.full((6,), 1e-3, dtype=torch.float64)

@@ -190,9 +190,9 @@ def candidates_of_steps(
         if term is None:
             continue
         together = find_sum(found.scorer, found.state, step.key)
-        own = doubt if index == len(named) - 1 else None
+        own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
-        words = explain_step(term, step.others, together, errors, noise, problem, before, own)
+        words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside)
         result.append(
             Candidate(
                 name,

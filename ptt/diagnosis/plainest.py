@@ -1,6 +1,6 @@
 """Plainest: of the sets that do nearly as well as the best, the one that says least."""
 
-from ptt.diagnosis.atoms import causes, is_drawn
+from ptt.diagnosis.atoms import causes, is_block, is_drawn
 from ptt.diagnosis.instead import FEW
 from ptt.diagnosis.moves import SEEN, loose
 from ptt.diagnosis.score import Scorer
@@ -30,10 +30,19 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
         least = -state.total - SEEN * is_told(scorer, state)
         return _parts(scorer, state), _bends(scorer, state), _timed(scorer, state), least
 
-    near = [state for state in scorer.scored.values() if state.total > best.total - PLAIN]
+    near = [
+        state for state in scorer.scored.values()
+        if state.total > best.total - PLAIN and not _hides_sizes(scorer, state, best)
+    ]  # fmt: skip
     first = min([best, *(state for state in near if nothing or _parts(scorer, state))], key=plain)
     first = max([first, *(state for state in near if _drifts_instead(scorer, state, first))], key=lambda one: one.total)
     return scorer.score(first.keys, first.memory)
+
+
+def _hides_sizes(scorer: Scorer, state: State, best: State) -> bool:
+    """Whether a set has an unknown in the place of sizes of the drawing, before which it has to be clearly likelier."""
+    atoms, more, less = scorer.system.atoms, set(state.keys) - set(best.keys), set(best.keys) - set(state.keys)
+    return any(is_block(atoms[key]) for key in more) and any(is_drawn(atoms[key]) for key in less)
 
 
 def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:

@@ -33,7 +33,9 @@ class Told:
     alike: tuple[str, ...] = ()
 
 
-def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0) -> tuple[Told, ...]:
+def sparsest(
+    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, beside: Sequence[Term] = ()
+) -> tuple[Told, ...]:
     """Say terms in the gauge in which the fewest of their values are off.
 
     A homing offset of one slider is fitted as a third of it on each, because the tracker's z takes the rest. All values
@@ -45,31 +47,39 @@ def sparsest(terms: Sequence[Term], problem: Problem, noise: Noise, widen: float
         problem: the readings.
         noise: the noise floor.
         widen: times the noise that the fit leaves, where it is more than that.
+        beside: terms of the same fit that are said apart: the gauge leaves them as they are, but the readings have to
+            tell values from theirs.
 
     Returns:
         The terms in their order.
     """
     few = take(problem, sample_stretches(problem, SAMPLE)) if problem.table.rows > LONG else problem
-    layout = lay_out(Model(problem.file), few, terms)
+    layout = lay_out(Model(problem.file), few, (*terms, *beside))
     values = layout.start()
     linear = assemble(layout, values, few, noise)
-    own = np.flatnonzero((layout.owner >= 0) & ~layout.held)
-    information, motions = _without_frames(linear, own, layout.held)
-    information = information * (problem.table.rows / few.table.rows / widen**2)
+    times = problem.table.rows / few.table.rows / widen**2
+    mine = layout.owner < len(terms)
+    own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held)
+    held = layout.held.astype(float)
+    information, motions = _without(linear, own, np.setdiff1d(np.flatnonzero(mine), own), held)
+    information = information * times
     free = _untold(information, values[own])
     if not free.shape[1]:
         return tuple(Told(term) for term in terms)
     unknowns = values.copy()
     unknowns[own], moved = _fewest(values[own], free)
     error = np.full(len(values), np.nan)
+    if beside:
+        # None of these is larger than it was found to be, or than is usual.
+        prior = np.where(mine, held, 1.0 / np.maximum(_mean_squares(values, layout.group), 1.0))
+        information = times * _without(linear, own, np.setdiff1d(np.arange(len(values)), own), prior / times)[0]
     error[own] = _errors(information, moved)
     said = []
-    for index, (term, theta) in enumerate(zip(terms, layout.thetas(unknowns), strict=True)):
-        mine = layout.owner == index
+    for index, (term, theta) in enumerate(zip(terms, layout.thetas(unknowns), strict=False)):
         taking = _taking_part(free, layout.owner[own] == index)
         std = torch.full_like(theta, torch.nan) if term.std is None else term.std.clone()
         if taking.shape[1]:
-            std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[mine])
+            std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[layout.owner == index])
         # A motion of the tracker has no legs that could have something in common.
         names = () if term.effect.stage == "metrology" else _alike(linear, own, taking, motions, few.frames)
         said.append(Told(replace(term, theta=theta, std=std), names))
@@ -82,18 +92,32 @@ def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
     return np.asarray(free @ ways[strength > PART].T)
 
 
-def _without_frames(linear: Linear, own: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Information on own values with everything else free beside them, and how the rest then moves with them."""
+def _without(linear: Linear, own: np.ndarray, rest: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Information on own values with others free beside them, and how these then move with them.
+
+    Args:
+        linear: of u unknowns.
+        own: (v,) places of the own values.
+        rest: (w,) places of what is free beside them; whatever else there is stays as it is.
+        prior: (u,) how firmly each is held near zero.
+
+    Returns:
+        (v, v), and (u, v).
+    """
     together = np.concatenate([linear.columns[linear.rows], linear.base_columns])
     flat = together.reshape(-1, together.shape[-1])
     gram = flat.T @ flat
-    gram[np.arange(len(held)), np.arange(len(held))] += held.astype(float)
-    rest = np.setdiff1d(np.arange(len(gram)), own)
+    gram[np.arange(len(prior)), np.arange(len(prior))] += prior
     follow = np.linalg.pinv(gram[np.ix_(rest, rest)], hermitian=True) @ gram[np.ix_(rest, own)]
     whole = np.zeros((len(gram), len(own)))
     whole[rest] = -follow
     whole[own, np.arange(len(own))] = 1.0
     return gram[np.ix_(own, own)] - gram[np.ix_(own, rest)] @ follow, whole
+
+
+def _mean_squares(values: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Of each value, the mean square of those that share how large they may be, (u,)."""
+    return np.array([np.square(values[group == own]).mean() for own in group.tolist()])
 
 
 def _untold(information: np.ndarray, values: np.ndarray) -> np.ndarray:
