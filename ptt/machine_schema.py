@@ -58,7 +58,7 @@ class TargetsSpec(Frozen):
 
 
 class MaskedSpec(Frozen):
-    """What a run says of effects that the model does not have; written and read by `ptt.fitting.masked`.
+    """What a run says of effects that the model does not have; written and read by the modules of `ptt.fitting`.
 
     Attributes:
         of: keys of the effects.
@@ -79,6 +79,7 @@ class CovarianceSpec(Frozen):
         heldout_mm: error of rows that the fit had not seen.
         helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
         masked: effects that the model does not have, and what its run says of them.
+        unnamed: sizes of the drawing among them, and how far they leave the model open.
     """
 
     of: tuple[str, ...]
@@ -87,6 +88,7 @@ class CovarianceSpec(Frozen):
     heldout_mm: float | None = None
     helped: bool | None = None
     masked: MaskedSpec | None = None
+    unnamed: MaskedSpec | None = None
 
 
 class ParameterEntry(Frozen):

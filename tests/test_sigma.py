@@ -202,7 +202,7 @@ def test_a_long_list_is_worked_out_in_parts_with_the_same_uncertainty(tmp_path, 
     wanted[30:45, 1:] = 0.0
     model = learn(tmp_path, measured, {"backlash_mm": [0.05, 0.03, 0.04]}, ("backlash", "homing-offset"))[3]
     whole = compensate(model, make_table(wanted)).sigma
-    monkeypatch.setattr("ptt.fitting.kept.CHUNK", 17)
+    monkeypatch.setattr("ptt.fitting.tool_sigma.CHUNK", 17)
     parts = compensate(model, make_table(wanted)).sigma
     np.testing.assert_allclose(parts, whole, rtol=1e-9)
     assert np.ptp(whole) > 0.0

@@ -6,7 +6,8 @@ import numpy as np
 from torch import Tensor
 
 from ptt.correct.task import Task
-from ptt.fitting.kept import Kept, kept_covariance, tool_sigma
+from ptt.fitting.kept import Kept, kept_covariance
+from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
 

@@ -66,7 +66,7 @@ def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
         half = dtrtrs(posterior.cholesky, sums.gram[posterior.order, own], lower=1)[0]
         follow = np.empty_like(half)  # how the values of the set go with those of the effect
         follow[posterior.order] = -dtrtrs(posterior.cholesky, half, lower=1, trans=1)[0]
-        left = left_beside(sums.gram[own, own][None], half.T[None])[0]
+        left = _seen(left_beside(sums.gram[own, own][None], half.T[None])[0])
         spread = inverse(left + np.diag(1.0 / gain.scales[atom.group]))
         values = spread @ (sums.side[own] + follow.T @ sums.side[:width])
         squares = posterior.phi * spread + np.outer(values, values)
@@ -76,3 +76,9 @@ def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
             odds, chance = 0.0, float(expit(asked))
         found.append(Absent(atom.key, odds, follow @ squares @ follow.T, chance))
     return tuple(found)
+
+
+def _seen(gram: np.ndarray) -> np.ndarray:
+    """What is left of some columns, less what rounding left of those that the set spans, (w, w)."""
+    strength, ways = np.linalg.eigh(gram)
+    return np.asarray(ways * np.where(strength > max(-strength[0], 0.0), strength, 0.0) @ ways.T)

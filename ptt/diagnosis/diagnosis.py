@@ -11,6 +11,7 @@ from ptt.diagnosis.rest import Rest
 from ptt.diagnosis.slow import Slow
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
+from ptt.plan.elsewhere import Elsewhere
 from ptt.plan.separation import Separation
 from ptt.run.noise import Noise
 
@@ -35,6 +36,8 @@ class Diagnosis:
         rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
+        elsewhere: how far commands may be off at the poses of the run and all over the workspace; None where nothing is
+            named, or in runs that are diagnosed in chunks.
         opening: rows not looked at: nobody knows from which side the machine came or where a pin lies, (n,) bool.
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
@@ -57,6 +60,7 @@ class Diagnosis:
     model: Model
     fitted: FitResult
     words: str
+    elsewhere: Elsewhere | None = None
     opening: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @property
@@ -78,6 +82,7 @@ class Diagnosis:
             "noise_um": self.noise.to_dict(),
             "noise_wanders": self.wander and self.wander.to_dict(),
             "rms_um": self.rms_um,
+            "elsewhere_um": self.elsewhere and self.elsewhere.to_dict(),
             "rows": self.rows,
             "outlier_rows": [int(row) for row in np.flatnonzero(self.outliers)],
             "rows_aside": [int(row) for row in np.flatnonzero(self.opening)],

@@ -42,6 +42,7 @@ from ptt.fitting.chunks import numbers
 from ptt.fitting.opening import opening_rows, without_opening
 from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model, Term
+from ptt.plan.elsewhere import elsewhere
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -156,6 +157,7 @@ def conclude(
         model=replace(model, terms=said.sent),
         fitted=found.fitted,
         words="",
+        elsewhere=elsewhere(found.fitted, problem) if named and found.sample is None else None,
     )
     return replace(result, words=explain_verdict(result, steps))
 

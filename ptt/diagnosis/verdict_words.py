@@ -41,14 +41,15 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         steps: how many effects could be added; None for as many as it takes.
 
     Returns:
-        Text; of an unknown at most five lines.
+        Text; of an unknown at most five lines, and one on the workspace.
     """
     count = len(result.suggested)
     named = {step[0] for step in result.suggested}
     columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
     followed = result.depends_on[0].on if result.depends_on else None  # the only one that is told in the verdict
+    far = "" if result.elsewhere is None else result.elsewhere.words(result.rms_um["after"]["total"])
     return "\n".join(
-        tell_verdict(
+        [*tell_verdict(
             result.verdict,
             [candidate.words for candidate in result.candidates[:count]],
             (result.rms_um["before"]["total"], result.rms_um["after"]["total"]),
@@ -63,7 +64,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
             bent={key: on for key, on in columns.items() if key in named and on == followed},
             cut_short=steps is not None and steps == count,
             wander=result.wander,
-        )
+        ), *([far] if far else [])]
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from ptt.diagnosis.at_tool import at_tool_um
 from ptt.effects.layout import family
 from ptt.effects.phrases import Said, capital, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
-from ptt.fitting.gauge import Told, sparsest
+from ptt.fitting.gauge import Loose, Told, sparsest
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -48,7 +48,9 @@ def _gauge(told: Told, noun: str) -> str:
     return f" ({noun}s against each other; what they have in common cannot be told from {whose})"
 
 
-def sentences(terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0) -> list[str]:
+def sentences(
+    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, loose: Loose | None = None
+) -> list[str]:
     """Every fitted effect of a model in one sentence each, all in the gauge with the fewest parts off.
 
     Args:
@@ -56,13 +58,14 @@ def sentences(terms: Sequence[Term], problem: Problem, noise: Noise, widen: floa
         problem: the readings.
         noise: the noise floor.
         widen: times the noise that the fit leaves, where it is more than that.
+        loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
 
     Returns:
         One for each term.
     """
     known = [term for term in terms if len(term.theta)]
     words = []
-    for told in sparsest(known, problem, noise, widen):
+    for told in sparsest(known, problem, noise, widen, loose=loose):
         set_right = remedy(told, problem.view)
         words.append(f"{capital(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
     return words

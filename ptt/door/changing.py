@@ -19,6 +19,7 @@ from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb, descend
 from ptt.judge.ladder.ladder import Ladder, Step
 from ptt.judge.ladder.text import format_ladder
+from ptt.plan.elsewhere import Elsewhere, elsewhere
 from ptt.progress import Progress, unwatched
 
 if TYPE_CHECKING:
@@ -57,14 +58,22 @@ class Changed(Result):
         """The steps, the model as given first."""
         return self.ladder.steps
 
+    @cached_property
+    def elsewhere(self) -> Elsewhere | None:
+        """How far commands of the model may be off at the poses of the run, and all over the workspace."""
+        return elsewhere(self.ladder.steps[-1].fitted, self.opened.problem)
+
     def _figures(self) -> Mapping[str, Any]:
-        return self.ladder.to_dict() | self.opened.set_up
+        far = {"elsewhere_um": self.elsewhere and self.elsewhere.to_dict()}
+        return self.ladder.to_dict() | far | self.opened.set_up
 
     def __str__(self) -> str:
         """The ladder, the effects in words, and the fit."""
         last = self.ladder.steps[-1].fitted
         widen = max(1.0, last.chi2 / max(last.freedom, 1)) ** 0.5
-        told = sentences(last.model.terms, self.opened.problem, last.noise, widen)
+        told = sentences(last.model.terms, self.opened.problem, last.noise, widen, last.loose_of)
+        if self.elsewhere and (far := self.elsewhere.words(self.ladder.steps[-1].rms_um["total"])):
+            told.append(far)
         words = "".join(f"{line}\n" for line in told) + "\n" if told else ""
         return f"{format_ladder(self.ladder)}\n\n{words}{format_fit(self.ladder.report)}"
 

@@ -1,6 +1,6 @@
 """Values as they can be turned: of all that the readings cannot tell apart, the one with the fewest parts off."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ UNTOLD = 9.0  # chi-squared, three standard errors, below which readings do not 
 PART = 0.2  # share of the largest from which a term has a part in an ambiguity
 MOTION = 0.05  # share of a pattern from which a motion has a part in it: a turn about a far pivot moves little else
 ROUNDING = 1e-12  # share of the strongest direction's square that is rounding
+Loose = Callable[[Sequence[str]], np.ndarray]
 LIKE_FRAME = 0.1  # share of a pattern that no motion of the tracker may leave, if it is one
 
 
@@ -34,8 +35,9 @@ class Told:
 
 
 def sparsest(
-    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, beside: Sequence[Term] = ()
-) -> tuple[Told, ...]:
+    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, beside: Sequence[Term] = (),
+    loose: Loose | None = None,
+) -> tuple[Told, ...]:  # fmt: skip
     """Say terms in the gauge in which the fewest of their values are off.
 
     A homing offset of one slider is fitted as a third of it on each, because the tracker's z takes the rest. All values
@@ -49,6 +51,7 @@ def sparsest(
         widen: times the noise that the fit leaves, where it is more than that.
         beside: terms of the same fit that are said apart: the gauge leaves them as they are, but the readings have to
             tell values from theirs.
+        loose: mean squares and products, in usual sizes, by which what no term stands for may move values, by name.
 
     Returns:
         The terms in their order.
@@ -74,6 +77,8 @@ def sparsest(
         prior = np.where(mine, held, 1.0 / np.maximum(_mean_squares(values, layout.group), 1.0))
         information = times * _without(linear, own, np.setdiff1d(np.arange(len(values)), own), prior / times)[0]
     error[own] = _errors(information, moved)
+    if loose is not None:
+        error[own] = np.hypot(error[own], _moved_along(loose([layout.names[place] for place in own]), free, moved))
     said = []
     for index, (term, theta) in enumerate(zip(terms, layout.thetas(unknowns), strict=False)):
         taking = _taking_part(free, layout.owner[own] == index)
@@ -149,6 +154,20 @@ def _errors(information: np.ndarray, off: np.ndarray) -> np.ndarray:
     spread = np.diag(np.linalg.pinv(information[np.ix_(off, off)], hermitian=True))
     error[off] = np.sqrt(np.maximum(spread, 0.0))  # rounding may leave a direction of no information below zero
     return error
+
+
+def _moved_along(loose: np.ndarray, free: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """Standard errors in usual sizes by what moves the values, while those that are right in this gauge stay so, (u,).
+
+    Args:
+        loose: (u, u) mean squares and products of the motions.
+        free: (u, m) directions along which the gauge is chosen.
+        off: (u,) bool, values that are not right.
+    """
+    back = np.zeros((len(off), len(off)))
+    back[:, ~off] = free @ np.linalg.pinv(free[~off])
+    along = np.eye(len(off)) - back
+    return np.where(off, np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, loose, along), 0.0)), 0.0)
 
 
 def _alike(linear: Linear, own: np.ndarray, free: np.ndarray, motions: np.ndarray, frames: int) -> tuple[str, ...]:

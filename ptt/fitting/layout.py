@@ -85,6 +85,16 @@ class Layout:
         values = np.concatenate([*parts, np.zeros(3 * self.mounts + 6 * self.frames)])
         return values / self.scale
 
+    @property
+    def lasting(self) -> dict[str, int]:
+        """What is kept of a run, and its place: of several mounts and frames the first ones, without their run."""
+        several = [*((name, self.frames) for name in FRAME_NAMES), *((name, self.mounts) for name in MOUNT_NAMES)]
+        found: dict[str, int] = {}
+        for place, name in enumerate(self.names):
+            own = next((plain for plain, count in several if count > 1 and name.startswith(f"{plain} of run ")), name)
+            found.setdefault(own, place)
+        return found
+
     def columns(self) -> np.ndarray:
         """Which columns of the terms' joined Jacobian are free, (sum P,) bool."""
         return np.concatenate(self.free) if self.free else np.zeros(0, dtype=bool)

@@ -1,11 +1,13 @@
 """A fit and its limits: values, what is known of them, what only a prior holds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ptt.fitting.layout import Layout
 from ptt.fitting.prior import Prior
+from ptt.fitting.unnamed import Unnamed
 from ptt.model.chain import Prediction
 from ptt.model.model import Model
 from ptt.run.noise import Noise
@@ -39,6 +41,8 @@ class FitResult:
         status: 'converged' or what kept it from converging.
         doubt: (u,) what frames that were held leave uncertain of the unknowns, variances in their own units; None where
             none was held. It moves all of the tool as a frame does, so the covariance is without it.
+        unnamed: sizes of the drawing that the model does not have, and how far they leave the unknowns open; None where
+            nobody asked. The covariance is without them: where the run went the values make good for them.
     """
 
     model: Model
@@ -58,6 +62,7 @@ class FitResult:
     iterations: int
     status: str
     doubt: np.ndarray | None = None
+    unnamed: Unnamed | None = None
 
     @property
     def values(self) -> np.ndarray:
@@ -72,7 +77,21 @@ class FitResult:
     @property
     def std(self) -> np.ndarray:
         """Standard errors of the unknowns in their own units, (u,)."""
-        return np.sqrt(np.diag(self.covariance) + (0.0 if self.doubt is None else self.doubt))
+        more = 0.0 if self.doubt is None else self.doubt
+        loose = np.diag(self.loose_of(self.layout.names)) * self.layout.scale**2
+        return np.asarray(np.sqrt(np.diag(self.covariance) + more + loose))
+
+    def loose_of(self, names: Sequence[str]) -> np.ndarray:
+        """Mean squares and products by which what is not named may move some unknowns, by name, in usual sizes, (v, v).
+
+        Zero where nobody asked, and of what is no unknown.
+        """
+        place = {name: number for number, name in enumerate(self.layout.names)}
+        rows = np.zeros((len(names), 0 if self.unnamed is None else self.unnamed.root.shape[1]))
+        for number, name in enumerate(names):
+            if self.unnamed is not None and name in place:
+                rows[number] = self.unnamed.root[place[name]]
+        return np.asarray(rows @ rows.T)
 
     @property
     def measured(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from ptt.correct.training.nested import Figures, HeldOut, better_space, hold_out
 from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
 from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, random_protocol
 from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_rest, rest_of, spaces_of
+from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.solve import hold_to_base, rms
 from ptt.model.model import Model
@@ -90,7 +91,7 @@ def train(
     spaces = spaces_of(problem)
     steps = 1 + len(spaces) + len(protocol.folds)
     tell("fit", 0, steps)
-    fitted = _as_sure(fit_physics(model, problem), free)
+    fitted = _as_sure(fit_physics(model, problem), problem, free)
     rows = sound(problem, fitted)
     networks: dict[Space, RbfTraining] = {}
     for number, space in enumerate(spaces):
@@ -122,9 +123,9 @@ def train(
     )
 
 
-def _as_sure(physics: Physics, free: Problem) -> Physics:
-    """Physics fitted beside held frames, as sure as the base reflectors of the free problem make it."""
+def _as_sure(physics: Physics, held: Problem, free: Problem) -> Physics:
+    """Physics fitted beside held frames, as sure as base reflectors and what the model does not have make it."""
     if physics.fitted is None:
         return physics
-    fitted = with_frame_doubt(physics.fitted, free)
+    fitted = beside_unnamed(with_frame_doubt(physics.fitted, free), held)
     return replace(physics, fitted=fitted, model=fitted.model)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ptt.effects import Effect
 from ptt.errors import ModelError, PosesError
+from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import LONG
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.long import hidden_residual
@@ -157,8 +158,9 @@ def _measure(
     if narrower is not None:
         fits, held_out = _fitted(rungs, problem, narrower, hidden, tell)
     tell("report", 1, 1)
+    held = hold_to_base(fits[-1].model, problem)
     if rungs[-1][1] != "given":  # the last is what is stated
-        fits[-1] = with_frame_doubt(fits[-1], problem)
+        fits[-1] = beside_unnamed(with_frame_doubt(fits[-1], problem), held)
     rows = problem.used & ~fits[-1].outliers
     for residual in (*(item.residual for item in fits), *held_out):
         rows = rows & np.isfinite(residual).all(axis=1)
@@ -172,13 +174,19 @@ def _measure(
         Step(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _restored(fitted, rungs[0][2]))
         for (name, kind, rung), fitted, out, fall in zip(rungs, fits, held_out, falls, strict=True)
     )
-    problem = hold_to_base(fits[-1].model, problem)
-    report = report_fit(fits[-1], problem, fits[0])
+    report = report_fit(fits[-1], held, fits[0])
     protocol = f"{len(hidden)} parts of whole blocks of travel hidden in turn, all repeats of a pose together"
     if any(value.measured == "searched" for value in report.values):
         protocol += "; moments, ranges and periods as all rows tell them"
-    masked = masked_effects(steps[-1].fitted, problem)
-    return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(problem), masked)
+    return Ladder(
+        steps,
+        report,
+        fits[-1].noise.to_dict(),
+        protocol,
+        notes,
+        ranges_of(held),
+        masked_effects(steps[-1].fitted, held),
+    )
 
 
 def _untold(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:

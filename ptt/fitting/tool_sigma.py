@@ -1,0 +1,131 @@
+"""How far the tool may be from where a model has it, at any target: by what its fit left uncertain, named or not."""
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.effects.base import Effect, Parameter
+from ptt.effects.layout import linear_size, sizes, usual_values
+from ptt.fitting.chunks import CHUNK, view_chunks
+from ptt.fitting.kept import Kept
+from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
+from ptt.fitting.unnamed import Unnamed
+from ptt.model.chain import Linearised, Shifts, linearise, signature
+from ptt.model.model import parameter_names
+from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, apply_frames
+from ptt.run.view import View
+
+STEEP = 5.0  # slope of a bow at its end, in heights of the bow a length of the curve
+
+
+def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
+    """What a fit leaves uncertain of where the tool is, as the tracker's frame would show it.
+
+    Parameters and frame together: what is common to all readings moves with the frame, and no command mends it. So do
+    sizes of the drawing that the model does not have, which its values make good for where the run went and not
+    elsewhere. Beyond the heights that told a curve it is held, and how it goes on there is uncertain as well.
+
+    Args:
+        kept: the covariance.
+        terms: effects of the machine with their parameters; those of the metrology move no tool.
+        view: n rows.
+        kind: mechanism family.
+
+    Returns:
+        (n,) mm, root of the summed variances of x, y and z.
+    """
+    if view.rows > CHUNK:
+        return np.concatenate([tool_sigma(kept, terms, part, kind) for part in view_chunks(view, CHUNK)])
+    at = linearise(terms, view)
+    by_kept = _by_kept(kept, terms, at, view, kind)
+    square = (by_kept @ torch.as_tensor(kept.root)).square().sum(dim=(1, 2))
+    if kept.unnamed is not None:
+        every = torch.cat([_usual(kept, terms, by_kept, view, kind), *_by_unnamed(kept.unnamed, at, view)], dim=2)
+        square = square + (every @ torch.as_tensor(kept.unnamed.root)).square().sum(dim=(1, 2))
+    if terms:
+        square = square + unvisited(terms, view, at.jacobian).square().sum(dim=(1, 2))
+    return np.asarray(square.sqrt().numpy())
+
+
+def _by_kept(kept: Kept, terms: Shifts, at: Linearised, view: View, kind: str) -> Tensor:
+    """How the tool goes with all that a file keeps, (n, 3, u) in its units; not at all with what is not at work."""
+    place = {name: number for number, name in enumerate(kept.names)}
+    found = torch.zeros(view.rows, 3, len(place), dtype=torch.float64)
+    still = torch.zeros(1, 6, dtype=torch.float64)
+    parts = [
+        (_names(terms, view.joints, kind), at.jacobian),
+        (MOUNT_NAMES, at.by_mount),
+        (FRAME_NAMES, apply_frames(at.prediction.reading, np.zeros(view.rows, dtype=int), still)[1]),
+    ]
+    for names, columns in parts:
+        own = [number for number, name in enumerate(names) if name in place]
+        found[:, :, [place[names[number]] for number in own]] = columns[:, :, own]
+    return found
+
+
+def _usual(kept: Kept, terms: Shifts, by_kept: Tensor, view: View, kind: str) -> Tensor:
+    """The same, (n, 3, u), by usual sizes."""
+    usual = dict(zip(MOUNT_NAMES, [MOUNT_USUAL] * 3, strict=True))
+    usual |= dict(zip(FRAME_NAMES, [SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, strict=True))
+    for effect, _ in terms:
+        usual |= dict(zip(_own_names(effect, view.joints, kind), usual_values(effect, view).tolist(), strict=True))
+    return by_kept * torch.tensor([usual.get(name, 0.0) for name in kept.names], dtype=torch.float64)
+
+
+def _by_unnamed(unnamed: Unnamed, at: Linearised, view: View) -> list[Tensor]:
+    """How the tool goes with sizes of the drawing that a model does not have, (n, 3, p) each by usual sizes."""
+    return [
+        signature(at.chain, effect, {}) * usual_values(effect, view)[: linear_size(effect, view.joints)]
+        for effect in unnamed.effects
+    ]
+
+
+def unvisited(terms: Shifts, view: View, jacobian: Tensor) -> Tensor:
+    """How far the tool may be off because joints are beyond the heights that told their curves, standard deviations.
+
+    A curve has a slope that wanders at random along the axis (as in `screw-error-map`). Beyond its end it is held,
+    while the screw goes on with the slope of that end, and bends with the power 3/2 of the length.
+
+    Args:
+        terms: effects of the machine with their parameters.
+        view: n rows.
+        jacobian: of the reading by all parameters of the terms, (n, 3, p).
+
+    Returns:
+        (n, 3, c) mm, one column a joint's curve.
+    """
+    columns, first = [jacobian[:, :, :0]], 0
+    for effect, theta in terms:
+        counts = sizes(effect, view.joints)
+        values = {p.stem: part for p, part in zip(effect.parameters, theta.split(counts), strict=True)}
+        if {"from", "to", "straight"} <= values.keys():
+            low, high = values["from"], values["to"]
+            share = (torch.maximum(view.q - high, low - view.q) / (high - low)).clamp(min=0.0)  # shape: (n, k)
+            far = (STEEP**2 * share**2 + share**3).sqrt()
+            levels = first + _levels(effect, view.joints)  # shape: (k, curves)
+            for number, curve in enumerate(_bent(effect)):
+                height = values[curve.stem].reshape(view.joints, -1).abs().amax(dim=1).clamp(min=curve.usual)
+                columns.append(jacobian[:, :, levels[:, number]] * (far * height)[:, None])
+        first += sum(counts)
+    return torch.cat(columns, dim=2)
+
+
+def _bent(effect: Effect) -> list[Parameter]:
+    """The parameters that are a curve's bends."""
+    return [p for p in effect.parameters if p.role == "linear" and not p.held and not p.fine]
+
+
+def _levels(effect: Effect, joints: int) -> np.ndarray:
+    """Places, among an effect's parameters, of the level of each joint's curves, (k, curves)."""
+    stems = [p.stem for p in effect.parameters]
+    at = stems.index("straight")
+    start, count = sum(sizes(effect, joints)[:at]), effect.parameters[at].count
+    return start + np.arange(joints * count).reshape(joints, count)[:, 1::2]
+
+
+def _names(terms: Shifts, joints: int, kind: str) -> list[str]:
+    return [name for effect, _ in terms for name in _own_names(effect, joints, kind)]
+
+
+def _own_names(effect: Effect, joints: int, kind: str) -> list[str]:
+    return [f"{effect.key} {name}" for name in parameter_names(effect, kind, joints)]

@@ -1,0 +1,68 @@
+"""Unnamed: sizes of the drawing that a model does not have, and how far they leave open what it says."""
+
+import base64
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.effects import Effect, library
+from ptt.effects.layout import linear_size
+from ptt.machine_schema import MaskedSpec
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """Sizes of the drawing that a model does not have, beside what it has, in usual sizes.
+
+    Attributes:
+        effects: of which they are.
+        root: (u + p, r) of the mean squares and products by which the u unknowns of a fit, and their own p values, may
+            be off beyond the covariance of the fit: root @ root.T.
+    """
+
+    effects: tuple[Effect, ...]
+    root: np.ndarray
+
+    def among(self, rows: Sequence[int], joints: int) -> "Unnamed":
+        """The same of some unknowns of the fit alone.
+
+        Args:
+            rows: of these.
+            joints: number of joints.
+        """
+        own = range(len(self.root) - _width(self.effects, joints), len(self.root))
+        return Unnamed(self.effects, self.root[[*rows, *own]])
+
+    def spec(self) -> MaskedSpec:
+        """As a machine file keeps it."""
+        keys, flat = tuple(effect.key for effect in self.effects), self.root.astype("<f4").tobytes()
+        return MaskedSpec(of=keys, told=base64.b64encode(zlib.compress(flat, 9)).decode())
+
+
+def read_unnamed(spec: MaskedSpec, count: int, joints: int) -> Unnamed | None:
+    """From a machine file.
+
+    Args:
+        spec: as kept.
+        count: number of unknowns that are kept, u.
+        joints: number of joints.
+
+    Returns:
+        The sizes; None where they cannot be read, or are of another program's library.
+    """
+    known = library()
+    if not set(spec.of) <= set(known):
+        return None
+    effects = tuple(known[key]() for key in spec.of)
+    rows = count + _width(effects, joints)
+    try:
+        flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.told, validate=True)), dtype="<f4").astype(float)
+        return Unnamed(effects, flat.reshape(rows, -1))
+    except (ValueError, zlib.error):
+        return None
+
+
+def _width(effects: Sequence[Effect], joints: int) -> int:
+    return sum(linear_size(effect, joints) for effect in effects)

@@ -1,0 +1,80 @@
+"""Elsewhere: how far a fit leaves the tool open all over the workspace, beside the poses that it was made on."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ptt.errors import WorkspaceError
+from ptt.fitting.beside_unnamed import beside_unnamed
+from ptt.fitting.kept import keep
+from ptt.fitting.result import FitResult
+from ptt.fitting.tool_sigma import tool_sigma
+from ptt.mechanisms import build_mechanism
+from ptt.model.chain import Shifts
+from ptt.plan.space import build_space, draw_poses
+from ptt.record import Record
+from ptt.run.problem import Problem
+from ptt.run.table import make_table
+from ptt.run.viewing import build_view
+
+POSES = 200  # of the workspace; their median is as good as its twentieth part
+FAR = 3.0  # times what is to be expected where the readings are, from which the workspace is worth a word
+
+
+@dataclass(frozen=True)
+class Elsewhere(Record):
+    """How far commands of a fit may be off, as `sigma_um` says it of each.
+
+    Attributes:
+        run: at the poses of the run, root mean square, um.
+        workspace: in half of the workspace it is more than this, um.
+    """
+
+    keys: ClassVar[str] = "run, workspace"
+
+    run: float
+    workspace: float
+
+    def words(self, error_um: float) -> str:
+        """A sentence where the workspace is far less sure than the readings; '' where it is not.
+
+        Args:
+            error_um: what is to be expected of the machine at the poses of the run.
+        """
+        if not self.workspace > FAR * max(error_um, self.run):
+            return ""
+        return (
+            "Elsewhere these readings tell less: in half of the workspace the machine would miss by "
+            f"{self.workspace:.0f} um or more. Measure where it works; `ptt predict` says sigma_um of each target."
+        )
+
+
+def elsewhere(fitted: FitResult, problem: Problem) -> Elsewhere | None:
+    """How far the machine may miss at the poses of a run, and all over its workspace, unloaded and as warm as drawn.
+
+    Args:
+        fitted: to the run.
+        problem: the run.
+
+    Returns:
+        None where nothing of the machine was fitted, or where its workspace is none.
+    """
+    file = problem.file
+    terms: Shifts = [
+        (term.effect, term.theta) for term in fitted.model.terms if term.effect.stage != "metrology" and len(term.theta)
+    ]
+    if not terms:
+        return None
+    kept = keep(beside_unnamed(fitted, problem) if fitted.unnamed is None else fitted)
+    try:
+        q = draw_poses(build_space(file), POSES, np.random.default_rng(0))
+    except WorkspaceError:
+        return None
+    place = build_mechanism(file.machine).forward(q).numpy()
+    table = make_table(place, command=q.numpy() if file.machine.kind == "serial" else None)
+    run, far = (
+        1e3 * tool_sigma(kept, terms, view, file.machine.kind) for view in (problem.view, build_view(file, table))
+    )
+    run = run[problem.used & np.isfinite(run)]
+    return Elsewhere(float(np.sqrt(np.mean(run**2))), float(np.nanmedian(far)))

@@ -1,0 +1,145 @@
+"""Sizes of the drawing that a model does not have: what they leave open of its values, and of commands elsewhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_sigma import FILE as DRAWN
+from test_sigma import SIGMA, path_of, went
+
+from ptt.correct.compensate import compensate
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects.registry import library, make_effect
+from ptt.fitting.beside_unnamed import beside_unnamed
+from ptt.fitting.kept import keep, kept_covariance
+from ptt.fitting.solve import fit
+from ptt.fitting.tool_sigma import tool_sigma
+from ptt.judge.history import record
+from ptt.judge.ladder.climb import climb
+from ptt.machine import format_machine, parse_machine
+from ptt.machine_schema import MaskedSpec, TrackerSpec
+from ptt.model.entries import read_model
+from ptt.model.model import Model
+from ptt.plan.elsewhere import Elsewhere
+from ptt.rig import parse_rig, simulate
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+from ptt.run.viewing import build_view
+
+FILE = replace(DRAWN, tracker=TrackerSpec(frame="trusted", sigma_mm=SIGMA))
+CUBE = 40.0 * np.array([[0, 0, 0], [1, 1, 1], [-1, -1, 1], [1, -1, -1], [-1, 1, -1]])  # ISO 9283: P1 to P5
+
+
+def machine(seed: int) -> dict:
+    """Every size off by about what it is on a real machine."""
+    random = np.random.default_rng([seed, 5])
+    drive = {"homing_mm": 0.05, "scale_um_per_m": 80.0}
+    geometry = {"tower_radial_mm": 0.05, "tower_tangential_mm": 0.05, "link_mm": 0.05, "lean_radial_mrad": 0.3,
+                "lean_tangential_mrad": 0.3}  # fmt: skip
+    return {
+        section: {name: random.normal(0.0, size, 3).tolist() for name, size in sizes.items()}
+        for section, sizes in (("drive", drive), ("geometry", geometry))
+    }
+
+
+def read(rig, place: np.ndarray, seed: int) -> Problem:
+    """Readings of a rig, in the frame that the file trusts."""
+    truth = simulate(rig, path_of(place), noise=False).truth
+    noisy = truth + np.random.default_rng(seed).normal(0.0, SIGMA, place.shape)
+    return build_problem(FILE, replace(make_table(place), measured=noisy))
+
+
+def solved(place: np.ndarray, seed: int, *names: str):
+    """A rig, the readings of it, a ladder of some effects, and the model as a file keeps it."""
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": seed, **machine(seed)})
+    ladder = climb(Model(FILE), read(rig, place, seed), [make_effect(library(), name) for name in names])
+    return rig, ladder, read_model(parse_machine(format_machine(record(ladder, "add", []))))
+
+
+def test_commands_far_from_five_poses_are_as_uncertain_as_they_are_wrong() -> None:
+    """Towers alone make good for all sizes at five poses; elsewhere the corrected machine misses by many times that."""
+    wanted, pulls, ratios = np.random.default_rng(2).uniform(-60.0, 60.0, (40, 3)).round(3), [], []
+    for seed in range(6):
+        rig, ladder, model = solved(np.tile(CUBE, (12, 1)), seed, "tower-position", "tower-tilt")
+        commands = compensate(model, make_table(wanted))
+        error = np.linalg.norm(went(rig, wanted, commands.q) - wanted, axis=1)
+        pulls.append(np.square(error) / commands.sigma**2)
+        ratios.append(1e-3 * ladder.steps[-1].rms_um["total"] / np.sqrt(np.mean(error**2)))
+        assert (commands.status == "uncertain").mean() > 0.5
+    assert max(ratios) < 0.5  # the readings were met far better
+    assert 0.2 < np.mean(pulls) < 2.0
+
+
+def test_where_readings_fill_the_volume_they_leave_little_open() -> None:
+    random = np.random.default_rng(3)
+    place, wanted = (random.uniform(-half, half, (count, 3)).round(3) for half, count in ((60.0, 200), (50.0, 40)))
+    for seed in range(2):
+        names = ("homing-offset", "lead-scale", "tower-position", "tower-tilt")
+        rig, _, model = solved(place, seed, *names)
+        commands = compensate(model, make_table(wanted))
+        error = np.linalg.norm(went(rig, wanted, commands.q) - wanted, axis=1)
+        assert 0.2 < np.mean(np.square(error) / commands.sigma**2) < 2.0
+        assert set(commands.status) == {"ok"} and np.median(commands.sigma) < SIGMA
+
+
+def test_values_are_as_uncertain_as_what_is_not_named_makes_them() -> None:
+    """A tower's place, told at five poses beside sizes that are off and not in the model."""
+    inside, before = [], []
+    for seed in range(8):
+        true = machine(seed)["geometry"]
+        _, ladder, _ = solved(np.tile(CUBE, (12, 1)), seed, "tower-position")
+        fitted = ladder.steps[-1].fitted
+        off = fitted.values - np.concatenate([true["tower_radial_mm"], true["tower_tangential_mm"]])
+        inside += (np.abs(off) < 2.0 * fitted.std).tolist()
+        before += (np.abs(off) < 2.0 * np.sqrt(np.diag(fitted.covariance))).tolist()
+    assert np.mean(inside) > 0.9 and np.mean(before) < 0.6
+
+
+def test_what_readings_exclude_leaves_a_fit_as_it_is() -> None:
+    """A lead that is off, on a machine that is else as drawn, seen all over its volume."""
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 3, "drive": {"scale_um_per_m": [80.0, -60.0, 40.0]}})
+    problem = read(rig, np.random.default_rng(3).uniform(-60.0, 60.0, (300, 3)).round(3), 3)
+    fitted = fit(Model(FILE) + library()["lead-scale"](), problem)
+    beside = beside_unnamed(fitted, problem)
+    assert (beside.std < 3.0 * fitted.std).all() and (beside.std >= fitted.std).all()
+    np.testing.assert_array_equal(beside.covariance, fitted.covariance)
+    every = [name for name, effect in library().items() if effect.of_drawing and "three-ptt" in effect.mechanisms]
+    whole = Model(FILE)
+    for name in every:
+        whole = whole + library()[name]()
+    fitted = fit(whole, problem)
+    assert beside_unnamed(fitted, problem) is fitted  # nothing is left that could be off
+
+
+def test_a_file_keeps_what_a_fit_knows() -> None:
+    _, ladder, model = solved(np.tile(CUBE, (6, 1)), 1, "tower-position")
+    kept, fitted = kept_covariance(model), ladder.steps[-1].fitted
+    assert kept is not None and kept.unnamed is not None
+    here, terms = keep(fitted), [(term.effect, term.theta) for term in model.terms]
+    view = build_view(FILE, make_table(np.random.default_rng(2).uniform(-60.0, 60.0, (9, 3))))
+    there = tool_sigma(kept, terms, view, "three-ptt")
+    np.testing.assert_allclose(there, tool_sigma(here, terms, view, "three-ptt"), rtol=1e-4)
+    assert (there > 1.5 * tool_sigma(replace(kept, unnamed=None), terms, view, "three-ptt")).all()
+
+
+@pytest.mark.parametrize("spec", [MaskedSpec(of=("lead-scale",), told="!"), MaskedSpec(of=("of-another",), told="")])
+def test_what_cannot_be_read_of_it_is_left_aside(spec: MaskedSpec) -> None:
+    _, _, model = solved(np.tile(CUBE, (6, 1)), 1, "tower-position")
+    assert model.file.covariance is not None
+    covariance = model.file.covariance.model_copy(update={"unnamed": spec})
+    kept = kept_covariance(replace(model, file=replace(model.file, covariance=covariance)))
+    assert kept is not None and kept.unnamed is None
+
+
+def test_a_diagnosis_says_where_its_readings_tell_less() -> None:
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 2, **machine(2)})
+    five = diagnose(Model(FILE), read(rig, np.tile(CUBE, (20, 1)), 2))
+    assert five.elsewhere is not None and five.elsewhere.workspace > 5.0 * five.elsewhere.run
+    assert "in half of the workspace the machine would miss by" in five.words
+    assert five.to_dict()["elsewhere_um"] == {"run": five.elsewhere.run, "workspace": five.elsewhere.workspace}
+    place = np.random.default_rng(3).uniform(-75.0, 75.0, (200, 3)).round(3)
+    many = diagnose(Model(FILE), read(rig, place, 2))
+    assert many.elsewhere is not None and many.elsewhere.workspace < 0.2 * five.elsewhere.workspace
+    assert Elsewhere(2.0, 29.0).words(10.0) == "" and "29 um" in Elsewhere(2.0, 29.0).words(9.0)
+    sound = diagnose(Model(FILE), build_problem(FILE, replace(make_table(place), measured=place + SIGMA)))
+    assert sound.elsewhere is None
