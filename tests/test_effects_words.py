@@ -418,6 +418,7 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
         rms_um={"before": {"total": 90.0}, "after": {"total": after}},
         rows=110,
         wander=wander,
+        elsewhere=None,
     )
 
 

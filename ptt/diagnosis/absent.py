@@ -4,16 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
-from scipy.special import expit
 
-from ptt.diagnosis.atoms import is_drawn, is_effect
+from ptt.diagnosis.atoms import Atom, is_drawn, is_effect
 from ptt.diagnosis.probability import LIKELY, TEMPER
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import left_beside
 from ptt.diagnosis.state import State
 from ptt.fitting.factor import inverse
-
-BARELY = TEMPER * float(np.log(LIKELY))  # nats below which an effect has no odds that matter
 
 
 @dataclass(frozen=True)
@@ -22,26 +19,23 @@ class Absent:
 
     Attributes:
         key: of its atom.
-        odds: of the set with it beside the set without; zero of what has a chance.
+        odds: of the set with it beside the set without.
         moved: mean squares and products by which it would move the values of the set's columns, (p, p).
-        chance: that it is there, whatever else is, of a size of the drawing once one is off; zero of all others.
     """
 
     key: str
     odds: float
     moved: np.ndarray
-    chance: float = 0.0
 
 
 def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
     """Effects that may be there beside a set, since they would do next to nothing that the set does not do.
 
-    Zeros that make good for leaning towers, in a frame that is fitted: nothing asks for them, so they are not named,
-    but little speaks against them beyond the odds against one more effect. Were they there, the values of the set would
-    be others. Those odds keep names few and are weighed as probabilities are; what the readings themselves say against
-    an effect counts in full, or each of a score that they know well would make all values a little worse. Of a machine
-    of which one size of the drawing is off it is even whether the next one is, however small: of these the readings
-    alone decide.
+    A spring that gives way as another does: nothing asks for it, so it is not named, but little speaks against it
+    beyond the odds against one more effect. Were it there, the values of the set would be others. Those odds keep names
+    few and are weighed as probabilities are; what the readings themselves say against an effect counts in full, or each
+    of a score that they know well would make all values a little worse. Sizes of the drawing are off on every machine,
+    and are learned with all others (`ptt.fitting.beside_unnamed`).
 
     Args:
         scorer: of the system.
@@ -53,16 +47,16 @@ def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
     if not state.keys:
         return ()
     system, told = scorer.system, {scorer.system.atoms[key].name for key in state.keys}
-    off = any(is_drawn(system.atoms[key]) for key in state.keys)
-    every = [gain for gain in scorer.screen(state, is_effect) if system.atoms[gain.key].name not in told]
-    gains = [gain for gain in every if gain.nats > BARELY or (off and is_drawn(system.atoms[gain.key]))]
+    gains = [gain for gain in scorer.screen(state, _is_rare) if gain.nats > TEMPER * np.log(LIKELY)]
     atoms = [system.atoms[gain.key] for gain in gains]
-    columns = np.concatenate([state.columns, *(atom.columns for atom in atoms)]).astype(int)
-    sums, width, found = system.sums_of(columns, state.memory), len(state.columns), list[Absent]()
+    every = np.concatenate([state.columns, *(atom.columns for atom in atoms)]).astype(int)
+    sums, width, found = system.sums_of(every, state.memory), len(state.columns), list[Absent]()
     first, posterior = width, state.posterior
     for gain, atom in zip(gains, atoms, strict=True):
         own = slice(first, first + len(atom.columns))
         first = own.stop
+        if atom.name in told:
+            continue
         half = dtrtrs(posterior.cholesky, sums.gram[posterior.order, own], lower=1)[0]
         follow = np.empty_like(half)  # how the values of the set go with those of the effect
         follow[posterior.order] = -dtrtrs(posterior.cholesky, half, lower=1, trans=1)[0]
@@ -70,12 +64,14 @@ def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
         spread = inverse(left + np.diag(1.0 / gain.scales[atom.group]))
         values = spread @ (sums.side[own] + follow.T @ sums.side[:width])
         squares = posterior.phi * spread + np.outer(values, values)
-        asked = gain.nats + atom.odds  # by the readings, before any odds against one more effect
-        odds, chance = float(np.exp(min(asked, 0.0) - atom.odds / TEMPER)), 0.0
-        if off and is_drawn(atom):
-            odds, chance = 0.0, float(expit(asked))
-        found.append(Absent(atom.key, odds, follow @ squares @ follow.T, chance))
+        odds = float(np.exp(min(gain.nats + atom.odds, 0.0) - atom.odds / TEMPER))
+        found.append(Absent(atom.key, odds, follow @ squares @ follow.T))
     return tuple(found)
+
+
+def _is_rare(atom: Atom) -> bool:
+    """Whether an atom is an effect that most machines do not have."""
+    return is_effect(atom) and not is_drawn(atom)
 
 
 def _seen(gram: np.ndarray) -> np.ndarray:

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.atoms import holds_sizes, is_block, is_drawn, is_field
+from ptt.diagnosis.atoms import Atom, holds_sizes, is_block, is_drawn, is_field, is_metrology, is_sudden
 from ptt.diagnosis.improve import improve
 from ptt.diagnosis.instead import drawn_instead
 from ptt.diagnosis.memory import Memory
@@ -18,11 +19,12 @@ EVEN = float(np.log(2.0))  # nats against one more size, once one is off
 
 
 def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
-    """Hold unknowns, and curves, against all sizes of the drawing together.
+    """Hold unknowns, curves, and what the tracker may have done, against all sizes of the drawing together.
 
     Each size costs a name, which is fair of the first: a machine may be as it is drawn. Once one is off it is even
     whether the next one is. An unknown, or a rail that bends, which says no more than such a set is none; nor is an
-    error that every pose has to itself, or one that follows something which a few poses label.
+    error that every pose has to itself, or one that follows something which a few poses label. What the tracker may
+    have done is a name as well, and goes where they say clearly more.
 
     Args:
         scorer: of a linearised problem.
@@ -33,7 +35,9 @@ def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
         the best set without.
     """
     atoms, tried = scorer.system.atoms, set[tuple[object, ...]]()
-    for kind, poses in ((is_field, True), (is_field, False), (holds_sizes, True), (is_block, False)):
+    kinds = [(is_field, True), (is_field, False), (holds_sizes, True), (is_block, False)]
+    kinds += [(partial(_is, key), True) for key in loose(scorer, state) if _may_be_sizes(atoms[key])]
+    for kind, poses in kinds:
         gone = [key for key in loose(scorer, state) if kind(atoms[key])]
         go = scorer.system.errs_by_pose(state.memory) and not poses
         memory = replace(state.memory, pose=0.0) if go else state.memory
@@ -95,8 +99,18 @@ def _likelier(scorer: Scorer, state: State, gone: Sequence[str], memory: Memory)
     if _sizes(scorer, named) <= _sizes(scorer, state):
         return None
     unknown = memory != state.memory or any(is_block(scorer.system.atoms[key]) for key in gone)
+    usual = any(_may_be_sizes(scorer.system.atoms[key]) for key in gone)
     more = _once_one_is_off(scorer, state) - _once_one_is_off(scorer, named)
-    return named if more < (PLAIN if unknown else 0.0) else None
+    return named if more < (PLAIN if unknown else -PLAIN if usual else 0.0) else None
+
+
+def _may_be_sizes(atom: Atom) -> bool:
+    """Whether an effect is the tracker's and may be sizes of the drawing; not one that pays for looking like them."""
+    return atom.effect is not None and is_metrology(atom) and not is_sudden(atom) and not atom.effect.stands_for
+
+
+def _is(key: str, atom: Atom) -> bool:
+    return atom.key == key
 
 
 def _sizes(scorer: Scorer, state: State) -> set[str]:

@@ -28,7 +28,8 @@ def enough(problem: Problem) -> None:
     if poses < (LEAST_POSES if problem.frames else 2):
         raise TableError(
             f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
-            where=problem.table.source, fix=f"measure at least {LEAST} poses, better 100 or more",
+            where=problem.table.source,
+            fix=f"measure at least {LEAST} poses, better 100 or more; `ptt compare` says what the error there follows",
         )  # fmt: skip
     each = np.bincount(problem.frame[problem.used])
     if (

@@ -109,7 +109,11 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tupl
         theta[free] = torch.as_tensor(atom.amplitudes(state.posterior.values[own], system.scale))
         std, prior = state.errors(atom, system.scale)
         error[free] = torch.as_tensor(
-            np.sqrt(spread_of(found.scorer, state, key, absent) ** 2 + exchanged[atom.name][free.numpy()])
+            np.sqrt(
+                spread_of(found.scorer, state, key, absent) ** 2
+                + exchanged[atom.name][free.numpy()]
+                + _by_unnamed(found, atom)
+            )
         )
         seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
         current = current + replace(term, theta=_within(term, theta, model), std=error, measured=seen)
@@ -162,6 +166,14 @@ def _free(found: Found, atom: Atom) -> torch.Tensor:
     return torch.as_tensor(found.fitted.layout.free[index])
 
 
+def _by_unnamed(found: Found, atom: Atom) -> np.ndarray:
+    """Mean squares by which sizes of the drawing that are not named may move an effect's values, in its units, (w,)."""
+    fitted = found.fitted
+    own = fitted.layout.owner == [term.effect.key for term in fitted.layout.terms].index(atom.name)
+    names = [name for name, mine in zip(fitted.layout.names, own.tolist(), strict=True) if mine]
+    return np.asarray(np.diag(fitted.loose_of(names)) * fitted.layout.scale[own] ** 2)
+
+
 def candidates_of_steps(
     found: Found, told: Named, terms: tuple[Term, ...], others: tuple[Exchange, ...], chances: Probability,
     noise: Noise, problem: Problem,
@@ -192,7 +204,8 @@ def candidates_of_steps(
         together = find_sum(found.scorer, found.state, step.key)
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
-        words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside)
+        loose = found.fitted.loose_of
+        words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside, loose)
         result.append(
             Candidate(
                 name,

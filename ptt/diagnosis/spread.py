@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ptt.diagnosis.absent import Absent
-from ptt.diagnosis.atoms import Atom, is_drawn
+from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.probability import near_sets
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.state import State
@@ -26,21 +26,16 @@ def spread_of(scorer: Scorer, state: State, key: str, absent: Sequence[Absent] =
     """
     scale, atoms = scorer.system.scale, scorer.system.atoms
     told, own = values_of(state, atoms[key], scale), state.of(key)
-    chances = sum((each.chance * each.moved for each in absent), np.zeros((len(state.columns), len(state.columns))))
-    beside = _of_values(atoms[key], chances[np.ix_(own, own)], scale)
-    weights, squares = [1.0], [square_errors(scorer, state, atoms[key]) + beside]
+    weights, squares = [1.0], [square_errors(scorer, state, atoms[key])]
     for each in absent:
         weights.append(each.odds)
         squares.append(squares[0] + _of_values(atoms[key], each.moved[np.ix_(own, own)], scale))
     for odds, rival in near_sets(scorer, state):
         there = next((other for other in rival.keys if atoms[other].name == atoms[key].name), None)
-        if there is not None:
-            weights.append(odds)
-            moved = values_of(rival, atoms[there], scale) - told
-            squares.append(square_errors(scorer, rival, atoms[there]) + moved**2)
-        elif is_drawn(atoms[key]) and any(is_drawn(atoms[other]) for other in set(rival.keys) - set(state.keys)):
-            weights.append(odds)  # another size of the drawing does as well in its place
-            squares.append(told**2)
+        if there is None:
+            continue
+        weights.append(odds)
+        squares.append(square_errors(scorer, rival, atoms[there]) + (values_of(rival, atoms[there], scale) - told) ** 2)
     return np.asarray(np.sqrt(np.average(squares, axis=0, weights=weights)))
 
 

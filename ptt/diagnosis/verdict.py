@@ -38,6 +38,7 @@ from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.unknowns import Unknown, unknowns_of
 from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
 from ptt.effects import Library, library
+from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import numbers
 from ptt.fitting.opening import opening_rows, without_opening
 from ptt.fitting.solve import residual_of, rms
@@ -122,6 +123,8 @@ def conclude(
     Returns:
         The diagnosis.
     """
+    if found.state.keys and found.sample is None:
+        found = replace(found, fitted=beside_unnamed(found.fitted, problem))
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))

@@ -98,6 +98,7 @@ def explain_step(
     after: Sequence[str] = (),
     doubt_um: float | None = None,
     beside: Sequence[Term] = (),
+    loose: Loose | None = None,
 ) -> str:
     """One step in two or three sentences; what cannot be told apart comes first.
 
@@ -111,12 +112,13 @@ def explain_step(
         after: steps that were taken before this one, to which the held-out error belongs.
         doubt_um: how far the machine may have the tool elsewhere beside the error after it; None where nobody asks.
         beside: the other terms of the fit, from whose values the readings have to tell its own.
+        loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
 
     Returns:
         For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
         held-out error falls from 62 to 9 um, noise is 7 um.'
     """
-    told = sparsest([term], problem, noise, beside=beside)[0]
+    told = sparsest([term], problem, noise, beside=beside, loose=loose)[0]
     tie, head = headline(term.effect.key, others, together), sentence(told, problem.view)
     before, now = heldout_um
     on_top = f"after {listed(list(after))} " if after else ""

@@ -19,7 +19,9 @@ from ptt.model.model import rival
 from ptt.run.problem import Problem
 
 LONG = 10_000  # rows, beyond which no columns of what a model does not have are held
-SURE = 30.0  # nats beyond which odds are none
+EXCLUDED = (
+    1.5  # nats for leaving a size out at which readings say that it is none: of what they know nothing it is less
+)
 ROUNDING = 1e-12  # share of the largest square that is rounding
 
 
@@ -29,7 +31,7 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
     A few values make good, where a run went, for all sizes that are off, and on every real machine all are a little:
     elsewhere they do not, and they are not what they say. So all sizes are learned together, each as large as the
     readings let it be. That may put the model's own values elsewhere: by so much, and by what is open then, they may
-    be off, by the odds of that explanation beside the model alone.
+    be off, by the chance that each of these sizes has: even where readings know nothing of it.
 
     Args:
         fitted: the fit.
@@ -45,11 +47,11 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
     learned = _Learned(fitted, linear.sums(np.zeros(problem.table.rows, dtype=int), 1).total)
     base, some = learned.beside(()), linear.trials
     best = learned.beside(some)
-    while some:  # a size that the readings exclude only costs
+    while some:
         least = some[int(np.argmin(best.scales[len(fitted.layout.kinds) :]))]
         fewer = tuple(trial for trial in some if trial is not least)
         other = learned.beside(fewer)
-        if other.total <= best.total:
+        if other.total < best.total + EXCLUDED:
             break
         some, best = fewer, other
     if not some:
@@ -58,7 +60,7 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
     told[:width] = np.where(fitted.layout.owner >= 0, fitted.unknowns, 0.0)  # frames move on from where they are
     square = best.covariance + np.outer(best.values - told, best.values - told)
     square[:width, :width] -= base.covariance
-    size, ways = np.linalg.eigh(square * float(expit(min(best.total - base.total, SURE))))
+    size, ways = np.linalg.eigh(square * float(expit((best.total - base.total) / len(some))))
     kept = size > ROUNDING * size[-1]
     unnamed = Unnamed(tuple(trial.effect for trial in some), ways[:, kept] * np.sqrt(size[kept]))
     result = replace(fitted, unnamed=unnamed)

@@ -1,7 +1,7 @@
 """Elsewhere: how far a fit leaves the tool open all over the workspace, beside the poses that it was made on."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -48,6 +48,12 @@ class Elsewhere(Record):
             "Elsewhere these readings tell less: in half of the workspace the machine would miss by "
             f"{self.workspace:.0f} um or more. Measure where it works; `ptt predict` says sigma_um of each target."
         )
+
+
+def elsewhere_um(fitted: FitResult, problem: Problem) -> dict[str, Any]:
+    """The same as a key of JSON; arguments as of `elsewhere`."""
+    found = elsewhere(fitted, problem)
+    return {"elsewhere_um": None if found is None else found.to_dict()}
 
 
 def elsewhere(fitted: FitResult, problem: Problem) -> Elsewhere | None:

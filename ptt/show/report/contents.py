@@ -13,6 +13,7 @@ from ptt.judge.iso.figures import IsoPoses
 from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile
 from ptt.model.model import Model
+from ptt.plan.elsewhere import elsewhere_um
 from ptt.run.problem import Problem
 from ptt.run.taken import set_up
 from ptt.show.report.commands import Command
@@ -101,7 +102,7 @@ class Contents:
                 name: look.diagnosis and look.diagnosis.to_dict() | beside[name] for name, look in looks.items()
             },
             "history": [[dict(vars(entry)) for entry in ladder] for ladder in self.ladders],
-            "fit": None if self.refit is None else self.refit.to_dict() | beside["model"],
+            "fit": None if self.refit is None else self._figures_of(self.refit) | beside["model"],
             "evaluate": {name: result.to_dict() for name, result in self.evaluation.items()},
             "network": None if self.network is None else self.network.to_dict(),
             "iso": None if self.iso is None else self.iso.to_dict(),
@@ -110,6 +111,9 @@ class Contents:
             "commands": [command.line for command in self.commands],
             **({} if self.pair is None else {"before_after": self.pair.to_dict()}),
         }
+
+    def _figures_of(self, refit: Ladder) -> dict[str, Any]:
+        return refit.to_dict() | elsewhere_um(refit.steps[-1].fitted, self.problem)
 
 
 def _aside(look: ModelLook) -> dict[str, list[str]]:

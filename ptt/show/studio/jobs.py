@@ -159,6 +159,7 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
     from ptt.judge.history import record
     from ptt.judge.ladder.climb import climb, descend
     from ptt.machine import format_machine
+    from ptt.plan.elsewhere import elsewhere_um
 
     opened = open_both(source, model)
     known = opened.library or library()
@@ -169,7 +170,8 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
         new = [make_effect(known, *parse_key(text)) for text in effects]
         ladder = climb(opened.model, problem, new, progress=tell)
     text = format_machine(record(ladder, verb, opened.files))
-    return Changed(text, plain(ladder.to_dict() | opened.set_up), format_fit(ladder.report))
+    figures = ladder.to_dict() | elsewhere_um(ladder.steps[-1].fitted, opened.problem) | opened.set_up
+    return Changed(text, plain(figures), format_fit(ladder.report))
 
 
 def train(source: Source, model: str, tell: Progress) -> Trained:
