@@ -12,6 +12,10 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path, typer.Option("--out", metavar="M2.toml", help="Where the new model is written.")]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Folder for a picture of the ladder.")]
+Sizes = Annotated[
+    bool,
+    typer.Option("--sizes", help="Then add all other sizes of the drawing, for commands elsewhere than the run went."),
+]
 EffectNames = Annotated[
     list[str], typer.Argument(metavar="EFFECT...", help="Effects, in this order; setup-jump[second] for a second one.")
 ]
@@ -28,6 +32,7 @@ def add(
     map_: Map = None,
     effects: Effects = None,
     plots: Plots = None,
+    sizes: Sizes = False,
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
@@ -37,7 +42,7 @@ def add(
 
     loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        result = climb(loaded, rows, *effect, anyway=anyway, progress=tell, note=note)
+        result = climb(loaded, rows, *effect, sizes=sizes, anyway=anyway, progress=tell, note=note)
     finish(result, out, plots, json)
 
 

@@ -14,6 +14,7 @@ from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import ModelError
+from ptt.fitting.beside_unnamed import unnamed_sizes
 from ptt.fitting.report import format_fit
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb, descend
@@ -102,6 +103,7 @@ def add(
     model: Any,
     run: RowsLike,
     *effects: EffectLike,
+    sizes: bool = False,
     anyway: bool = False,
     progress: Progress = unwatched,
     note: Note = unheard,
@@ -112,6 +114,7 @@ def add(
         model: the model as given.
         run: the run.
         *effects: names, with [label] where there is one, or effects, as ptt.effects.ColumnBend().
+        sizes: whether to add, after these, all other sizes of the drawing that the run can test.
         anyway: whether to go on although the set-up looks mistaken.
         progress: told what is done, how much of how much.
         note: told what was found on the way.
@@ -128,6 +131,8 @@ def add(
     opened = meet(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
     new = [machine.make(effect) for effect in _named(effects, usage)]
     machine = machine.knowing(new)
+    if sizes:
+        new += unnamed_sizes([*opened.model.keys, *(effect.key for effect in new)], opened.problem)
     ladder = climb(opened.model, opened.noisy(progress), new, progress=progress)
     return _finish(ladder, opened, "add", machine, tell.lines)
 

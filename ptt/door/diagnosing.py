@@ -204,7 +204,11 @@ def _next(result: "Diagnosis") -> list[str]:
     """What to do with the verdict."""
     lines, names = [], " ".join(_as_word(group[0]) for group in result.suggested)
     if names:
-        lines.append(f"next: ptt add RUN.csv {names} --model M.toml --out M2.toml")
+        named = {group[0] for group in result.suggested}
+        sizes = any(term.effect.of_drawing for term in result.model.terms if term.effect.key in named)
+        lines.append(f"next: ptt add RUN.csv {names}{' --sizes' if sizes else ''} --model M.toml --out M2.toml")
+        if sizes:
+            lines.append("--sizes then fits all other sizes of the drawing too, which makes commands elsewhere better")
     if result.verdict == "unknown" and result.depends_on:
         first = result.depends_on[0]
         sides = ", each from both sides" if JOINT.fullmatch(first.on) or first.on in COORDINATES else ""

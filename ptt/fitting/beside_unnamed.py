@@ -19,9 +19,7 @@ from ptt.model.model import rival
 from ptt.run.problem import Problem
 
 LONG = 10_000  # rows, beyond which no columns of what a model does not have are held
-EXCLUDED = (
-    1.5  # nats for leaving a size out at which readings say that it is none: of what they know nothing it is less
-)
+EXCLUDED = 1.5  # nats for leaving a size out from which readings say it is none: what they do not know costs less
 ROUNDING = 1e-12  # share of the largest square that is rounding
 
 
@@ -40,7 +38,8 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
     Returns:
         The fit; as given of a long run, or where every size is named.
     """
-    trials = [] if problem.table.rows > LONG or not len(fitted.unknowns) else _unnamed(fitted, problem)
+    known = len(fitted.unknowns) > 0 and problem.table.rows <= LONG
+    trials = unnamed_sizes(fitted.model.keys, problem) if known else []
     if not trials:
         return fitted
     linear = linear_columns(fitted, problem.masked(fitted.outliers), trials, fitted.noise)
@@ -61,15 +60,20 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
     square = best.covariance + np.outer(best.values - told, best.values - told)
     square[:width, :width] -= base.covariance
     size, ways = np.linalg.eigh(square * float(expit((best.total - base.total) / len(some))))
-    kept = size > ROUNDING * size[-1]
+    kept = size > ROUNDING * max(float(size[-1]), 0.0)
     unnamed = Unnamed(tuple(trial.effect for trial in some), ways[:, kept] * np.sqrt(size[kept]))
     result = replace(fitted, unnamed=unnamed)
     return replace(result, model=replace(result.model, terms=fitted_terms(result)))
 
 
-def _unnamed(fitted: FitResult, problem: Problem) -> list[Effect]:
-    """Sizes of the drawing that a model does not have and its run could test."""
-    kind, keys = problem.file.machine.kind, fitted.model.keys
+def unnamed_sizes(keys: Sequence[str], problem: Problem) -> list[Effect]:
+    """Sizes of the drawing that a model does not have and a run can test.
+
+    Args:
+        keys: of the model's effects.
+        problem: the run.
+    """
+    kind = problem.file.machine.kind
     found = [
         each() for name, each in library().items()
         if each.of_drawing and kind in each.mechanisms and name not in keys and not rival(each(), keys)

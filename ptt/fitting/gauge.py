@@ -9,12 +9,18 @@ import torch
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, lay_out
 from ptt.fitting.linear import Linear, assemble
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.workspace import OK, reach
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
-from ptt.run.problem import Problem
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+from ptt.run.viewing import joint_limits
 
 UNTOLD = 9.0  # chi-squared, three standard errors, below which readings do not tell a change as large as the values
 PART = 0.2  # share of the largest from which a term has a part in an ambiguity
+PLACES = 128  # all over the travel, at which a machine is told from another
 MOTION = 0.05  # share of a pattern from which a motion has a part in it: a turn about a far pivot moves little else
 ROUNDING = 1e-12  # share of the strongest direction's square that is rounding
 Loose = Callable[[Sequence[str]], np.ndarray]
@@ -67,6 +73,8 @@ def sparsest(
     information, motions = _without(linear, own, np.setdiff1d(np.flatnonzero(mine), own), held)
     information = information * times
     free = _untold(information, values[own])
+    if free.shape[1]:  # what only these few poses do not tell is no gauge: it is another machine
+        free = _untold(information + _all_over(terms, problem.file, noise, len(own)), values[own])
     if not free.shape[1]:
         return tuple(Told(term) for term in terms)
     unknowns = values.copy()
@@ -89,6 +97,30 @@ def sparsest(
         names = () if term.effect.stage == "metrology" else _alike(linear, own, taking, motions, few.frames)
         said.append(Told(replace(term, theta=theta, std=std), names))
     return tuple(said)
+
+
+def reachable(file: MachineFile) -> tuple[np.ndarray, np.ndarray]:
+    """Places all over a machine's travel, (n, 3) mm, and its joints there, (n, k)."""
+    mechanism, limits = build_mechanism(file.machine), joint_limits(file)
+    draw = torch.quasirandom.SobolEngine(len(limits), scramble=True, seed=0).draw(PLACES, dtype=torch.float64)
+    q = limits[:, 0] + (limits[:, 1] - limits[:, 0]) * draw
+    place = mechanism.forward(q)
+    good = torch.isfinite(place).all(dim=1).numpy()
+    good[good] = reach(mechanism, place[good]) == OK
+    return place[good].numpy(), q[good].numpy()
+
+
+def _all_over(terms: Sequence[Term], file: MachineFile, noise: Noise, count: int) -> np.ndarray:
+    """Information that a reading somewhere in the travel would have on the own values of some terms, (u, u)."""
+    place, q = reachable(file)
+    command = q if file.machine.kind == "serial" else None
+    problem = build_problem(file, replace(make_table(place, command), measured=place))
+    layout = lay_out(Model(file), problem, terms)
+    linear, held = assemble(layout, layout.start(), problem, noise), layout.held.astype(float)
+    own = np.flatnonzero((layout.owner >= 0) & ~layout.held)
+    if len(own) != count:
+        return np.zeros((count, count))
+    return _without(linear, own, np.setdiff1d(np.arange(len(held)), own), held)[0] / len(place)
 
 
 def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
