@@ -80,7 +80,7 @@ def test_sizes_that_are_all_off_a_little_are_named_and_no_unknown_of_the_place(t
     assert all(library()[name].of_drawing for name in names)
     assert found.rms_um["after"]["total"] < 1.15 * 1e3 * NOISE * 3.0**0.5
     pulls = pulls_of(found, times)
-    assert np.abs(pulls).max() < 2.5  # three on seed 8 where nothing that is not named counts
+    assert np.abs(pulls).max() < 2.5 and np.sqrt(np.mean(pulls**2)) > 0.15  # three on seed 8 beside nothing unnamed
 
 
 def pulls_of(found: Diagnosis, times: float) -> np.ndarray:
@@ -125,10 +125,10 @@ def test_what_sizes_of_a_drawing_cannot_do_stays_unknown() -> None:
     assert found.verdict == "unknown"
 
 
-def _scorer(problem: Problem) -> Scorer:
+def _scorer(problem: Problem, *further: str) -> Scorer:
     model, noise = Model(bench()), Noise(np.eye(3) * NOISE**2, "machine file")
     fitted = fit(model, problem, noise=noise)
-    candidates = [make_effect(library(), name) for name in SIZES_OF_DRAWING]
+    candidates = [make_effect(library(), name) for name in (*SIZES_OF_DRAWING, *further)]
     return Scorer(build_system(fitted, problem, candidates, noise, 1e3, problem.used))
 
 
@@ -141,6 +141,16 @@ def test_once_one_size_is_off_further_ones_cost_no_name_against_an_unknown(monke
     assert not any(is_field(atom) and less.opens(named.keys)(atom) for atom in less.system.atoms.values())
     monkeypatch.setattr(drawing_module, "EVEN", 1e3)  # as if each further one cost far more than a name
     assert by_drawing(scorer, field) == (scorer, field)
+
+
+@pytest.mark.parametrize(("scale", "kept"), [(0.0, False), (2e-4, True)])
+def test_a_scale_of_the_tracker_goes_where_sizes_say_clearly_more(scale: float, kept: bool) -> None:
+    problem = off_in_all(150, 3, times=2.0 * (scale == 0.0))
+    problem = replace(problem, measured=problem.measured * (1.0 - scale))
+    scorer = _scorer(problem, "tracker-scale")
+    key = next(key for key, atom in scorer.system.atoms.items() if atom.name == "tracker-scale")
+    less, state = by_drawing(scorer, scorer.score([key], WHITE))
+    assert (key in state.keys) == kept and ("tracker-scale" in less.barred) != kept
 
 
 def test_a_set_without_an_unknown_of_the_place_is_left_as_it_is() -> None:

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_effects_words import hide_in_arm
 from test_sigma import FILE as DRAWN
 from test_sigma import SIGMA, path_of, went
 
 from ptt.correct.compensate import compensate
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
+from ptt.fitting import beside_unnamed as beside_unnamed_module
 from ptt.fitting.beside_unnamed import beside_unnamed, unnamed_sizes
 from ptt.fitting.kept import keep, kept_covariance
 from ptt.fitting.solve import fit
@@ -107,8 +109,59 @@ def test_what_readings_exclude_leaves_a_fit_as_it_is() -> None:
     whole = Model(FILE)
     for name in every:
         whole = whole + library()[name]()
-    fitted = fit(whole, problem)
-    assert beside_unnamed(fitted, problem) is fitted  # nothing is left that could be off
+    beside = beside_unnamed(fit(whole, problem), problem)
+    assert beside.unnamed is not None and not beside.unnamed.effects  # nothing is left that could be off
+
+
+def test_what_is_one_size_under_two_names_leaves_it_as_sure_as_it_is() -> None:
+    """Along the rail the offset of a joint is a zero, at all poses: no reading tells, and no command asks."""
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 3, "drive": {"homing_mm": [0.1, -0.05, 0.03]}})
+    problem = read(rig, np.random.default_rng(3).uniform(-60.0, 60.0, (300, 3)).round(3), 3)
+    fitted = fit(Model(FILE) + library()["homing-offset"](), problem)
+    assert (beside_unnamed(fitted, problem).std < 3.0 * fitted.std).all()
+
+
+def test_of_the_geometry_of_an_arm_all_but_its_zeros_is_beside_these() -> None:
+    problem = hide_in_arm()
+    fitted = fit(Model(problem.file) + library()["homing-offset"](), problem)
+    unnamed = beside_unnamed(fitted, problem).unnamed
+    assert unnamed is None or all(effect.name != "homing-offset" for effect in unnamed.effects)
+    assert [effect.name for effect in unnamed_sizes(["homing-offset"], problem)] == ["lead-scale"]
+    assert "dh-offsets" in [effect.name for effect in unnamed_sizes(["lead-scale"], problem)]
+    asked = beside_unnamed_module._sizes(fitted, problem)[0]
+    geometry = next(size for size in asked if size.effect.name == "dh-offsets")
+    assert (geometry.group.reshape(5, 6) == -1).all(axis=1).tolist() == [False, False, False, True, False]
+
+
+def test_of_a_long_run_stretches_stand_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 1, **machine(1)})
+    problem = read(rig, np.tile(CUBE, (200, 1)), 1)
+    fitted = fit(Model(FILE) + library()["tower-position"](), problem)
+    whole = beside_unnamed(fitted, problem).std
+    monkeypatch.setattr(beside_unnamed_module, "LONG", 500)
+    monkeypatch.setattr(beside_unnamed_module, "SAMPLE", 300)
+    np.testing.assert_allclose(beside_unnamed(fitted, problem).std, whole, rtol=0.3)
+
+
+def test_a_diagnosis_states_as_add_does_gross_errors_aside() -> None:
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 3, "drive": {"scale_um_per_m": [80.0, -60.0, 40.0]}})
+    problem = read(rig, np.random.default_rng(3).uniform(-60.0, 60.0, (150, 3)).round(3), 3)
+    broken = problem.measured.copy()
+    broken[[20, 70, 120]] += [[5.0, 0.0, 2.0], [0.0, -8.0, 1.0], [3.0, 3.0, 3.0]]
+    for readings in (problem, replace(problem, measured=broken)):
+        (candidate,) = diagnose(Model(FILE), readings).candidates[:1]
+        ladder = climb(Model(FILE), readings, [library()["lead-scale"]()])
+        told = [item.std for item in candidate.parameters]
+        np.testing.assert_allclose(told, ladder.steps[-1].fitted.std[:3], rtol=0.3)
+
+
+def test_what_is_wholly_open_is_not_measured() -> None:
+    _, ladder, _ = solved(np.tile(CUBE, (12, 1)), 1, "tower-position")
+    values = [value for value in ladder.report.values if value.effect == "tower-position"]
+    assert any(value.measured == "in part" for value in values)
+    place = np.random.default_rng(3).uniform(-60.0, 60.0, (200, 3)).round(3)
+    _, ladder, _ = solved(place, 1, "tower-position", "tower-tilt", "homing-offset", "lead-scale", "link-length")
+    assert all(value.measured == "yes" for value in ladder.report.values if value.effect == "lead-scale")
 
 
 def test_a_file_keeps_what_a_fit_knows() -> None:

@@ -105,8 +105,10 @@ def _likelier(scorer: Scorer, state: State, gone: Sequence[str], memory: Memory)
 
 
 def _may_be_sizes(atom: Atom) -> bool:
-    """Whether an effect is the tracker's and may be sizes of the drawing; not one that pays for looking like them."""
-    return atom.effect is not None and is_metrology(atom) and not is_sudden(atom) and not atom.effect.stands_for
+    """Whether an effect of the tracker may be sizes of the drawing: it follows the place, and does not pay for that."""
+    effect = atom.effect
+    lasting = effect is not None and not effect.follows_clock and not is_sudden(atom)
+    return effect is not None and is_metrology(atom) and lasting and not effect.stands_for
 
 
 def _is(key: str, atom: Atom) -> bool:

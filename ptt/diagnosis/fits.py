@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.diagnosis.found import Found
+from ptt.diagnosis.found import Found, carried_by
 from ptt.errors import PosesError
 from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
@@ -73,6 +73,16 @@ def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
         return []
     less = _less(problem, found.carried, found.gross)
     return [_fit(other, less, found.noise, np.inf) for other in exchanged(found.fitted)]
+
+
+def without_carried(problem: Problem, found: Found) -> Problem:
+    """The readings less what the unknowns of an explanation put into them, without gross rows.
+
+    Args:
+        problem: the rows that it was found on.
+        found: the explanation.
+    """
+    return _less(problem, carried_by(found.state, found.system, problem), found.gross)
 
 
 def _less(problem: Problem, carried: np.ndarray, gross: np.ndarray) -> Problem:

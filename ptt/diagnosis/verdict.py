@@ -15,7 +15,7 @@ from ptt.diagnosis.enough import enough
 from ptt.diagnosis.exchange import Exchange, exchanges
 from ptt.diagnosis.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
 from ptt.diagnosis.find import STEPS, find
-from ptt.diagnosis.fits import stands
+from ptt.diagnosis.fits import stands, without_carried
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.moves import without
@@ -123,8 +123,9 @@ def conclude(
     Returns:
         The diagnosis.
     """
-    if found.state.keys and found.sample is None:
-        found = replace(found, fitted=beside_unnamed(found.fitted, problem))
+    if found.state.keys:
+        less = without_carried(problem, found) if found.sample is None else problem.masked(found.gross)
+        found = replace(found, fitted=beside_unnamed(found.fitted, less))
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
@@ -160,7 +161,7 @@ def conclude(
         model=replace(model, terms=said.sent),
         fitted=found.fitted,
         words="",
-        elsewhere=elsewhere(found.fitted, problem) if named and found.sample is None else None,
+        elsewhere=elsewhere(found.fitted, problem) if named else None,
     )
     return replace(result, words=explain_verdict(result, steps))
 

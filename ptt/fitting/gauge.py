@@ -70,7 +70,8 @@ def sparsest(
     mine = layout.owner < len(terms)
     own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held)
     held = layout.held.astype(float)
-    information, motions = _without(linear, own, np.setdiff1d(np.flatnonzero(mine), own), held)
+    gram = _gram(linear)
+    information, motions = _without(gram, own, np.setdiff1d(np.flatnonzero(mine), own), held)
     information = information * times
     free = _untold(information, values[own])
     if free.shape[1]:  # what only these few poses do not tell is no gauge: it is another machine
@@ -83,7 +84,7 @@ def sparsest(
     if beside:
         # None of these is larger than it was found to be, or than is usual.
         prior = np.where(mine, held, 1.0 / np.maximum(_mean_squares(values, layout.group), 1.0))
-        information = times * _without(linear, own, np.setdiff1d(np.arange(len(values)), own), prior / times)[0]
+        information = times * _without(gram, own, np.setdiff1d(np.arange(len(values)), own), prior / times)[0]
     error[own] = _errors(information, moved)
     if loose is not None:
         error[own] = np.hypot(error[own], _moved_along(loose([layout.names[place] for place in own]), free, moved))
@@ -120,7 +121,7 @@ def _all_over(terms: Sequence[Term], file: MachineFile, noise: Noise, count: int
     own = np.flatnonzero((layout.owner >= 0) & ~layout.held)
     if len(own) != count:
         return np.zeros((count, count))
-    return _without(linear, own, np.setdiff1d(np.arange(len(held)), own), held)[0] / len(place)
+    return _without(_gram(linear), own, np.setdiff1d(np.arange(len(held)), own), held)[0] / len(place)
 
 
 def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
@@ -129,11 +130,17 @@ def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
     return np.asarray(free @ ways[strength > PART].T)
 
 
-def _without(linear: Linear, own: np.ndarray, rest: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _gram(linear: Linear) -> np.ndarray:
+    """Normal equations of all columns, reflectors fixed to the base included, (u, u)."""
+    together = np.concatenate([linear.columns[linear.rows], linear.base_columns])
+    return _square(together.reshape(-1, together.shape[-1]))
+
+
+def _without(gram: np.ndarray, own: np.ndarray, rest: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Information on own values with others free beside them, and how these then move with them.
 
     Args:
-        linear: of u unknowns.
+        gram: of u unknowns, (u, u).
         own: (v,) places of the own values.
         rest: (w,) places of what is free beside them; whatever else there is stays as it is.
         prior: (u,) how firmly each is held near zero.
@@ -141,9 +148,7 @@ def _without(linear: Linear, own: np.ndarray, rest: np.ndarray, prior: np.ndarra
     Returns:
         (v, v), and (u, v).
     """
-    together = np.concatenate([linear.columns[linear.rows], linear.base_columns])
-    flat = together.reshape(-1, together.shape[-1])
-    gram = flat.T @ flat
+    gram = gram.copy()
     gram[np.arange(len(prior)), np.arange(len(prior))] += prior
     follow = np.linalg.pinv(gram[np.ix_(rest, rest)], hermitian=True) @ gram[np.ix_(rest, own)]
     whole = np.zeros((len(gram), len(own)))

@@ -75,7 +75,7 @@ def keep_covariance(
         return None
     kept = keep(fitted, heldout, helped)
     packed = base64.b64encode(zlib.compress(np.ascontiguousarray(kept.root, dtype="<f4").tobytes(), 9)).decode()
-    unnamed = None if kept.unnamed is None else kept.unnamed.spec()
+    unnamed = kept.unnamed.spec() if kept.unnamed is not None and kept.unnamed.effects else None
     return CovarianceSpec(
         of=kept.names, root=packed, values=_digest(fitted.model), heldout_mm=heldout, helped=helped, unnamed=unnamed
     )

@@ -96,5 +96,6 @@ class FitResult:
     @property
     def measured(self) -> np.ndarray:
         """Unknowns that the data, not the prior, decide, (u,) bool."""
-        own = np.diag(self.covariance) / self.layout.scale**2
-        return ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
+        own, open_ = np.diag(self.covariance) / self.layout.scale**2, np.diag(self.loose_of(self.layout.names))
+        held = self.layout.held & (own > PRIOR_HALF)
+        return ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~held & (open_ <= PRIOR_HALF * self.sizes**2)

@@ -37,7 +37,8 @@ class Unnamed:
 
     def spec(self) -> MaskedSpec:
         """As a machine file keeps it."""
-        keys, flat = tuple(effect.key for effect in self.effects), self.root.astype("<f4").tobytes()
+        flat = np.concatenate([[len(self.root)], self.root.ravel()]).astype("<f4").tobytes()
+        keys = tuple(effect.key for effect in self.effects)
         return MaskedSpec(of=keys, told=base64.b64encode(zlib.compress(flat, 9)).decode())
 
 
@@ -59,7 +60,7 @@ def read_unnamed(spec: MaskedSpec, count: int, joints: int) -> Unnamed | None:
     rows = count + _width(effects, joints)
     try:
         flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.told, validate=True)), dtype="<f4").astype(float)
-        return Unnamed(effects, flat.reshape(rows, -1))
+        return Unnamed(effects, flat[1:].reshape(rows, -1)) if len(flat) and flat[0] == rows else None
     except (ValueError, zlib.error):
         return None
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ptt.errors import WorkspaceError
-from ptt.fitting.beside_unnamed import beside_unnamed
+from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.kept import keep
 from ptt.fitting.result import FitResult
 from ptt.fitting.tool_sigma import tool_sigma
@@ -64,15 +64,18 @@ def elsewhere(fitted: FitResult, problem: Problem) -> Elsewhere | None:
         problem: the run.
 
     Returns:
-        None where nothing of the machine was fitted, or where its workspace is none.
+        None where nothing of the machine was fitted, or its workspace is none, or where nobody asked what sizes of the
+        drawing that the model does not have leave open.
     """
     file = problem.file
     terms: Shifts = [
         (term.effect, term.theta) for term in fitted.model.terms if term.effect.stage != "metrology" and len(term.theta)
     ]
-    if not terms:
+    if not terms or fitted.unnamed is None:
         return None
-    kept = keep(beside_unnamed(fitted, problem) if fitted.unnamed is None else fitted)
+    kept = keep(fitted)
+    if problem.table.rows > LONG:
+        problem = take(problem, sample_stretches(problem, SAMPLE))
     try:
         q = draw_poses(build_space(file), POSES, np.random.default_rng(0))
     except WorkspaceError:
