@@ -121,7 +121,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
         verdict=found.verdict,
         probability=float(found.verdict_probability.get(found.verdict, 0.0)),
         title=_title(found, findings),
-        words=pretty(f"{_words(found, problem)}{_doubt(steps)}"),
+        words=pretty(f"{_words(found, problem)}{_doubt(steps)}{_far(found)}"),
         error_um=float(found.rms_um["before"]["total"]),
         left_um=float(found.rms_um["after"]["total"]),
         noise_um=float(noise["total"]),
@@ -161,6 +161,12 @@ def _words(found: Diagnosis, problem: Problem) -> str:
         return f"What is left of {first.residual} follows {on}{with_}: {share}. {first.words}".rstrip()
     reasons = found.rest.reasons
     return f"{capital(reasons[0])}." if reasons else ""
+
+
+def _far(found: Diagnosis) -> str:
+    """What the readings tell of the rest of the workspace, as a sentence more."""
+    words = "" if found.elsewhere is None else found.elsewhere.words(float(found.rms_um["after"]["total"]))
+    return f" {words.partition(';')[0]}." if words else ""
 
 
 def _doubt(steps: Sequence[Candidate]) -> str:
