@@ -8,6 +8,7 @@ from test_effects_words import hide_in_arm
 from test_sigma import FILE as DRAWN
 from test_sigma import SIGMA, path_of, went
 
+from ptt.again.recheck import recheck
 from ptt.correct.compensate import compensate
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
@@ -211,3 +212,13 @@ def test_commands_elsewhere_are_better_where_all_sizes_are_fitted() -> None:
             missed.append(np.sqrt(np.mean(np.square(went(rig, wanted, commands.q) - wanted))))
         better.append(missed[1] / missed[0])
     assert max(better) < 0.5
+
+
+def test_a_recheck_elsewhere_expects_what_the_first_run_left_open() -> None:
+    """The same machine, read all over its volume: its errors are those that five poses could not tell."""
+    for seed in range(2):
+        rig, _, model = solved(np.tile(CUBE, (12, 1)), seed, "tower-position", "tower-tilt")
+        place = np.random.default_rng(9 + seed).uniform(-60.0, 60.0, (80, 3)).round(3)
+        again = recheck(model, read(rig, place, seed + 50))
+        error = again.to_dict()["error_um"]
+        assert again.verdict == "same" and 0.5 < error["now"] / error["expected"] < 2.0

@@ -9,6 +9,7 @@ from ptt.again.then import Rooms, rooms_of
 from ptt.errors import ModelError
 from ptt.fitting.kept import kept_covariance
 from ptt.fitting.layout import Layout, lay_out
+from ptt.fitting.unnamed import Unnamed
 from ptt.judge.history import Entry, read_entries
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
@@ -32,6 +33,8 @@ class Before:
         blind: keys of effects that the run cannot judge.
         cured: keys of effects that are taken to be gone now, whatever they were.
         rooms: effects that it does not have, and what its run says of them.
+        unnamed: sizes of the drawing among these, and how far they leave its values and themselves open, (w + p, r);
+            None where nobody asked.
     """
 
     model: Model
@@ -44,6 +47,7 @@ class Before:
     blind: frozenset[str] = frozenset()
     cured: frozenset[str] = frozenset()
     rooms: Rooms = field(default_factory=Rooms)
+    unnamed: Unnamed | None = None
 
     @property
     def gone(self) -> np.ndarray:
@@ -111,8 +115,10 @@ def look_back(model: Model, problem: Problem) -> Before:
     entries = read_entries(model.file)
     last = entries[-1] if entries else None
     said = (*_not_carried(model), *notes)
-    rooms = rooms_of(kept_covariance(model), layout.names[:width], problem.view)
-    return Before(own, layout, values, root, last, _left(last), said, frozenset(blind), rooms=rooms)
+    kept = kept_covariance(model)
+    rooms = rooms_of(kept, layout.names[:width], problem.view)
+    unnamed = None if kept is None else kept.unnamed_beside(layout.names[:width], model.joints)
+    return Before(own, layout, values, root, last, _left(last), said, frozenset(blind), rooms=rooms, unnamed=unnamed)
 
 
 def _is_blind(term: Term, problem: Problem) -> bool:

@@ -121,7 +121,8 @@ def errors_of(found: Weighed) -> dict[str, float]:
     basis, _ = np.linalg.qr(system.columns.reshape(len(own), -1)[:, found.frame])
     value = system.values.ravel() - own @ (before.values - before.start)
     off = value - basis @ (basis.T @ value)
-    doubt = np.hstack([own @ before.root, found.goes_on.reshape(-1, 1)])
+    unnamed = found.open_.reshape(len(own), -1)
+    doubt = np.hstack([own @ before.root, found.goes_on.reshape(-1, 1), unnamed])
     doubt = doubt - basis @ (basis.T @ doubt)
     spread = [system.in_mm(column.reshape(-1, 3)) for column in doubt.T]
     doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)

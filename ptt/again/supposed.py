@@ -11,7 +11,7 @@ from ptt.again.changes import Change, atoms_of_changes
 from ptt.again.then import atoms_then
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.effects import Effect
-from ptt.fitting.linear import Shape, linear_columns
+from ptt.fitting.linear import Linear, Shape, linear_columns
 from ptt.fitting.solve import FitResult, fit, hold
 from ptt.model.model import Model
 from ptt.run.noise import Noise
@@ -81,7 +81,7 @@ def suppose(
     freedom: float,
     rows: np.ndarray,
     shapes: Mapping[str, Sequence[Shape]],
-) -> tuple[RowSystem, np.ndarray, np.ndarray]:
+) -> tuple[RowSystem, np.ndarray, np.ndarray, np.ndarray]:
     """Linearise: y = frame + X (uncertain then + changed since) + what may be new + noise.
 
     What was uncertain then is part of every hypothesis, as the frame is; its prior enters as readings of zero with
@@ -99,8 +99,9 @@ def suppose(
         shapes: of candidates, by key.
 
     Returns:
-        The system, whose values are what the model as it was leaves; the columns of the model's values, (m, 3, w); and
-        those of how its curves go on beyond the heights that they were seen at, (m, 3, c).
+        The system, whose values are what the model as it was leaves; the columns of the model's values, (m, 3, w);
+        those of how its curves go on beyond the heights that they were seen at, (m, 3, c); and of how far sizes of the
+        drawing that it does not have may move the readings, (m, 3, r).
     """
     system = build_system(at.fitted, problem, candidates, noise, freedom, rows, shapes=shapes)
     linear = linear_columns(at.fitted, problem, [], noise)
@@ -133,7 +134,7 @@ def suppose(
         base_values=np.concatenate([read, zero, said]),
         _sums={},
     )
-    return supposed, own, beyond
+    return supposed, own, beyond, _open(before, linear)[rows]
 
 
 def ways_of(changes: Sequence[Change], width: int) -> np.ndarray:
@@ -152,3 +153,12 @@ def _readings_of_zero(count: int) -> tuple[np.ndarray, np.ndarray]:
     columns = np.zeros((3 * rows, count))
     columns[:count] = np.eye(count)
     return columns.reshape(rows, 3, count), np.zeros((rows, 3))
+
+
+def _open(before: Before, linear: Linear) -> np.ndarray:
+    """How far sizes of the drawing that a model does not have may move the readings, (n, 3, r) whitened."""
+    own = linear.columns[:, :, : before.width]
+    if before.unnamed is None or linear.at is None:
+        return np.zeros((*own.shape[:2], 0))
+    more = [linear.at.columns(effect, {}) for effect in before.unnamed.effects]
+    return np.asarray(np.concatenate([own, *more], axis=2) @ before.unnamed.root)

@@ -51,6 +51,7 @@ class Weighed:
         untestable: effect -> what the run lacks.
         own: columns of the model's values, (m, 3, w) whitened, in usual sizes.
         beyond: columns of how its curves go on where they were not seen, (m, 3, c).
+        open_: of how far sizes of the drawing that it does not have may move the readings, (m, 3, r).
         alike: effect that is gone -> other effects of the model that may be it as well.
     """
 
@@ -65,6 +66,7 @@ class Weighed:
     untestable: dict[str, str]
     own: np.ndarray
     beyond: np.ndarray
+    open_: np.ndarray
     alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
@@ -136,7 +138,7 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell, beside: 
             gross = _sift(at, problem, candidates, noise) if beside is None else beside.gross
         rows = problem.used & ~gross & np.isfinite(at.fitted.residual).all(axis=1)
         shapes = {effect.key: shapes_of(effect, problem.view, moments) for effect in candidates}
-        system, own, beyond = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
+        system, own, beyond, open_ = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
         system.atoms = _priced(system, before)
         scorer = Scorer(system, (), STEPS, {change.key for change in changes if change.effect.key in before.cured})
         if kept is None:
@@ -145,7 +147,7 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell, beside: 
             state = scorer.score([key for key in kept if key in system.atoms], memory)
             state = improve(scorer, state)
         state = _fewest(scorer, _unfolded(scorer, _known_first(scorer, state), changes), changes)
-        found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own, beyond)
+        found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own, beyond, open_)
         if turn == TURNS - 1:
             break
         gross = gross_beside(system, state, gross) if beside is None else gross

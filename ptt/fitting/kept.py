@@ -46,6 +46,15 @@ class Kept:
         blank = np.zeros(self.root.shape[1])
         return np.array([self.root[place[name]] if name in place else blank for name in names]).reshape(-1, len(blank))
 
+    def unnamed_beside(self, names: Sequence[str], joints: int) -> Unnamed | None:
+        """What is not named beside some parameters, by name; zero for what the fit held. None where nobody asked."""
+        if self.unnamed is None:
+            return None
+        place = {name: number for number, name in enumerate(self.names)}
+        blank, root = np.zeros(self.unnamed.root.shape[1]), self.unnamed.root
+        rows = [root[place[name]] if name in place else blank for name in names]
+        return Unnamed(self.unnamed.effects, np.array([*rows, *root[len(self.names) :]]).reshape(-1, len(blank)))
+
 
 def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = None) -> Kept:
     """What is worth keeping of a fit.
