@@ -28,7 +28,7 @@ class Absent:
     moved: np.ndarray
 
 
-def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
+def absent_effects(scorer: Scorer, state: State, *, drawn: bool = False) -> tuple[Absent, ...]:
     """Effects that may be there beside a set, since they would do next to nothing that the set does not do.
 
     A spring that gives way as another does: nothing asks for it, so it is not named, but little speaks against it
@@ -40,6 +40,7 @@ def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
     Args:
         scorer: of the system.
         state: the set that is told.
+        drawn: whether sizes of the drawing are asked as well, because nothing else does.
 
     Returns:
         Those of odds that matter.
@@ -47,7 +48,8 @@ def absent_effects(scorer: Scorer, state: State) -> tuple[Absent, ...]:
     if not state.keys:
         return ()
     system, told = scorer.system, {scorer.system.atoms[key].name for key in state.keys}
-    gains = [gain for gain in scorer.screen(state, _is_rare) if gain.nats > TEMPER * np.log(LIKELY)]
+    asked = scorer.screen(state, is_effect if drawn else _is_rare)
+    gains = [gain for gain in asked if gain.nats > TEMPER * np.log(LIKELY)]
     atoms = [system.atoms[gain.key] for gain in gains]
     every = np.concatenate([state.columns, *(atom.columns for atom in atoms)]).astype(int)
     sums, width, found = system.sums_of(every, state.memory), len(state.columns), list[Absent]()

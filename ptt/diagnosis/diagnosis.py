@@ -37,7 +37,7 @@ class Diagnosis:
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
         elsewhere: how far commands may be off at the poses of the run and all over the workspace; None where nothing is
-            named.
+            named, or in runs that are diagnosed in chunks.
         opening: rows not looked at: nobody knows from which side the machine came or where a pin lies, (n,) bool.
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.

@@ -92,7 +92,8 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tupl
     Returns:
         The terms, in the order of a model; those without a value that is free are as they were given.
     """
-    exchanged, absent = exchanged_errors(found, others), absent_effects(found.scorer, found.state)
+    exchanged = exchanged_errors(found, others)
+    absent = absent_effects(found.scorer, found.state, drawn=found.fitted.unnamed is None)
     system, state = found.system, found.state
     current = replace(model, terms=tuple(term for term in model.terms if term.effect.key not in system.atoms))
     for key in (*found.scorer.given, *keys):

@@ -123,9 +123,8 @@ def conclude(
     Returns:
         The diagnosis.
     """
-    if found.state.keys:
-        less = without_carried(problem, found) if found.sample is None else problem.masked(found.gross)
-        found = replace(found, fitted=beside_unnamed(found.fitted, less))
+    if found.state.keys and found.sample is None:
+        found = replace(found, fitted=beside_unnamed(found.fitted, without_carried(problem, found)))
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))

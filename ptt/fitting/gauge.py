@@ -113,6 +113,8 @@ def reachable(file: MachineFile) -> tuple[np.ndarray, np.ndarray]:
 
 def _all_over(terms: Sequence[Term], file: MachineFile, noise: Noise, count: int) -> np.ndarray:
     """Information that a reading somewhere in the travel would have on the own values of some terms, (u, u)."""
+    frame = "trusted" if file.tracker.frame == "trusted" else "fitted"  # there are no base reflectors at these places
+    file = replace(file, tracker=file.tracker.model_copy(update={"frame": frame}))
     place, q = reachable(file)
     command = q if file.machine.kind == "serial" else None
     problem = build_problem(file, replace(make_table(place, command), measured=place))

@@ -96,6 +96,8 @@ class FitResult:
     @property
     def measured(self) -> np.ndarray:
         """Unknowns that the data, not the prior, decide, (u,) bool."""
-        own, open_ = np.diag(self.covariance) / self.layout.scale**2, np.diag(self.loose_of(self.layout.names))
-        held = self.layout.held & (own > PRIOR_HALF)
-        return ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~held & (open_ <= PRIOR_HALF * self.sizes**2)
+        own = np.diag(self.covariance) / self.layout.scale**2
+        told = ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
+        if self.unnamed is None:
+            return told
+        return told & (np.diag(self.loose_of(self.layout.names)) <= PRIOR_HALF * self.sizes**2)
