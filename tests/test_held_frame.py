@@ -11,6 +11,7 @@ from ptt.correct.training.train import train
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.chunks import LONG
+from ptt.fitting.gauge import sparsest
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
@@ -105,3 +106,11 @@ def test_reflectors_in_one_line_leave_a_turn_about_it_open():
     problem = measured(5, places=row)
     (term,) = climb(Model(problem.file), problem, [library()["homing-offset"]()]).steps[-1].fitted.model.terms
     assert 0.05 < float(term.std.max()) < 20.0
+
+
+def test_a_gauge_is_asked_at_places_that_no_reflector_saw() -> None:
+    problem = measured(2)
+    term = climb(Model(machine()), problem, [library()["homing-offset"]()]).steps[-1].fitted.model.terms[0]
+    assert problem.noise is not None
+    (told,) = sparsest([replace(term, theta=1e-3 * term.theta)], problem, problem.noise)  # too small to be told
+    assert torch.isfinite(told.term.theta).all()
