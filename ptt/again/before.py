@@ -7,7 +7,7 @@ import torch
 
 from ptt.again.then import Rooms, rooms_of
 from ptt.errors import ModelError
-from ptt.fitting.kept import kept_covariance
+from ptt.fitting.kept import Kept, kept_covariance
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.unnamed import Unnamed
 from ptt.judge.history import Entry, read_entries
@@ -107,7 +107,8 @@ def look_back(model: Model, problem: Problem) -> Before:
     layout = lay_out(own, problem, carried)
     width = int((layout.owner >= 0).sum())
     values, scale = layout.start()[:width], layout.scale[:width]
-    root, notes = _uncertainty(model, carried, layout, scale)
+    kept = kept_covariance(model)
+    root, notes = _uncertainty(kept, carried, layout, scale)
     blind = {term.effect.key: index for index, term in enumerate(carried) if _is_blind(term, problem)}
     free = np.isin(layout.owner[:width], list(blind.values()))
     root = np.hstack([root, ANYTHING * np.eye(width)[:, free]])
@@ -115,9 +116,8 @@ def look_back(model: Model, problem: Problem) -> Before:
     entries = read_entries(model.file)
     last = entries[-1] if entries else None
     said = (*_not_carried(model), *notes)
-    kept = kept_covariance(model)
     rooms = rooms_of(kept, layout.names[:width], problem.view)
-    unnamed = None if kept is None else kept.unnamed_beside(layout.names[:width], model.joints)
+    unnamed = None if kept is None else kept.unnamed_beside(layout.names[:width])
     return Before(own, layout, values, root, last, _left(last), said, frozenset(blind), rooms=rooms, unnamed=unnamed)
 
 
@@ -132,10 +132,10 @@ def _not_carried(model: Model) -> list[str]:
 
 
 def _uncertainty(
-    model: Model, terms: tuple[Term, ...], layout: Layout, scale: np.ndarray
+    kept: Kept | None, terms: tuple[Term, ...], layout: Layout, scale: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
     """Factor of the covariance of all values in usual sizes, (w, r); what it had to be put together from."""
-    kept, names = kept_covariance(model), layout.names[: len(scale)]
+    names = layout.names[: len(scale)]
     std = torch.cat([_stated(term) for term in terms]).numpy()[layout.columns()]
     if kept is not None:
         # What the last fit held, because its run could not test it, is as uncertain as it was before.

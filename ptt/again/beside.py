@@ -56,4 +56,10 @@ def _with_new(before: Before, new: Diagnosis, problem: Problem) -> Before:
     wide = [replace(r, absorbed=np.pad(r.absorbed, [(0, width - before.width), (0, 0)])) for r in before.rooms.each]
     rooms = replace(before.rooms, each=tuple(room for room in wide if room.effect.key not in model.keys))
     blind = before.blind | {term.effect.key for term in more}
-    return replace(before, model=model, layout=layout, values=values, root=root, blind=blind, rooms=rooms, unnamed=None)
+    unnamed = before.unnamed
+    if unnamed is not None:
+        blank = [before.width] * (width - before.width)
+        unnamed = replace(unnamed, root=np.insert(unnamed.root, blank, 0.0, axis=0))
+    return replace(
+        before, model=model, layout=layout, values=values, root=root, blind=blind, rooms=rooms, unnamed=unnamed
+    )

@@ -113,7 +113,7 @@ def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tupl
             np.sqrt(
                 spread_of(found.scorer, state, key, absent) ** 2
                 + exchanged[atom.name][free.numpy()]
-                + _by_unnamed(found, atom)
+                + found.fitted.open[_own(found, atom)]
             )
         )
         seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
@@ -161,18 +161,16 @@ def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
     return torch.clamp(theta, low, high)
 
 
+def _own(found: Found, atom: Atom) -> np.ndarray:
+    """Which unknowns of the fit are an effect's, (u,) bool."""
+    layout = found.fitted.layout
+    return np.asarray(layout.owner == [term.effect.key for term in layout.terms].index(atom.name))
+
+
 def _free(found: Found, atom: Atom) -> torch.Tensor:
     """Which values of an effect of the model its atom has, (p,) bool."""
     index = [term.effect.key for term in found.fitted.layout.terms].index(atom.name)
     return torch.as_tensor(found.fitted.layout.free[index])
-
-
-def _by_unnamed(found: Found, atom: Atom) -> np.ndarray:
-    """Mean squares by which sizes of the drawing that are not named may move an effect's values, in its units, (w,)."""
-    fitted = found.fitted
-    own = fitted.layout.owner == [term.effect.key for term in fitted.layout.terms].index(atom.name)
-    names = [name for name, mine in zip(fitted.layout.names, own.tolist(), strict=True) if mine]
-    return np.asarray(np.diag(fitted.loose_of(names)) * fitted.layout.scale[own] ** 2)
 
 
 def candidates_of_steps(

@@ -49,7 +49,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     followed = result.depends_on[0].on if result.depends_on else None  # the only one that is told in the verdict
     far = "" if result.elsewhere is None else result.elsewhere.words(result.rms_um["after"]["total"])
     return "\n".join(
-        [*tell_verdict(
+        tell_verdict(
             result.verdict,
             [candidate.words for candidate in result.candidates[:count]],
             (result.rms_um["before"]["total"], result.rms_um["after"]["total"]),
@@ -64,7 +64,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
             bent={key: on for key, on in columns.items() if key in named and on == followed},
             cut_short=steps is not None and steps == count,
             wander=result.wander,
-        ), *([far] if far else [])]
+        ) + [far] * bool(far)
     )  # fmt: skip
 
 

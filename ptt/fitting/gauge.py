@@ -75,7 +75,7 @@ def sparsest(
     information = information * times
     free = _untold(information, values[own])
     if free.shape[1]:  # what only these few poses do not tell is no gauge: it is another machine
-        free = _untold(information + _all_over(terms, problem.file, noise, len(own)), values[own])
+        free = _untold(information + _all_over(terms, beside, problem.file, noise), values[own])
     if not free.shape[1]:
         return tuple(Told(term) for term in terms)
     unknowns = values.copy()
@@ -111,19 +111,19 @@ def reachable(file: MachineFile) -> tuple[np.ndarray, np.ndarray]:
     return place[good].numpy(), q[good].numpy()
 
 
-def _all_over(terms: Sequence[Term], file: MachineFile, noise: Noise, count: int) -> np.ndarray:
+def _all_over(terms: Sequence[Term], beside: Sequence[Term], file: MachineFile, noise: Noise) -> np.ndarray:
     """Information that a reading somewhere in the travel would have on the own values of some terms, (u, u)."""
     frame = "trusted" if file.tracker.frame == "trusted" else "fitted"  # there are no base reflectors at these places
     file = replace(file, tracker=file.tracker.model_copy(update={"frame": frame}))
     place, q = reachable(file)
     command = q if file.machine.kind == "serial" else None
     problem = build_problem(file, replace(make_table(place, command), measured=place))
-    layout = lay_out(Model(file), problem, terms)
-    linear, held = assemble(layout, layout.start(), problem, noise), layout.held.astype(float)
-    own = np.flatnonzero((layout.owner >= 0) & ~layout.held)
-    if len(own) != count:
-        return np.zeros((count, count))
-    return _without(_gram(linear), own, np.setdiff1d(np.arange(len(held)), own), held)[0] / len(place)
+    layout = lay_out(Model(file), problem, (*terms, *beside))
+    mine = layout.owner < len(terms)
+    own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held)
+    gram = _gram(assemble(layout, layout.start(), problem, noise))
+    rest = np.setdiff1d(np.flatnonzero(mine), own)
+    return _without(gram, own, rest, layout.held.astype(float))[0] / len(place)
 
 
 def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:

@@ -1,13 +1,12 @@
 """What a fit leaves uncertain, kept in the machine file."""
 
-import base64
 import hashlib
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.fitting.packed import pack, unpack
 from ptt.fitting.result import FitResult
 from ptt.fitting.unnamed import Unnamed, read_unnamed
 from ptt.machine_schema import CovarianceSpec, MaskedSpec
@@ -42,18 +41,19 @@ class Kept:
 
     def rows(self, names: Sequence[str]) -> np.ndarray:
         """Rows of the root by name, (len(names), r); zero for what the fit held."""
-        place = {name: number for number, name in enumerate(self.names)}
-        blank = np.zeros(self.root.shape[1])
-        return np.array([self.root[place[name]] if name in place else blank for name in names]).reshape(-1, len(blank))
+        return self._by_name(self.root, names)
 
-    def unnamed_beside(self, names: Sequence[str], joints: int) -> Unnamed | None:
+    def unnamed_beside(self, names: Sequence[str]) -> Unnamed | None:
         """What is not named beside some parameters, by name; zero for what the fit held. None where nobody asked."""
         if self.unnamed is None:
             return None
+        root = self.unnamed.root
+        return Unnamed(self.unnamed.effects, np.concatenate([self._by_name(root, names), root[len(self.names) :]]))
+
+    def _by_name(self, root: np.ndarray, names: Sequence[str]) -> np.ndarray:
         place = {name: number for number, name in enumerate(self.names)}
-        blank, root = np.zeros(self.unnamed.root.shape[1]), self.unnamed.root
-        rows = [root[place[name]] if name in place else blank for name in names]
-        return Unnamed(self.unnamed.effects, np.array([*rows, *root[len(self.names) :]]).reshape(-1, len(blank)))
+        blank = np.zeros(root.shape[1])
+        return np.array([root[place[name]] if name in place else blank for name in names]).reshape(-1, len(blank))
 
 
 def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = None) -> Kept:
@@ -83,11 +83,9 @@ def keep_covariance(
     if not len(fitted.unknowns):
         return None
     kept = keep(fitted, heldout, helped)
-    packed = base64.b64encode(zlib.compress(np.ascontiguousarray(kept.root, dtype="<f4").tobytes(), 9)).decode()
     unnamed = kept.unnamed.spec() if kept.unnamed is not None and kept.unnamed.effects else None
-    return CovarianceSpec(
-        of=kept.names, root=packed, values=_digest(fitted.model), heldout_mm=heldout, helped=helped, unnamed=unnamed
-    )
+    values, root = _digest(fitted.model), pack(kept.root)
+    return CovarianceSpec(of=kept.names, root=root, values=values, heldout_mm=heldout, helped=helped, unnamed=unnamed)
 
 
 def kept_covariance(model: Model) -> Kept | None:
@@ -102,12 +100,8 @@ def kept_covariance(model: Model) -> Kept | None:
     spec = model.file.covariance
     if spec is None or spec.values != _digest(model):
         return None
-    count = len(spec.of)
-    try:
-        flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.root, validate=True)), dtype="<f4").astype(float)
-    except (ValueError, zlib.error):
-        return None
-    if len(flat) != count**2:
+    count, flat = len(spec.of), unpack(spec.root)
+    if flat is None or len(flat) != count**2:
         return None
     unnamed = None if spec.unnamed is None else read_unnamed(spec.unnamed, count, model.joints)
     return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm, spec.helped, spec.masked, unnamed)

@@ -1,7 +1,5 @@
 """What a fit says of effects that its model does not have: how they would have hidden in the values that it has."""
 
-import base64
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +7,7 @@ import numpy as np
 from ptt.effects import Effect, library
 from ptt.fitting.factor import inverse
 from ptt.fitting.linear import linear_columns
+from ptt.fitting.packed import pack, unpack
 from ptt.fitting.result import FitResult
 from ptt.machine_schema import MaskedSpec
 from ptt.model.model import rival
@@ -38,7 +37,7 @@ class Masked:
     def spec(self) -> MaskedSpec:
         """As a machine file keeps it."""
         flat = np.concatenate([self.absorbed.ravel(), self.seen.ravel(), self.said])
-        return MaskedSpec(of=self.keys, told=base64.b64encode(zlib.compress(flat.astype("<f4").tobytes(), 9)).decode())
+        return MaskedSpec(of=self.keys, told=pack(flat))
 
 
 def read_masked(spec: MaskedSpec, width: int) -> Masked | None:
@@ -51,13 +50,14 @@ def read_masked(spec: MaskedSpec, width: int) -> Masked | None:
     Returns:
         The effects; None where it cannot be read.
     """
-    try:
-        flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.told, validate=True)), dtype="<f4").astype(float)
-        p = round((np.sqrt((width + 1.0) ** 2 + 4.0 * len(flat)) - width - 1.0) / 2.0)
-        absorbed, seen, said = np.split(flat, [width * p, width * p + p * p])
-        return Masked(spec.of, absorbed.reshape(width, p), seen.reshape(p, p), said)
-    except (ValueError, zlib.error):
+    flat = unpack(spec.told)
+    if flat is None:
         return None
+    p = round((np.sqrt((width + 1.0) ** 2 + 4.0 * len(flat)) - width - 1.0) / 2.0)
+    if p * (width + p + 1) != len(flat):
+        return None
+    absorbed, seen, said = np.split(flat, [width * p, width * p + p * p])
+    return Masked(spec.of, absorbed.reshape(width, p), seen.reshape(p, p), said)
 
 
 def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:

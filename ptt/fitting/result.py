@@ -78,8 +78,14 @@ class FitResult:
     def std(self) -> np.ndarray:
         """Standard errors of the unknowns in their own units, (u,)."""
         more = 0.0 if self.doubt is None else self.doubt
-        loose = np.diag(self.loose_of(self.layout.names)) * self.layout.scale**2
-        return np.asarray(np.sqrt(np.diag(self.covariance) + more + loose))
+        return np.asarray(np.sqrt(np.diag(self.covariance) + more + self.open))
+
+    @property
+    def open(self) -> np.ndarray:
+        """Mean squares by which what is not named may move the unknowns, (u,) in their own units; zero if not asked."""
+        if self.unnamed is None:
+            return np.zeros(len(self.unknowns))
+        return np.asarray(np.square(self.unnamed.root[: len(self.unknowns)]).sum(axis=1) * self.layout.scale**2)
 
     def loose_of(self, names: Sequence[str]) -> np.ndarray:
         """Mean squares and products by which what is not named may move some unknowns, by name, in usual sizes, (v, v).
@@ -100,4 +106,4 @@ class FitResult:
         told = ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
         if self.unnamed is None:
             return told
-        return told & (np.diag(self.loose_of(self.layout.names)) <= PRIOR_HALF * self.sizes**2)
+        return told & (self.open <= PRIOR_HALF * (self.sizes * self.layout.scale) ** 2)

@@ -1,7 +1,5 @@
 """Unnamed: sizes of the drawing that a model does not have, and how far they leave open what it says."""
 
-import base64
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +7,7 @@ import numpy as np
 
 from ptt.effects import Effect, library
 from ptt.effects.layout import linear_size
+from ptt.fitting.packed import pack, unpack
 from ptt.machine_schema import MaskedSpec
 
 
@@ -37,9 +36,8 @@ class Unnamed:
 
     def spec(self) -> MaskedSpec:
         """As a machine file keeps it."""
-        flat = np.concatenate([[len(self.root)], self.root.ravel()]).astype("<f4").tobytes()
         keys = tuple(effect.key for effect in self.effects)
-        return MaskedSpec(of=keys, told=base64.b64encode(zlib.compress(flat, 9)).decode())
+        return MaskedSpec(of=keys, told=pack(np.concatenate([[len(self.root)], self.root.ravel()])))
 
 
 def read_unnamed(spec: MaskedSpec, count: int, joints: int) -> Unnamed | None:
@@ -57,12 +55,10 @@ def read_unnamed(spec: MaskedSpec, count: int, joints: int) -> Unnamed | None:
     if not set(spec.of) <= set(known):
         return None
     effects = tuple(known[key]() for key in spec.of)
-    rows = count + _width(effects, joints)
-    try:
-        flat = np.frombuffer(zlib.decompress(base64.b64decode(spec.told, validate=True)), dtype="<f4").astype(float)
-        return Unnamed(effects, flat[1:].reshape(rows, -1)) if len(flat) and flat[0] == rows else None
-    except (ValueError, zlib.error):
+    rows, flat = count + _width(effects, joints), unpack(spec.told)
+    if flat is None or not len(flat) or flat[0] != rows or (len(flat) - 1) % rows:
         return None
+    return Unnamed(effects, flat[1:].reshape(rows, -1))
 
 
 def _width(effects: Sequence[Effect], joints: int) -> int:

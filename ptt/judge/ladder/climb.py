@@ -178,15 +178,8 @@ def _measure(
     protocol = f"{len(hidden)} parts of whole blocks of travel hidden in turn, all repeats of a pose together"
     if any(value.measured == "searched" for value in report.values):
         protocol += "; moments, ranges and periods as all rows tell them"
-    return Ladder(
-        steps,
-        report,
-        fits[-1].noise.to_dict(),
-        protocol,
-        notes,
-        ranges_of(held),
-        masked_effects(steps[-1].fitted, held),
-    )
+    masked = masked_effects(steps[-1].fitted, held)
+    return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(held), masked)
 
 
 def _untold(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:
