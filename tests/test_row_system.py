@@ -13,6 +13,7 @@ from ptt.diagnosis.blocks import Block, Place
 from ptt.diagnosis.hidden import held_out, hide
 from ptt.diagnosis.memories import prior_of
 from ptt.diagnosis.memory import WHITE, Memory, entries
+from ptt.diagnosis.poses import poses_of
 from ptt.diagnosis.row_sums import SumsOfRows
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
@@ -34,7 +35,7 @@ def system_of(values: np.ndarray | None = None) -> RowSystem:
     read = columns @ random.normal(size=WIDTH) + random.normal(size=(rows, 3)) if values is None else values
     return RowSystem(
         np.arange(rows), np.arange(3), atoms, clock, Noise(np.eye(3), "first guess"), 0.0, np.ones(WIDTH), columns,
-        read, np.arange(rows) % POSES, np.arange(rows) // 10, {}, SimpleNamespace(), base, told,
+        read, poses_of(np.arange(rows) % POSES), np.arange(rows) // 10, {}, SimpleNamespace(), base, told,
     )  # fmt: skip
 
 

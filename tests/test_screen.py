@@ -117,7 +117,7 @@ def test_sums_have_the_density_of_the_whole_covariance(
     columns = np.zeros((8, 3, 0))
     rows = RowSystem(
         np.arange(8), np.zeros(0, int), {}, clock, Noise(np.eye(3), "first guess"), 0.0, np.ones(0), columns,
-        values[:, :, -1], pose, pose, {}, SimpleNamespace(), np.zeros((0, 3, 0)), np.zeros((0, 3)),
+        values[:, :, -1], poses_of(pose), pose, {}, SimpleNamespace(), np.zeros((0, 3, 0)), np.zeros((0, 3)),
     )  # fmt: skip
     lasted = np.repeat([10.0, 2.0], [6, 2])  # s, each run, both from zero on
     run, density = np.cumsum(starts), 0.0
@@ -232,7 +232,7 @@ def test_no_atom_does_more_in_the_place_of_another_than_it_is_foretold() -> None
     clock, none = Clock(np.arange(float(ROWS)), np.arange(ROWS) == 0), np.zeros((0, 3))
     system = RowSystem(
         np.arange(ROWS), np.zeros(0, int), atoms, clock, Noise(np.eye(3), "first guess"), FREEDOM, np.ones(15),
-        flat.transpose(2, 1, 0), values.T, np.arange(ROWS), np.zeros(ROWS, int), {}, SimpleNamespace(),
+        flat.transpose(2, 1, 0), values.T, poses_of(np.arange(ROWS)), np.zeros(ROWS, int), {}, SimpleNamespace(),
         np.zeros((0, 3, 15)), none,
     )  # fmt: skip
     scorer = Scorer(system)
@@ -282,7 +282,7 @@ def test_where_a_frame_stands_is_no_news_of_the_scatter() -> None:
     none = np.zeros((0, 3, 24))
     system = RowSystem(
         np.arange(rows), np.arange(24), {}, clock, Noise(np.eye(3), "first guess"), 0.0, np.ones(24), frames, values,
-        np.arange(rows), runs, {}, SimpleNamespace(), none, np.zeros((0, 3)),
+        poses_of(np.arange(rows)), runs, {}, SimpleNamespace(), none, np.zeros((0, 3)),
     )  # fmt: skip
     out = linalg.null_space(frames.reshape(-1, 24).T)
 

@@ -24,9 +24,7 @@ from ptt.run.problem import build_problem
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 HIDDEN = {  # kind of run, fault -> what is off, kind, um, and what the sentence says of it
-    "scale up": ("volume", {"kind": "splice", "leg": 2, "height_mm": 290.0, "step_um": 30.0}, "slider 2", "step", 30.0,
-                 "um higher above b2 = 290.1 mm than below it"),
-    "scale down": ("volume", {"kind": "splice", "leg": 1, "height_mm": 280.0, "step_um": -30.0}, "slider 1", "step",
+    "scale": ("volume", {"kind": "splice", "leg": 1, "height_mm": 280.0, "step_um": -30.0}, "slider 1", "step",
                    -30.0, "um lower above b1 = 279.9 mm than below it"),
     "play": ("warmup", {"kind": "warm-backlash", "leg": 1, "gap_um_per_k": 6.0, "opens_at_c": 20.0}, "slider 1",
              "varying", -40.0, "um lower when it arrives upward than downward at temperature = 26.7 C"),

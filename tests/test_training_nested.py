@@ -89,7 +89,7 @@ def test_settings_tried_in_plenty_do_not_flatter_noise(trusted: MachineFile) -> 
     assert np.mean(gains) > 0.995
 
 
-@pytest.mark.parametrize("seed", [2, 6, 7])
+@pytest.mark.parametrize("seed", [2, 7])
 def test_what_helps_no_row_that_was_held_out_is_not_delivered(trusted: MachineFile, seed: int) -> None:
     """A slow wander of the readings looks like something to learn wherever the path lingers, and helps nowhere else."""
     random = np.random.default_rng(seed)

@@ -21,7 +21,9 @@ class Poses:
     order: np.ndarray
     first: np.ndarray
     visits: np.ndarray
-    _beside: dict[Wander, "PosesBeside"] = field(default_factory=dict, compare=False, repr=False)
+    _ways: dict[tuple[float, float], tuple[np.ndarray, np.ndarray]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     def means(self, rows: np.ndarray) -> np.ndarray:
         """Root of the visits times the mean of each pose, (.., poses) of rows (.., m)."""
@@ -41,24 +43,25 @@ class Poses:
         return np.tile(times / (1.0 + times), 3), 1.5 * float(np.log1p(times).sum())
 
     def beside(self, wander: Wander | None, clock: Clock) -> "Poses | PosesBeside":
-        """The same for rows that are white beside a wander; what was worked out once is kept."""
+        """The same for rows that are white beside a wander."""
         if wander is None:
             return self
-        if wander not in self._beside:
-            self._beside[wander] = self._together(wander, clock)
-        return self._beside[wander]
-
-    def _together(self, wander: Wander, clock: Clock) -> "PosesBeside":
-        own = np.zeros((len(self.visits), len(self.order)))
-        own[np.repeat(np.arange(len(own)), self.visits), self.order] = 1.0
-        weights, visits = list[tuple[slice, np.ndarray]](), np.empty((3, len(own)))
+        weights, visits = list[tuple[slice, np.ndarray]](), np.empty((3, len(self.visits)))
         for axes, share in wander.parts:
-            white = np.empty_like(own)
-            filter_rows(own, clock.gains(share, wander.constant), white)
-            counts, ways = np.linalg.eigh(white @ white.T)
-            weights.append((axes, (ways.T @ white) / np.sqrt(counts)[:, None]))
-            visits[axes] = counts
+            visits[axes], ways = self._beside(share, wander.constant, clock)
+            weights.append((axes, ways))
         return PosesBeside(tuple(weights), visits)
+
+    def _beside(self, share: float, constant: float, clock: Clock) -> tuple[np.ndarray, np.ndarray]:
+        """Visits and weights of the combinations along one axis; what was worked out once is kept."""
+        if (share, constant) not in self._ways:
+            own = np.zeros((len(self.visits), len(self.order)))
+            own[np.repeat(np.arange(len(own)), self.visits), self.order] = 1.0
+            white = np.empty_like(own)
+            filter_rows(own, clock.gains(share, constant), white)
+            counts, ways = np.linalg.eigh(white @ white.T)
+            self._ways[share, constant] = counts, (ways.T @ white) / np.sqrt(counts)[:, None]
+        return self._ways[share, constant]
 
 
 @dataclass(frozen=True)

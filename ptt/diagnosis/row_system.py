@@ -43,7 +43,7 @@ class RowSystem(System):
     Attributes:
         columns: (m, 3, P) whitened.
         values: (m, 3) whitened.
-        pose: (m,) int, equal for rows that may err alike: of one pose, or of one visit.
+        poses: rows that may err alike: of one pose, or of one visit.
         block: (m,) int, held-out block of travel, -1 for none.
         levers: joint -> how it moves each reading, (m, 3) whitened.
         at: where columns of further shapes come from.
@@ -55,7 +55,7 @@ class RowSystem(System):
 
     columns: np.ndarray
     values: np.ndarray
-    pose: np.ndarray
+    poses: Poses
     block: np.ndarray
     levers: dict[int, np.ndarray]
     at: Place
@@ -73,17 +73,12 @@ class RowSystem(System):
     @property
     def repeats(self) -> int:
         """Visits beyond the first of each pose."""
-        return len(self.pose) - len(np.unique(self.pose))
+        return len(self.poses.order) - len(self.poses.visits)
 
     @cached_property
     def flat(self) -> np.ndarray:
         """The columns one behind the other, (P, 3, m)."""
         return np.ascontiguousarray(self.columns.transpose(2, 1, 0))
-
-    @cached_property
-    def poses(self) -> Poses:
-        """Which rows are visits of which pose."""
-        return poses_of(self.pose)
 
     def sums(self, memory: Memory) -> Sums:
         """Normal sums of all columns; the last few memories are kept."""
@@ -278,7 +273,7 @@ def build_system(
     sharing, by_visit = sharing_groups(problem.table, rows)
     return RowSystem(
         np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
-        few.scale(scale), few.columns(columns), linear.values[rows], sharing[rows],
+        few.scale(scale), few.columns(columns), linear.values[rows], poses_of(sharing[rows]),
         travel_blocks(problem.table, blocks_beside(problem.frames))[rows], _levers(linear, noise, rows), linear.at,
         few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
         one_memory=span is not None, by_visit=by_visit,
