@@ -15,7 +15,7 @@ from ptt.diagnosis.plainest import PLAIN, plainest
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.shapes import shape_key
-from ptt.diagnosis.spectrum import STEP, WIDE, Along, left_along
+from ptt.diagnosis.spectrum import WIDE, Along, left_along
 from ptt.diagnosis.state import State
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import tried_sizes
@@ -24,7 +24,10 @@ from ptt.run.problem import Problem
 MOST = 50  # waves a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
 PART, FEW_WAVES = 0.5, 4  # of a turn that an arm's joint has to go through, and waves a turn that tell apart on that
 OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
-ASIDE = np.arange(-WIDE, WIDE + STEP, STEP)  # turns over the range in which its peak may lie
+NEARLY = (
+    0.01  # where lines run into each other: one that lies a twentieth of a turn over the range aside leaves that much
+)
+ASIDE = np.linspace(-WIDE, WIDE, 41)  # turns over the range in which its peak may lie
 
 
 def with_harmonics(
@@ -95,25 +98,34 @@ def find_harmonics(
     if lead is None or len(scorer.system.rows) < FEWEST:
         return ()
     every = left_along(scorer, state, problem, detail=False)
-    # On a shorter travel one line covers two harmonics, and any period would be one of them.
-    joints, most = [each for each in every if each.span > 2.0 * WIDE * lead], MOST
+    # On a shorter travel one line covers two harmonics, and any period is nearly one of them.
+    joints, off = [each for each in every if each.span > 2.0 * WIDE * lead], np.full(MOST - 1, OFF)
     if not joints and problem.file.machine.kind == "serial":  # whose joints err alike at every turn, or part of one
-        joints, most = [each for each in every if each.span > PART * lead], FEW_WAVES
+        joints, off[FEW_WAVES - 1 :] = [each for each in every if each.span > PART * lead], NEARLY
     if not joints:
         return ()
-    taken = [_taken(along, lead)[: most - 1] for along in joints]
-    effects = [OncePerRev(f"harmonic {m}") for m in range(2, most + 1)]
+    taken = np.array([_taken(along, lead) for along in joints])
+    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST + 1)]
     names = {atom.effect.name for atom in scorer.system.atoms.values() if atom.effect is not None}
     odds = [odds_of_effect(effect, len(names), 1) for effect in effects]
-    nats = _nats(np.array(taken) / state.posterior.phi) - odds
+    nats = _nats(taken / state.posterior.phi) - odds
     there = {scorer.system.atoms[key].name for key in state.keys} | scorer.barred | {effect.key for effect in offered}
     strong = [index for index in np.argsort(-nats) if nats[index] > 0.0 and effects[index].key not in there]
     if not strong:
         return ()
-    aside = [np.max([_taken(along, lead, off)[: most - 1] for off in ASIDE], axis=0) for along in joints]
-    peak = np.sum(aside, axis=0)
-    placed = peak - np.sum(taken, axis=0) <= np.maximum(OFF * peak, 2.0 * PLAIN * state.posterior.phi)
-    return tuple(effects[index] for index in strong if placed[index] and effects[index].needs(problem.view) is None)
+    # Where it lies is told by the joint that shows most of it: others see it from aside.
+    peak = np.max([[_taken(along, lead, turns) for along in joints] for turns in ASIDE], axis=0)
+    shown = taken.argmax(axis=0), np.arange(MOST - 1)
+    placed = peak[shown] - taken[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN * state.posterior.phi)
+    apart = np.where(off == OFF, 0.0, 2.0 * WIDE * lead / max(along.span for along in joints))
+    told = [index for index, effect in enumerate(effects) if effect.key in there]
+    return tuple(
+        effects[index]
+        for place, index in enumerate(strong)
+        # What a line that lies a little aside leaves are two more, one to either side.
+        if placed[index] and (np.abs(np.array([*told, *strong[:place]]) - index) > apart[index]).all()
+        and effects[index].needs(problem.view) is None
+    )  # fmt: skip
 
 
 def plainly(scorer: Scorer, state: State) -> State:
