@@ -108,7 +108,7 @@ def test_on_a_travel_of_few_turns_any_length_would_be_a_harmonic_and_none_is_off
 
 
 def turning(waves: float, joints: Sequence[int], reach: float = 2.2) -> Diagnosis:
-    """What is said of a UR10 some of whose joints err by 400 urad with so many waves a turn, none of them turned once."""
+    """What is said of a UR10 some of whose joints err by 400 urad with so many waves a turn; none goes once around."""
     file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machines" / "ur10.toml")
     robot, random, rows = build_mechanism(file.machine), np.random.default_rng(int(waves)), 150
     sent = random.uniform(-reach, reach, (rows, 6))

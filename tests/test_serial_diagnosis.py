@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
+from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.errors import ModelError
@@ -215,3 +218,16 @@ def test_a_joint_that_hardly_moves_hides_no_wave_of_the_others() -> None:
     waves = np.random.default_rng(5).normal(0.0, 2e-4, (6, 1, 2))
     found = uneven(waves, np.array([0.5, 1.8, 1.8, 1.8, 1.8, 1.8]), 380)
     assert (found.verdict, found.suggested) == ("missing", (("once-per-rev",),))
+
+
+def test_zeros_that_the_model_moved_to_do_not_come_back_beside_link_geometry() -> None:
+    """The dtheta of dh-offsets is the same thing: a model cannot have both, whichever of them came first."""
+
+    def atom(name: str, *, moved_to: bool) -> Atom:
+        effect, none = make_effect(library(), name), np.zeros(0, dtype=int)
+        return Atom(name, name, none, none, np.zeros(0), 9.0, none.astype(bool), effect, None if moved_to else {})
+
+    for first, second in (("homing-offset", "dh-offsets"), ("dh-offsets", "homing-offset")):
+        atoms = {first: atom(first, moved_to=True), second: atom(second, moved_to=False)}
+        scorer = Scorer(SimpleNamespace(atoms=atoms))
+        assert not any(scorer.opens([there])(atoms[other]) for there, other in ((first, second), (second, first)))

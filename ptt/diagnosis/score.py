@@ -278,4 +278,4 @@ class Scorer:
 
 def _excluded(atom: Atom, effects: Sequence[str]) -> bool:
     """Whether an effect is in part the same thing as one that is there."""
-    return atom.effect is not None and atom.shape is not None and rival(atom.effect, effects) is not None
+    return atom.effect is not None and rival(atom.effect, effects) is not None
