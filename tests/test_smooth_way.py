@@ -1,6 +1,7 @@
 """Circles and helices that are read on the way: sliders turn between rows, where no difference of rows shows it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -105,6 +106,18 @@ def test_an_unknown_is_asked_again_where_names_then_say_all(monkeypatch: pytest.
     monkeypatch.setattr(smooth_way, "names_say_all", lambda *of: names)
     diagnose(Model(BENCH), read(way(160, 8.0), PIECES, smooth=False))
     assert [model.file.machine.moves for model in asked] == ["smooth"] * names
+
+
+def test_a_gross_error_asks_again_only_where_joints_came_to_it_otherwise() -> None:
+    here = read(way(160, 8.0), PIECES, smooth=False)
+    there = smoothly(here)
+    assert there is not None
+    came = (here.view.direction != there.view.direction) | (here.view.turning != there.view.turning)
+    otherwise = came.any(dim=1).numpy()
+    assert 0 < otherwise.sum() < len(otherwise)
+    for row in np.flatnonzero(otherwise)[:1].tolist() + np.flatnonzero(~otherwise)[:1].tolist():
+        gross = np.arange(len(otherwise)) == row
+        assert smooth_way._gross_elsewhere(SimpleNamespace(gross=gross), here, there) is bool(otherwise[row])
 
 
 @pytest.mark.parametrize("smooth", [True, False])

@@ -36,11 +36,18 @@ def on_smooth_way(
     smooth = replace(model, file=other.file)
     unknown = holds_unknown(found.system, found.state.keys, found.state.memory)
     tell("smooth way")
-    likely = bool(found.gross.any()) or _turns_say_more(found, problem, other)
+    likely = _gross_elsewhere(found, problem, other) or _turns_say_more(found, problem, other)
     if not likely and not (unknown and names_say_all(smooth, other, known, tell, steps)):
         return found, model, problem
     again = find(smooth, other, known, tell, steps)
     return (again, smooth, other) if says_more(again, found, PLAIN) else (found, model, problem)
+
+
+def _gross_elsewhere(found: Found, problem: Problem, other: Problem) -> bool:
+    """Whether a gross error is of a row to which joints came otherwise on the smooth way: that may be why it is one."""
+    here, there = problem.view, other.view
+    differ = (here.direction != there.direction) | (here.turning != there.turning)  # shape: (n, k)
+    return bool(found.gross[differ.any(dim=1).numpy()].any())
 
 
 def _turns_say_more(found: Found, problem: Problem, other: Problem) -> bool:
