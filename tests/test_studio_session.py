@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 import pytest
+import torch
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
@@ -29,6 +30,7 @@ from ptt.errors import InputError, ModelError, PttError
 from ptt.fitting.chunks import CHUNK
 from ptt.machine import parse_machine
 from ptt.machine_schema import EffectEntry, ParameterEntry
+from ptt.mechanisms import build_mechanism
 from ptt.run.readers import Mapping
 from ptt.show.card.solids import arrows
 from ptt.show.report.gather import gather
@@ -309,7 +311,22 @@ def test_parameters_say_what_is_not_measured():
 def test_diagnosis_is_the_one_of_the_command_line(here: Path):
     found = jobs.learn(RUN, MACHINE, silent)
     assert found.data == verb("diagnose", "run.csv", "--model", "machine.toml")
-    assert found.data["suggested"] == [["backlash"]] and found.measure_next == ""
+    assert found.data["suggested"] == [["backlash"]] and found.measure_next == "" and found.sizes == []
+
+
+def test_where_a_size_of_the_drawing_is_found_the_others_can_be_added_as_the_command_line_does(here: Path):
+    place, random = np.random.default_rng(1).uniform(-50.0, 50.0, (60, 3)), np.random.default_rng(2)
+    robot = build_mechanism(parse_machine(MACHINE, "machine.toml").machine)
+    sent = robot.inverse(torch.as_tensor(place))
+    stood = robot.forward(sent + torch.tensor([0.0, 0.1, 0.0])).numpy() + random.normal(0.0, 0.003, place.shape)
+    columns = [f"{axis}_{kind}" for kind in ("cmd", "meas") for axis in "xyz"]
+    pd.DataFrame(np.hstack([place, stood]), columns=columns).to_csv("high.csv", index=False)
+    found = jobs.learn(Source("high.csv"), MACHINE, silent)
+    assert [step[0] for step in found.data["suggested"]] == ["homing-offset"]
+    mine = jobs.change(Source("high.csv"), MACHINE, "add", ("homing-offset", *found.sizes), silent)
+    theirs = verb("add", "high.csv", "homing-offset", "--sizes", "--model", "machine.toml", "--out", "theirs.toml")
+    assert [step["effect"] for step in mine.data["steps"]] == [step["effect"] for step in theirs["steps"]]
+    assert len(found.sizes) > 3 and mine.data["parameters"] == theirs["parameters"]
 
 
 def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, added: Changed):

@@ -68,6 +68,12 @@ class Diagnosis:
         """What to measure next, in words."""
         return tuple(self.separation.lines) if self.separation else ()
 
+    @property
+    def names_size(self) -> bool:
+        """Whether a size of the drawing is suggested."""
+        named = {step[0] for step in self.suggested}
+        return any(term.effect.of_drawing for term in self.model.terms if term.effect.key in named)
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON, keys as documented."""
         return {

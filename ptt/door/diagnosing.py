@@ -204,8 +204,7 @@ def _next(result: "Diagnosis") -> list[str]:
     """What to do with the verdict."""
     lines, names = [], " ".join(_as_word(group[0]) for group in result.suggested)
     if names:
-        named = {group[0] for group in result.suggested}
-        sizes = any(term.effect.of_drawing for term in result.model.terms if term.effect.key in named)
+        sizes = result.names_size
         lines.append(f"next: ptt add RUN.csv {names}{' --sizes' if sizes else ''} --model M.toml --out M2.toml")
         if sizes:
             lines.append("--sizes then fits all other sizes of the drawing too, which makes commands elsewhere better")

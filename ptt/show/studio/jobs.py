@@ -85,6 +85,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
     from ptt.effects.registry import library
+    from ptt.fitting.beside_unnamed import unnamed_sizes
     from ptt.run.table import table_to_frame
     from ptt.show.card.fits import fits_of
     from ptt.show.card.ghost import ghosts_of
@@ -108,6 +109,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
         ghosts=ghosts_of(result.model, problem, steps),
         unknown=_unknown(result),
         cards=plain({key: words_of_effect(known, key, family) for key in steps}),
+        sizes=[size.key for size in unnamed_sizes(result.model.keys, problem)] if result.names_size else [],
         whole=_packed(result),
     )
 

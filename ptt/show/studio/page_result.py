@@ -61,6 +61,10 @@ class ResultView:
 
     def _build_next(self) -> None:
         self.all = ui.button("Add all", icon="done_all", on_click=self._add_all).props("no-caps unelevated")
+        self.whole = ui.button(
+            "Add all, and all other sizes of the drawing", icon="architecture", on_click=self._add_whole
+        )
+        self.whole.props("no-caps outline").tooltip("Commands elsewhere than the run went are better with them")
         self.poses = ui.button("Poses that part them (CSV)", icon="download", on_click=self._give_poses).props(
             "no-caps outline"
         )
@@ -82,6 +86,7 @@ class ResultView:
         self.find.set_visibility(session.ready and session.lesson is None and not looking)
         self.find.set_enabled(self.studio.idle)
         self.all.set_enabled(self.studio.idle)
+        self.whole.set_enabled(self.studio.idle)
         if lesson is None:
             self._empty(looking)
 
@@ -132,12 +137,12 @@ class ResultView:
             self.sure.set_visibility(True)
             self.picture.show(lesson)
             self.cards.prepare(lesson)
-        there = {key_of(entry) for entry in self.studio.session.effects}
-        left = [one["effect"] for one in card["findings"] if one["effect"] not in there]
+        there, left = {key_of(entry) for entry in self.studio.session.effects}, self._left()
         for key, (button, note) in self.adds.items():
             button.set_visibility(key not in there)
             note.set_visibility(key in there)
         self.all.set_visibility(len(left) > 1)
+        self.whole.set_visibility(bool(left and lesson.sizes))
         self.poses.set_visibility(bool(lesson.measure_next))
         self.finish.set_visibility(not left and card["verdict"] != "unknown")
         if stale:
@@ -214,10 +219,22 @@ class ResultView:
         """Add an effect; what is missing then is looked for again."""
         await self.studio.change("add", key)
 
+    def _left(self) -> list[str]:
+        """What is found and not in the model."""
+        lesson, _ = self.lesson()
+        there = {key_of(entry) for entry in self.studio.session.effects}
+        return (
+            [] if lesson is None else [one["effect"] for one in lesson.card["findings"] if one["effect"] not in there]
+        )
+
     async def _add_all(self) -> None:
+        await self.studio.change("add", *self._left())
+
+    async def _add_whole(self) -> None:
+        """As `ptt add ... --sizes`."""
         lesson, _ = self.lesson()
         if lesson is not None:
-            await self.studio.change("add", *(one["effect"] for one in lesson.card["findings"]))
+            await self.studio.change("add", *self._left(), *lesson.sizes)
 
     def _give_poses(self) -> None:
         lesson, _ = self.lesson()

@@ -1,7 +1,7 @@
 """What goes to and fro between page and worker: which files are read, and what was found out, as plain values."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -103,6 +103,7 @@ class Learned:
         ghosts: effect -> how far the parts of the machine are off, at each pose of the picture.
         unknown: the one curve that the unknown follows; None where there is none.
         cards: effect -> what its card says, of each that is suggested.
+        sizes: all other sizes of the drawing, where one is suggested.
         whole: the diagnosis itself, as the process that made it packed it; for a report of this sitting, never on disk.
     """
 
@@ -114,6 +115,7 @@ class Learned:
     ghosts: Mapping[str, Any] = field(default_factory=dict)
     unknown: Mapping[str, Any] | None = None
     cards: Mapping[str, Any] = field(default_factory=dict)
+    sizes: Sequence[str] = field(default_factory=list)
     whole: bytes = field(default=b"", compare=False, repr=False)
 
 
