@@ -61,9 +61,7 @@ class ResultView:
 
     def _build_next(self) -> None:
         self.all = ui.button("Add all", icon="done_all", on_click=self._add_all).props("no-caps unelevated")
-        self.whole = ui.button(
-            "Add all, and all other sizes of the drawing", icon="architecture", on_click=self._add_whole
-        )
+        self.whole = ui.button("Add with all sizes of the drawing", icon="architecture", on_click=self._add_whole)
         self.whole.props("no-caps outline").tooltip("Commands elsewhere than the run went are better with them")
         self.poses = ui.button("Poses that part them (CSV)", icon="download", on_click=self._give_poses).props(
             "no-caps outline"
