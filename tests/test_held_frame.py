@@ -1,6 +1,7 @@
 """Frames that base reflectors hold: their readings scatter, and what is stated of an effect takes that in."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +14,18 @@ from ptt.effects import library
 from ptt.fitting.chunks import LONG
 from ptt.fitting.gauge import sparsest
 from ptt.fitting.held_frame import with_frame_doubt
+from ptt.fitting.kept import keep
+from ptt.fitting.tool_sigma import tool_sigma
 from ptt.judge.ladder.climb import climb
-from ptt.machine import MachineFile
+from ptt.machine import MachineFile, load_machine
 from ptt.machine_schema import TrackerSpec
 from ptt.mechanisms import build_mechanism
+from ptt.model.chain import predict
 from ptt.model.model import Model
+from ptt.run.base_frame import into_base
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
+from ptt.run.viewing import build_view
 
 NOISE = 0.004
 PLACES = np.array([[300.0, 20.0, -60.0], [-150.0, 260.0, -40.0], [-140.0, -270.0, -80.0], [200.0, 210.0, 90.0]])
@@ -114,3 +120,31 @@ def test_a_gauge_is_asked_at_places_that_no_reflector_saw() -> None:
     assert problem.noise is not None
     (told,) = sparsest([replace(term, theta=1e-3 * term.theta)], problem, problem.noise)  # too small to be told
     assert torch.isfinite(told.term.theta).all()
+
+
+def test_what_readings_show_elsewhere_is_as_uncertain_as_it_is_wrong():
+    """Zeros of an arm take up a tilt of the frame in one corner of its reach, and not in the others."""
+    drawn = load_machine(Path(__file__).resolve().parents[1] / "data" / "machines" / "ur10.toml")
+    arm = replace(machine(PLACES), machine=drawn.machine)
+    robot, random, ratios = build_mechanism(arm.machine), np.random.default_rng(1), []
+    middle, zeros = random.uniform(-1.0, 1.0, 6), np.array([3e-4, -2e-4, 4e-4, 1e-4, -3e-4, 0.0])
+    for _ in range(4):
+        q = np.concatenate([np.full((8, 6), np.nan), middle + random.uniform(-0.4, 0.4, (60, 6))])
+        there = robot.forward(torch.as_tensor(np.nan_to_num(q) + zeros)).numpy()
+        there[:8] = np.tile(PLACES, (2, 1))
+        table = make_table(
+            np.where(np.isnan(q[:, :1]), np.nan, there), q, there + random.normal(0.0, NOISE, there.shape),
+            role=np.repeat(["base", "pose"], [8, 60]),
+            name=np.array([f"base {k + 1}" for k in range(4)] * 2 + [""] * 60),
+        )  # fmt: skip
+        problem = build_problem(arm, table)
+        fitted = climb(Model(arm), problem, [library()["homing-offset"]()]).steps[-1].fitted
+        fresh = middle + random.uniform(-1.5, 1.5, (40, 6))
+        view, shifts = build_view(arm, make_table(None, fresh)), [(t.effect, t.theta) for t in fitted.model.terms]
+        held = problem.anchored()
+        seen = into_base(
+            robot.forward(torch.as_tensor(fresh + zeros)).numpy(), np.zeros(40, int), held.rotation, held.shift
+        )
+        missed = np.linalg.norm(predict(shifts, view).p.numpy() - seen, axis=1)
+        ratios.append(missed / tool_sigma(keep(fitted), shifts, view, "serial"))
+    assert 0.5 < np.sqrt(np.square(ratios).mean()) < 1.5

@@ -19,7 +19,8 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
 
     The unknowns u of a fit beside held frames f move with these by -(X^T X + W)^-1 X^T F, X and F being the columns of
     both and W the weight of the prior; and the reflectors B tell the frames no better than (B^T B + 1)^-1, in usual
-    sizes, for some in one line leave a turn about it open.
+    sizes, for some in one line leave a turn about it open. What readings show of the tool goes with both, -df of the
+    frames and the unknowns that make good for it where the run went.
 
     Args:
         fitted: found with the frames held.
@@ -37,5 +38,6 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
     rows, count = system.sums(kept)[0] - base, len(fitted.unknowns)
     moved = np.linalg.solve(rows[:count, :count] + np.diag(fitted.prior.weight), rows[:count, count:])
     spread = inverse(base[count:, count:] + np.eye(6 * problem.frames))
-    result = replace(fitted, doubt=np.einsum("ij,jk,ik->i", moved, spread, moved) * fitted.layout.scale**2)
+    both = np.concatenate([moved, -np.eye(6, 6 * problem.frames)])
+    result = replace(fitted, doubt=both @ np.linalg.cholesky(spread))
     return replace(result, model=replace(result.model, terms=fitted_terms(result)))

@@ -39,8 +39,9 @@ class FitResult:
         prior: how large the unknowns may be, and how much wider than stated the rows scatter.
         iterations: evaluations of the derivative.
         status: 'converged' or what kept it from converging.
-        doubt: (u,) what frames that were held leave uncertain of the unknowns, variances in their own units; None where
-            none was held. It moves all of the tool as a frame does, so the covariance is without it.
+        doubt: (u + 6, r) how the unknowns, and against them the first frame, go with what base reflectors leave open of
+            the frames that they held, in usual sizes, the root of a covariance; None where none was held. The
+            covariance is without it.
         unnamed: sizes of the drawing that the model does not have, and how far they leave the unknowns open; None where
             nobody asked. The covariance is without them: where the run went the values make good for them.
     """
@@ -77,7 +78,9 @@ class FitResult:
     @property
     def std(self) -> np.ndarray:
         """Standard errors of the unknowns in their own units, (u,)."""
-        more = 0.0 if self.doubt is None else self.doubt
+        more = 0.0
+        if self.doubt is not None:
+            more = np.square(self.doubt[: len(self.unknowns)]).sum(axis=1) * self.layout.scale**2
         return np.asarray(np.sqrt(np.diag(self.covariance) + more + self.open))
 
     @property
