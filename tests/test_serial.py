@@ -2,12 +2,14 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from ptt.commands.main import run
 from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.dexterity import condition_number, manipulability
@@ -578,3 +580,18 @@ def test_joint_map_shows_the_elbow():
     row = np.argmin(np.abs(found.height_mm))
     assert found.manipulability[row].max() < 1e-12
     assert np.median(found.manipulability) > 1e-2
+
+
+def test_an_arm_that_stays_in_a_plane_is_predicted_where_no_first_order_form_is(tmp_path: Path, capsys) -> None:
+    """Three parallel axes: no joint moves the tool along them, and J_a has no inverse."""
+    joints = "".join(
+        f"[[machine.joint]]\na_mm = {length}\nlimits_deg = [-170.0, 170.0]\n" for length in (350.0, 340.0, 70.0)
+    )
+    (tmp_path / "m.toml").write_text(f'[machine]\nkind = "serial"\nconvention = "standard"\n{joints}')
+    turns = np.random.default_rng(1).uniform(0.3, 1.5, (6, 3))
+    pd.DataFrame(turns, columns=[f"q{j}_cmd_rad" for j in (1, 2, 3)]).to_csv(tmp_path / "t.csv", index=False)
+    out = tmp_path / "s.csv"
+    assert run(["predict", str(tmp_path / "t.csv"), "--model", str(tmp_path / "m.toml"), "--out", str(out)]) == 0
+    assert set(pd.read_csv(out)["status"]) == {"ok"}
+    told = capsys.readouterr().out
+    assert "6 rows (6 ok)" in told and "largest static correction 0.0 um" in told and "eq. 13" not in told

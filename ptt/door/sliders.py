@@ -76,15 +76,16 @@ def frame_figures(frames: Iterable[RunFrame]) -> dict[str, Any]:
 def text_of_figures(data: dict[str, Any]) -> str:
     """The same for a person."""
     counts = ", ".join(f"{count} {status}" for status, count in data["status"].items() if count)
-    return "\n".join(
-        [
-            (f"{data['out']}: " if data["out"] else "")
-            + f"{data['rows']} rows ({counts})"
-            + (f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"),
-            f"  largest static correction {data['largest_shift_um']:.1f} um"
-            + ("" if data["largest_sigma_um"] is None else f", uncertain by {data['largest_sigma_um']:.1f} um at most"),
-            f"  sent: {data['form']}; the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2) would put the tool "
-            f"at most {data['first_order_difference_um']:.3f} um elsewhere",
-            f"  reversal: {data['reversal']} (largest part {data['largest_reversal_um']:.1f} um)",
-        ]
-    )
+    network = f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"
+    lines = [(f"{data['out']}: " if data["out"] else "") + f"{data['rows']} rows ({counts}){network}"]
+    shift, sigma, gap = (data[f"{name}_um"] for name in ("largest_shift", "largest_sigma", "first_order_difference"))
+    if shift is not None:
+        unsure = "" if sigma is None else f", uncertain by {sigma:.1f} um at most"
+        lines.append(f"  largest static correction {shift:.1f} um{unsure}")
+    if gap is not None:  # where no joint moves the tool one way there is no such form
+        form = "the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2)"
+        lines.append(f"  sent: {data['form']}; {form} would put the tool at most {gap:.3f} um elsewhere")
+    reversal = data["largest_reversal_um"]
+    if reversal is not None:
+        lines.append(f"  reversal: {data['reversal']} (largest part {reversal:.1f} um)")
+    return "\n".join(lines)
