@@ -14,10 +14,11 @@ from ptt.diagnosis.found import Found
 from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import without
+from ptt.diagnosis.other_setups import other_setups
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.sampled import share_of_rows
 from ptt.diagnosis.span import Span, span_of
-from ptt.diagnosis.verdict import conclude, diagnose, error_by_base
+from ptt.diagnosis.verdict import conclude, diagnose
 from ptt.effects import Library, library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
 from ptt.fitting.opening import opening_rows
@@ -109,7 +110,7 @@ def diagnose_long(
     times = share_of_rows(problem.table.rows)
     if times > 1 and found.state.memory == WHITE:
         how += f" What else may be missing is told by one row in {times}."
-    words = f"{result.words}{error_by_base(given, whole)} {how}"
+    words = f"{result.words}{other_setups(given, whole)} {how}"
     return replace(result, model=as_free_as(given, result.model), words=words, opening=opening)
 
 

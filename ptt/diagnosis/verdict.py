@@ -28,6 +28,7 @@ from ptt.diagnosis.noise import (
     visit_left,
     wanders_beyond,
 )
+from ptt.diagnosis.other_setups import other_setups
 from ptt.diagnosis.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.sizes import sized
@@ -36,12 +37,12 @@ from ptt.diagnosis.smooth_way import on_smooth_way
 from ptt.diagnosis.steps import Named, name_steps
 from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.unknowns import Unknown, unknowns_of
-from ptt.diagnosis.verdict_words import explain_verdict, held_to_base
+from ptt.diagnosis.verdict_words import explain_verdict
 from ptt.effects import Library, library
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import numbers
 from ptt.fitting.opening import opening_rows, without_opening
-from ptt.fitting.solve import residual_of, rms
+from ptt.fitting.solve import rms
 from ptt.model.model import Model, Term
 from ptt.plan.elsewhere import elsewhere
 from ptt.plan.separation import plan_separation
@@ -94,7 +95,7 @@ def diagnose(
     rest = look_for_rest(found.system, found.state, problem, seed=seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
     turned = f" {SMOOTHLY[0].upper()}{SMOOTHLY[1:]}." if model.file.machine.moves != given.file.machine.moves else ""
-    words = result.words + turned + error_by_base(given, whole)
+    words = result.words + turned + other_setups(given, whole)
     return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)
 
 
@@ -251,20 +252,6 @@ def _slow(found: Found, problem: Problem) -> Slow | None:
     wander = found.state.memory.wander
     unit = SECONDS if "time" in problem.view.varies else "readings"
     return None if wander is None else Slow(wander, found.system.clock.span, unit)
-
-
-def error_by_base(model: Model, problem: Problem) -> str:
-    """A word on the error of the model as given in the frame of the base reflectors; empty where there are none.
-
-    Args:
-        model: as given.
-        problem: all readings, as compare and add have them: those that open a run too.
-    """
-    if problem.base is None:
-        return ""
-    fitted = residual_of(model, problem)
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
-    return held_to_base(rms(fitted.residual, rows)["total"])
 
 
 def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:

@@ -80,6 +80,18 @@ def held_to_base(error_um: float) -> str:
     )
 
 
+def with_free_mount(error_um: float) -> str:
+    """A word on an arm's reflector that the machine file trusts to sit where the drawing has the tool.
+
+    Args:
+        error_um: of the model as given, the reflector free to sit elsewhere.
+    """
+    return (
+        ' (The machine file trusts the reflector to sit at the tool point, tool = "trusted". Free to sit elsewhere, '
+        f'tool = "fitted", it leaves {error_um:.1f} um of the model as given: measure where it sits.)'
+    )
+
+
 def tell_verdict(
     verdict: str,
     steps: Sequence[str],
