@@ -268,6 +268,12 @@ def test_what_belongs_to_the_set_up_of_the_first_run_is_not_carried(solved: Simp
     assert any("setup-jump" in note and "not carried" in note for note in found.notes)
 
 
+def test_a_knock_of_the_tracker_that_is_taken_off_counts_in_no_error(solved: SimpleNamespace) -> None:
+    found = look(solved, run_of(2, tracker={"knock_row": 40, "knock_um": (300.0, 0.0, 0.0)}))
+    assert found.verdict == "same" and any("setup-jump" in note and "taken off" in note for note in found.notes)
+    assert found.error_um["left"] <= found.error_um["now"] < 1.2 * found.error_um["expected"]
+
+
 def test_a_model_without_a_covariance_takes_each_value_as_uncertain_as_it_says(solved: SimpleNamespace) -> None:
     bare = replace(solved.model, file=replace(solved.model.file, covariance=None))
     problem = run_of(3, drive={"backlash_mm": (0.03, 0.045, 0.045)})

@@ -111,6 +111,8 @@ def every_value(found: Weighed) -> tuple[Moved, ...]:
 def errors_of(found: Weighed) -> dict[str, float]:
     """What the machine misses by beside the solved model, root mean square in total, um.
 
+    The run's own frame is taken off, and so is what happened to its set-up on the way.
+
     Returns:
         expected: what a machine that has not changed would show in this run: its noise, what the model's values leave
         uncertain at these poses, and what the model left unexplained; now: with the model as it was; left: with what is
@@ -119,7 +121,7 @@ def errors_of(found: Weighed) -> dict[str, float]:
     system, state, before = found.system, found.state, found.before
     own = found.own.reshape(3 * len(system.rows), -1)
     basis, _ = np.linalg.qr(system.columns.reshape(len(own), -1)[:, found.frame])
-    value = system.values.ravel() - own @ (before.values - before.start)
+    value = system.values.ravel() - own @ (before.values - before.start) - _by_set_up(found)
     off = value - basis @ (basis.T @ value)
     unnamed = found.open_.reshape(len(own), -1)
     doubt = np.hstack([own @ before.root, found.goes_on.reshape(-1, 1), unnamed])
@@ -129,7 +131,7 @@ def errors_of(found: Weighed) -> dict[str, float]:
     memory = state.memory.wander  # frames of each run take what lies in its mean
     wander = 0.0 if memory is None else share_within(memory, system.clock.span / max(int(system.clock.starts.sum()), 1))
     noise = (1e3 * found.noise.total) ** 2 * (1.0 + wander)
-    keys = [*(change.key for change in found.changed), *(room.key for room in found.then)]
+    keys = [*(change.key for change in found.changed), *(room.key for room in found.then), *found.set_up]
     named = found.scorer.score(keys, state.memory)
     left = system.left(named.columns, named.posterior.values)
     every = np.ones(len(system.rows), dtype=bool)
@@ -138,6 +140,14 @@ def errors_of(found: Weighed) -> dict[str, float]:
         "now": rms(system.in_mm(off.reshape(-1, 3)), every)["total"],
         "left": rms(system.in_mm(left), every)["total"],
     }
+
+
+def _by_set_up(found: Weighed) -> np.ndarray:
+    """What happened to the set-up during the run does to the readings, (3 m,) whitened."""
+    system, state = found.system, found.state
+    places = np.concatenate([np.zeros(0, dtype=int), *(state.of(key) for key in found.set_up)])
+    work = system.columns[:, :, state.columns[places]] @ state.posterior.values[places]
+    return np.asarray(work.ravel())
 
 
 def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:

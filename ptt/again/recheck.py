@@ -228,4 +228,5 @@ def _then(found: Weighed) -> tuple[str, ...]:
 
 
 def _set_up(found: Weighed) -> tuple[str, ...]:
-    return tuple(f"during this run the set-up has moved: {name}; taken off" for name in found.set_up)
+    names = (found.system.atoms[key].name for key in found.set_up)
+    return tuple(f"during this run the set-up has moved: {name}; taken off" for name in names)

@@ -88,10 +88,10 @@ class Weighed:
 
     @property
     def set_up(self) -> tuple[str, ...]:
-        """Names of what happened to the set-up during the run, which is no change of the machine."""
+        """Keys of what happened to the set-up during the run, which is no change of the machine."""
         atoms = self.system.atoms
-        mine = [key for key in self.state.keys if not key.startswith((PREFIX, THEN)) and _of_set_up(atoms[key].effect)]
-        return tuple(atoms[key].name for key in mine)
+        rest = [key for key in self.state.keys if not key.startswith((PREFIX, THEN))]
+        return tuple(key for key in rest if _of_set_up(atoms[key].effect))
 
     @property
     def frame(self) -> np.ndarray:
