@@ -12,7 +12,7 @@ from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
 from ptt.commands.main import run_alone
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.run.reading import read_table
-from ptt.run.table import Table, make_table, take_rows, write_table
+from ptt.run.table import Table, concat_tables, make_table, take_rows, write_table
 from ptt.setup import MISTAKES, check_setup, rows
 from ptt.setup.machine import describe_machine
 
@@ -74,6 +74,20 @@ def test_a_tracker_set_up_anew_for_each_run_is_no_other_reflector(sound: tuple[M
     assert [item.mistake for item in accused] == ["wrong-reflector"] and "fitted-per-run" in accused[0].fix
     one_run = table.replace(run=np.zeros(table.rows, int), run_label=("",))
     assert "fitted-per-run" not in check_setup(one_frame, one_run).sure[0].fix
+
+
+@pytest.mark.parametrize(("aside_mm", "accused"), [(100.0, True), (2.0, False)])
+def test_files_in_one_frame_that_the_tracker_read_from_two_places(
+    sound: tuple[MachineFile, Table], aside_mm: float, accused: bool
+) -> None:
+    """A slider that slipped by 2 mm between two files moves readings as well: no other place of the tracker."""
+    file, table = sound
+    second = table.replace(measured=table.measured + np.array([aside_mm, 0.0, 0.0]), source="second.csv")
+    found = check_setup(file, concat_tables([table, second]))
+    assert [item.mistake for item in found.sure] == ["wrong-reflector"] * accused
+    assert all("second.csv" in item.words and "fitted-per-run" in item.fix for item in found.sure)
+    assert found.file.tracker.frame == ("fitted-per-run" if accused else "fitted")
+    assert not check_setup(found.file, concat_tables([table, second])).findings
 
 
 def test_a_mistake_in_one_of_two_set_ups_is_found_and_undone(sound: tuple[MachineFile, Table]) -> None:

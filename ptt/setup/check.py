@@ -22,6 +22,7 @@ from ptt.setup.rows import find_shifted_rows, find_slip
 from ptt.setup.score import FEWEST
 from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
+from ptt.setup.stations import find_stations
 
 OWN_FRAME = ("fitted-per-run", "measured")  # each run is a set-up of the tracker, with a frame of its own
 
@@ -41,7 +42,7 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
     """
     findings: list[Finding] = []
     open_ends: list[str] = []
-    cured, parts, stated = file, [], stated_frame(file.targets)
+    cured, parts, stations, stated = file, list[Table](), list[Setup](), stated_frame(file.targets)
     places = _set_ups(file, table)
     for part in (table if len(rows) == table.rows else take_rows(table, rows) for rows in places):
         part = part.replace(source=_file_of(part))
@@ -51,7 +52,11 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
         ]
         open_ends += [] if any(item.sure for item in found) else unexplained(after)
         cured = after.file
+        stations.append(after)
         parts.append(after.table.replace(target=stated.as_stated(after.table.target)))
+    if len(stations) > 1 and not any(item.sure for item in findings):
+        elsewhere, cured = find_stations(stations)
+        findings += elsewhere
     findings.sort(key=lambda item: not item.sure)
     whole = table if " + " in table.source else _together(parts, places)
     little = "" if any(item.sure for item in findings) else too_little(file, table)
