@@ -266,14 +266,24 @@ def test_set_values(tmp_path: Path) -> None:
 def test_also_keeps_runs_apart(tmp_path: Path) -> None:
     first = write(tmp_path, csv(ROWS[0] + ",a", ROWS[1] + ",b", header=HEADER + ",run"), "first.csv")
     second = write(tmp_path, csv(*ROWS, header=HEADER), "second.csv")
-    table = read_table(first, also=[second, second])
+    third = write(tmp_path, csv(*ROWS[::-1], header=HEADER), "third.csv")
+    table = read_table(first, also=[second, third])
     assert table.rows == 8
     assert table.run.tolist() == [0, 1, 2, 2, 2, 3, 3, 3]
-    assert table.run_label == (f"{first}:a", f"{first}:b", str(second), f"{second}#2")
+    assert table.run_label == (f"{first}:a", f"{first}:b", str(second), str(third))
     assert table.place(3, "x_meas") == f"{second} row 3, column x_meas"
     again = tmp_path / "again.csv"
     write_table(table, again)
     assert read_table(again).run.tolist() == table.run.tolist()
+
+
+@pytest.mark.parametrize("twin", [csv(*ROWS), "# the same once more\n" + csv(*ROWS)], ids=["copy", "same rows"])
+def test_a_run_that_is_there_twice_is_refused_by_name(tmp_path: Path, twin: str) -> None:
+    first, second = write(tmp_path, csv(*ROWS), "first.csv"), write(tmp_path, twin, "second.csv")
+    with pytest.raises(TableError, match=r"second.csv: holds the same rows as .*first.csv, which would count twice"):
+        read_table(first, also=[second])
+    later = write(tmp_path, csv(*ROWS[:-1]), "later.csv")
+    assert read_table(first, also=[later]).rows == 2 * len(ROWS) - 1
 
 
 def test_concat_fills_and_refuses() -> None:

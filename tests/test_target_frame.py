@@ -21,7 +21,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
-from ptt.run.table import make_table
+from ptt.run.table import concat_tables, make_table
 from ptt.run.target_frame import find_frame, kept_frame
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -183,7 +183,7 @@ def test_runs_in_two_frames_leave_the_frame_of_targets_open(base, tmp_path):
     assert kept.frame == "unknown"
     with pytest.raises(TableError, match="nothing tells in which frame"):
         build_problem(replace(FILE, targets=kept), make_table(CUBE, None, CUBE))
-    alike = build_problem(per_run, read_table(tmp_path / "run0.csv", also=[tmp_path / "run0.csv"]))
+    alike = build_problem(per_run, concat_tables([read_table(tmp_path / "run0.csv")] * 2))
     assert kept_frame(FILE.targets, alike.stated_in).origin_mm == pytest.approx(tuple(ORIGIN), abs=1e-3)
 
 

@@ -5,6 +5,8 @@ from collections.abc import Mapping as Dictionary
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ptt.errors import TableError
 from ptt.files import sha256
 from ptt.run.readers import Ask, Mapping, Request, load_mapping, pair_targets, read_any, save_mapping
@@ -15,6 +17,8 @@ from ptt.run.readers.parts import read_parts
 from ptt.run.readers.required import refuse_scale_log
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.table import Table, concat_tables
+
+CONTENT = ("target", "command", "measured", "time_s", "payload_kg", "temp_c", "feed_mm_s", "direction", "torque")
 
 
 def read_table(
@@ -37,7 +41,7 @@ def read_table(
         path: the file.
         joints: number k of joints of the machine.
         joint_prefix: 'b' (sliders, mm) or 'q' (joint angles, rad).
-        also: further runs; runs of different files stay different runs.
+        also: further runs; runs of different files stay different runs, and none may be there twice.
         targets: file with the targets or commands of an export that holds readings only.
         set_values: column -> one value for all rows, for instance {'payload_kg': 2}; and under 'order' what to do where
             time goes back: 'time' sorts each run by its clock, 'rows' keeps the rows as they stand.
@@ -57,9 +61,31 @@ def read_table(
     request = Request(purpose, answers, ask)
     how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
     tables = [_table_of(each, read_any(each, request), *how) for each in (path, *also)]
+    _refuse_twice(tables)
     if isinstance(mapping, str | Path) and not Path(mapping).exists():
         save_mapping(tables[0].understood.mapping, mapping)
     return concat_tables(tables)
+
+
+def _refuse_twice(tables: Sequence[Table]) -> None:
+    """Refuse a run that is there twice: it would count double, and its noise as its own confirmation."""
+    for number, table in enumerate(tables):
+        for before in tables[:number]:
+            if table.run_sha256 == before.run_sha256 or _same_rows(before, table):
+                raise TableError(
+                    f"holds the same rows as {before.source}, which would count twice",
+                    where=table.source,
+                    fix="leave one of them out",
+                )
+
+
+def _same_rows(one: Table, other: Table) -> bool:
+    """Whether two runs are one to the last digit of all that was commanded, read and recorded."""
+    pairs = [(getattr(one, name), getattr(other, name)) for name in CONTENT]
+    return one.rows == other.rows and all(
+        first is second if first is None or second is None else np.array_equal(first, second, equal_nan=True)
+        for first, second in pairs
+    )
 
 
 def _answers(mapping: Mapping | str | Path | None) -> Mapping:
