@@ -10,13 +10,14 @@ import torch
 from test_fleet_store import MACHINE
 
 from ptt.effects.registry import library, make_effect
-from ptt.errors import InputError, ModelError
+from ptt.errors import InputError, ModelError, SetupError
 from ptt.fitting.layout import lay_out
 from ptt.fitting.whitened import build_system
 from ptt.fleet import log as logs
 from ptt.fleet.fit_log import fit_file, fit_log
-from ptt.fleet.log import open_log
+from ptt.fleet.log import open_log, to_parquet
 from ptt.fleet.shares import Passes
+from ptt.fleet.sound import require_sound
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
@@ -113,3 +114,36 @@ def test_what_is_not_fitted_part_by_part_is_refused_with_the_way_out(tmp_path):
     duckdb.connect().execute(f"COPY (SELECT 1 AS a) TO '{tmp_path}/b.parquet' (FORMAT parquet)")
     with pytest.raises(InputError, match="x_meas"):
         open_log(machine, tmp_path / "b.parquet")
+
+
+READ = ["x_meas", "y_meas", "z_meas"]
+LATE = [*range(20), *range(40, 60), *range(20, 40)]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: rows.assign(z_meas=-rows["z_meas"]), "axis-sign"),
+        (lambda rows: rows.assign(**rows[READ] / 1e3), "unit-scale"),
+        (lambda rows: rows.iloc[LATE], "row 42, column time_s: time goes back"),
+        (lambda rows: rows.assign(x_meas=[*rows["x_meas"][:49], "NaN", *rows["x_meas"][50:]]), "row 51, column x_meas"),
+        (lambda rows: rows.iloc[:0], "log.csv: holds no rows"),
+        (lambda rows: rows.iloc[:0, :0], "log.csv: .*export it again"),
+    ],
+    ids=["axis", "metres", "order", "text", "header alone", "empty"],
+)
+def test_a_log_that_a_run_of_its_rows_would_be_refused_for_is_refused(change, said, tmp_path):
+    frame = table_to_frame(made(60))
+    change(frame).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises((InputError, SetupError), match=said):
+        fit_file(tmp_path / "log.csv", MACHINE, tmp_path / "out.toml")
+    assert not (tmp_path / "out.toml").exists()
+
+
+def test_a_column_without_a_number_keeps_no_sound_log_from_being_fitted(tmp_path):
+    frame = table_to_frame(made(60)).assign(payload_kg="", note_s="no text of mine")
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    to_parquet(tmp_path / "log.csv", tmp_path / "log.parquet")
+    machine = load_machine(MACHINE)
+    require_sound(machine, tmp_path / "log.parquet", tmp_path / "log.csv")
+    assert open_log(machine, tmp_path / "log.parquet").rows == 60

@@ -196,6 +196,14 @@ def test_a_run_interrupted_goes_on_where_it_was(tmp_path):
     assert len(set(seen)) == 4
 
 
+def test_readings_that_are_gone_are_named_with_the_way_out(tmp_path):
+    store = fill(tmp_path / "s", 1, 1)
+    for path in (store.folder / "readings").glob("*.parquet"):
+        path.unlink()
+    with pytest.raises(InputError, match="readings of the store are gone; put the file back"):
+        run_all(store)
+
+
 def test_what_came_of_a_run_is_written_once(tmp_path):
     store = fill(tmp_path / "s", 1, 1)
     task = next_task(store, "m0")

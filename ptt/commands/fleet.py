@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ptt.commands.common import Json, Map, Reading, Set, Targets, note, progress, read_rows, show
+from ptt.commands.common import Anyway, Json, Map, Reading, Set, Targets, note, progress, read_rows, show
 
 app = typer.Typer(
     help="Keep runs of many machines, work on what is new, and see who is going bad.", no_args_is_help=True,
@@ -131,13 +131,14 @@ def fit(
     out: LogOut,
     scheduler: Scheduler = None,
     workers: Workers = None,
+    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Refit a model to a log of any length (Parquet or CSV), read part by part, here or by workers."""
     from ptt.fleet.fit_log import fit_file
 
     with progress() as tell:
-        found = fit_file(log, model, out, scheduler, workers, tell)
+        found = fit_file(log, model, out, scheduler, workers, tell, anyway=anyway, note=note)
     show({**found.to_dict(), "written": str(out)}, f"{found}\n{out} is written", json)
 
 

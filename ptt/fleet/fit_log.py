@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from ptt.door.handed import Handed, worded
+from ptt.door.result import Note, unheard
 from ptt.effects.sudden import Sudden
 from ptt.errors import ModelError
 from ptt.files import sha256
@@ -26,6 +28,7 @@ from ptt.fitting.stated import conclude
 from ptt.fitting.whitened import Total
 from ptt.fleet.log import Log, enter_part, open_log, read_part, to_parquet
 from ptt.fleet.shares import EDGES, Passes, Share
+from ptt.fleet.sound import require_sound
 from ptt.fleet.workers import cluster
 from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.model.chain import Prediction
@@ -157,7 +160,7 @@ def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = 
 
 def fit_file(
     log: Path, model: Path, out: Path, scheduler: str | None = None, workers: int | None = None,
-    tell: Progress | None = None,
+    tell: Progress | None = None, *, anyway: bool = False, note: Note = unheard,
 ) -> LogFit:  # fmt: skip
     """Fit a model to a log in a file, and write it.
 
@@ -168,17 +171,25 @@ def fit_file(
         scheduler: address of a dask scheduler whose workers see the file; None starts `workers` here.
         workers: how many; None for none, the parts are then worked on in this process.
         tell: told what is being done.
+        anyway: whether to go on although the set-up looks mistaken.
+        note: told what was found in the set-up.
 
     Returns:
         The fit.
+
+    Raises:
+        InputError: a log that cannot be read or fitted.
+        SetupError: a mistake in the set-up that is sure, unless `anyway`.
     """
     given = read_model(load_machine(model))
     with TemporaryDirectory(dir=out.absolute().parent) as folder:
         rows = log
         if log.suffix.lower() != ".parquet":
-            rows = Path(folder) / f"{log.stem}.parquet"
+            rows = Path(folder) / log.name
             to_parquet(log, rows)
-        opened = open_log(given.file, rows.absolute())
+        with worded([Handed(rows, str(log))]):
+            require_sound(given.file, rows, log, anyway=anyway, note=note)
+            opened = open_log(given.file, rows.absolute())
         if scheduler is None and workers is None:
             found = fit_log(given, opened, None, tell)
         else:

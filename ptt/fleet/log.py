@@ -4,6 +4,7 @@ Rows beside a part are read with it, so that its speeds and turns are those of t
 it is handed on from the part before (`ptt.run.turns`).
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,6 +32,9 @@ from ptt.run.viewing import build_view
 SPREAD = 4_000  # rows all over a log that tell the frame and what varies
 FEW = 4  # rows of it that are kept
 GROUP = 20_480  # rows of a Parquet group, DuckDB's own unit times ten: a part reads one or two
+NUMBERS = re.compile(
+    r"[xyz]_(cmd|meas|std)|q[xyzw]_(cmd|meas)|[bq]\d+_cmd(_rad|_deg)?|(dir|tau)\d+|repeat|time_s|payload_kg|temp_c|feed_mm_s"
+)
 
 Part = tuple[int, int]  # first row, and the row after the last
 
@@ -92,9 +96,9 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
     path = Path(file)
     rows = _rows_of(path)
     step = max(rows // SPREAD, 1)
-    spread = build_problem(machine, _read(path, f"WHERE file_row_number % {step} = 0"))
+    spread = build_problem(machine, read_log(path, f"WHERE file_row_number % {step} = 0"))
     _require_one_run(spread, path)
-    table = _read(path, f"LIMIT {CHUNK}")
+    table = read_log(path, f"LIMIT {CHUNK}")
     first = build_problem(machine, table)
     seen = build_view(machine, in_base(table, first.stated_in))
     driven = ("speed" in seen.varies) == ("speed" in first.view.varies)
@@ -116,6 +120,9 @@ def to_parquet(csv: Path, out: Path) -> None:
     Raises:
         InputError: it cannot be read.
     """
+    if csv.is_file() and not csv.stat().st_size:
+        fix = "export it again; a header and two rows are the least"
+        raise InputError("the file is empty", where=str(csv), fix=fix)
     package = duckdb()
     with in_memory() as connection:
         query = f"COPY (SELECT * FROM read_csv(?)) TO ? (FORMAT parquet, ROW_GROUP_SIZE {GROUP})"
@@ -136,7 +143,7 @@ def read_part(log: Log, part: Part) -> Problem:
         The rows as a problem; `enter_part` cuts off those beside.
     """
     low, high = max(part[0] - BESIDE, 0), min(part[1] + BESIDE, log.rows)
-    table, whole = _read(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
+    table, whole = read_log(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
     view = build_view(log.machine, in_base(table, whole.stated_in))
     time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
     view = replace(
@@ -185,11 +192,24 @@ def _require_one_run(problem: Problem, path: Path) -> None:
 
 
 def _rows_of(path: Path) -> int:
-    return int(_ask(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
+    return int(ask_log(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
 
 
-def _read(path: Path, which: str) -> Table:
-    columns = plain_columns(_ask(path, f"SELECT * FROM {SOURCE} {which}"))
+def read_log(path: Path, which: str) -> Table:
+    """Some rows of a log.
+
+    Args:
+        path: Parquet.
+        which: the end of the query, such as 'LIMIT 20'.
+
+    Returns:
+        The rows, with their line numbers.
+
+    Raises:
+        InputError: it cannot be read, or has no readings.
+    """
+    columns = plain_columns(ask_log(path, f"SELECT * FROM {SOURCE} {which}"))
+    columns = {name: _numbers(each) if NUMBERS.fullmatch(name) else each for name, each in columns.items()}
     number = columns.pop("file_row_number")
     if missing := [name for name in ("x_meas", "y_meas", "z_meas") if name not in columns]:
         raise InputError(f"no column {missing[0]}", where=str(path), fix="see docs/files.md for the titles")
@@ -197,10 +217,25 @@ def _read(path: Path, which: str) -> Table:
     return columns_to_table({"line": number + 2, **columns}, path.name, "")
 
 
+def _numbers(values: np.ndarray) -> np.ndarray:
+    """A column without a single number, which is one of texts to DuckDB, as numbers."""
+    return np.where(values == "", "nan", values).astype(float) if values.dtype.kind == "U" else values
+
+
 SOURCE = "read_parquet(?, file_row_number = true)"
 
 
-def _ask(path: Path, query: str, values: Sequence[object] = ()) -> dict[str, np.ndarray]:
+def ask_log(path: Path, query: str, values: Sequence[object] = ()) -> dict[str, np.ndarray]:
+    """The columns that a query of a log answers with.
+
+    Args:
+        path: Parquet.
+        query: in SQL, of `SOURCE`.
+        values: of its further question marks.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     package = duckdb()
     with in_memory() as connection:
         try:

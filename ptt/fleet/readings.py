@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ptt.fleet.database import in_memory
+from ptt.errors import InputError
+from ptt.fleet.database import duckdb, in_memory
 from ptt.run.table import Table, make_table, table_to_frame
 from ptt.run.written import COORDINATES, QUATERNION
 
@@ -42,9 +43,17 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
     Args:
         path: Parquet file of `write_readings`.
+
+    Raises:
+        InputError: it is gone or damaged.
     """
+    package = duckdb()
     with in_memory() as connection:
-        columns = connection.execute("SELECT * FROM read_parquet(?)", [str(path)]).fetchnumpy()
+        try:
+            columns = connection.execute("SELECT * FROM read_parquet(?)", [str(path)]).fetchnumpy()
+        except package.Error as error:
+            what = "readings of the store are damaged" if path.exists() else "readings of the store are gone"
+            raise InputError(what, where=str(path), fix="put the file back from a copy of the store") from error
     return {name: each for name, each in plain_columns(columns).items() if name not in ("machine", "run_sha256")}
 
 

@@ -1,0 +1,92 @@
+"""What keeps a log from being fitted: cells that are no numbers, time that goes back, mistakes in the set-up."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from ptt.door.opened import check_rows
+from ptt.door.options import Reading
+from ptt.door.reading import require_commands
+from ptt.door.result import Note, unheard
+from ptt.door.run import Run
+from ptt.errors import InputError, shown
+from ptt.fitting.chunks import CHUNK
+from ptt.fleet.log import NUMBERS, SOURCE, ask_log, read_log
+from ptt.machine import MachineFile
+from ptt.run.table import Table
+
+NUMERIC = re.compile("DOUBLE|FLOAT|DECIMAL|U?(TINY|SMALL|BIG|HUGE)?INT.*")
+HEADER = 2  # line of the first row in a file whose titles are its first line
+
+
+def require_sound(machine: MachineFile, rows: Path, log: Path, *, anyway: bool = False, note: Note = unheard) -> None:
+    """Refuse a log that `ptt add` would refuse as a run: what a fit to it says would be worthless.
+
+    Args:
+        machine: the machine.
+        rows: the log as Parquet.
+        log: as it was given; in a CSV an empty cell is a missing reading, and the text NaN a mistake.
+        anyway: whether mistakes in the set-up, and time that goes back, are notes.
+        note: told what is not sure.
+
+    Raises:
+        InputError: no rows, a cell that is no number, time that goes back.
+        SetupError: a mistake in the set-up that is sure, by the first rows.
+    """
+    columns = {str(row["name"]): str(row["type"]) for row in _rows(rows, _TYPES)}
+    if not int(_rows(rows, f"SELECT count(*) AS rows FROM {SOURCE}")[0]["rows"]):
+        raise InputError("holds no rows", where=str(log), fix="export it again; a header and two rows are the least")
+    wanted = {name: kind for name, kind in columns.items() if NUMBERS.fullmatch(name)}
+    for name, kind in wanted.items():
+        _require_numbers(rows, log, name, kind, nan=rows != log)
+    if NUMERIC.fullmatch(columns.get("time_s", "")):
+        _require_order(rows, log, anyway, note)
+    table = read_log(rows, f"LIMIT {CHUNK}").replace(source=str(log))
+    _require_set_up(machine, table, log, anyway, note)
+
+
+def _require_set_up(machine: MachineFile, table: Table, log: Path, anyway: bool, note: Note) -> None:
+    """The first rows tell of axes, units, sliders and lengths; of the order of all rows the clock has told."""
+    check = check_rows(machine, Run(table, (log,), Reading(set_=["order=rows"])), anyway=anyway, note=note)
+    if not check.sure:
+        require_commands(machine, table)
+
+
+def _require_numbers(rows: Path, log: Path, name: str, kind: str, *, nan: bool) -> None:
+    column = '"' + name.replace('"', '""') + '"'
+    value = f"TRY_CAST({column}::VARCHAR AS DOUBLE)"  # a column that holds a text, or nothing at all, is one of texts
+    if NUMERIC.fullmatch(kind):
+        value = f"{column}::DOUBLE"
+    wrong = f"{value} IS NULL OR isinf({value})" + (f" OR isnan({value})" if nan else "")
+    query = f"SELECT file_row_number AS row, {column}::VARCHAR AS cell FROM {SOURCE} WHERE {column} IS NOT NULL"
+    found = _rows(rows, f"{query} AND ({wrong}) LIMIT 1")
+    if found:
+        what = f"not a number ('{shown(str(found[0]['cell']))}')"
+        where = f"{log} row {int(found[0]['row']) + HEADER}, column {name}"
+        raise InputError(what, where=where, fix="remove the row or mark it with an empty cell")
+
+
+def _require_order(rows: Path, log: Path, anyway: bool, note: Note) -> None:
+    found = _rows(rows, _BACK)
+    if not found:
+        return
+    row, before, time = (found[0][key] for key in ("row", "before", "time_s"))
+    what = f"time goes back (from {before:g} to {time:g} s), so the rows may not be in travel order"
+    where = f"{log} row {int(row) + HEADER}, column time_s"
+    if not anyway:
+        fix = "sort the log by it, or --anyway keeps the rows as they stand"
+        raise InputError(what, where=where, fix=fix)
+    note(f"{where}: {what}; going on with the rows as they stand")
+
+
+_TYPES = f"SELECT column_name AS name, column_type AS type FROM (DESCRIBE SELECT * FROM {SOURCE})"
+_BACK = f"""
+SELECT * FROM (
+    SELECT file_row_number AS row, time_s, lag(time_s) OVER () AS before FROM {SOURCE}
+    WHERE time_s IS NOT NULL AND NOT isnan(time_s::DOUBLE)
+) WHERE time_s < before LIMIT 1"""
+
+
+def _rows(path: Path, query: str) -> list[dict[str, Any]]:
+    columns = ask_log(path, query)
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
