@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
+from ptt.door.evaluating import measured
 from ptt.errors import TableError
 from ptt.judge.evaluate import compare_errors, errors_of, evaluate_pair
 from ptt.judge.match import match_rows
@@ -86,6 +87,24 @@ def test_a_noise_that_the_machine_file_states_tells_where_nothing_but_noise_is_l
 def test_runs_without_a_pose_in_common_are_refused():
     with pytest.raises(TableError, match="no pose in common"):
         evaluate_pair(run(0.1), run(0.1, PLACES + 500.0))
+
+
+@pytest.mark.parametrize("frame", ["fitted", "trusted"])
+def test_a_gross_reading_is_left_out_and_said(frame):
+    """Fifty millimetres are a broken beam; two are a fault of a machine, and so is what stands beside its like."""
+    noise = 2e-3 * np.random.default_rng(3).normal(size=PLACES.shape)
+    before, wild = run(0.05 * np.sin(PLACES)), noise.copy()
+    wild[7, 0] += 50.0
+    found = measured(before, run(wild), None, frame=frame)
+    clean = measured(before, run(noise), None, frame=frame).to_dict()["axes"]["x"]["reduction_percent"]
+    assert found.to_dict()["axes"]["x"]["reduction_percent"] == pytest.approx(clean, abs=0.3)
+    assert found.to_dict()["outlier_rows"] == {"after": [7]} and found.to_dict()["protocol"]["rows"] == 39
+    assert any("gross readings are left out" in one and "row 9; counted, the error would fall by -" in one
+               for one in found.warnings)  # fmt: skip
+    faulty = noise.copy()
+    faulty[7, 0] += 1.9
+    faulty[20:22, 0] += 5.0
+    assert not measured(before, run(faulty), None, frame=frame).to_dict()["outlier_rows"]
 
 
 def test_a_fitted_frame_is_taken_from_each_run_alike():

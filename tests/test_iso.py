@@ -342,3 +342,26 @@ def test_targets_a_hair_apart_are_one_pose_and_loads_too():
     target = place + 1e-10 * random.choice([-1.0, 1.0], place.shape)
     report = pose_report(target, place + 0.003 * random.standard_normal(place.shape), payload=np.full(60, 2.0) + 1e-12)
     assert [len(pose.rows) for pose in report.poses] == [30, 30]
+
+
+def test_a_gross_reading_counts_as_the_standard_has_it_and_is_named():
+    random = np.random.default_rng(4)
+    target = np.tile(random.uniform(-80.0, 80.0, (12, 3)), (3, 1))
+    sound = target + 0.004 * random.normal(size=target.shape)
+    wild = sound.copy()
+    wild[17, 2] += 30.0
+    clean, found = (iso_of_poses(make_table(target, measured=read), by_direction=False) for read in (sound, wild))
+    assert clean.gross == () and clean.without is None
+    assert found.gross == ("table row 19 (30 mm off)",) and found.without is not None
+    worst = [max(pose.repeatability for pose in each.poses) for each in (clean.aligned, found.aligned, found.without)]
+    assert worst[1] > 30.0 > 0.1 > worst[2] == pytest.approx(worst[0], rel=0.5)
+    assert found.to_dict()["without_gross"]["RP_um"]["worst"] == pytest.approx(1e3 * worst[2])
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "measured_mm looks like metres"), (25.4, "target_mm .* inches")])
+def test_axis_runs_in_another_unit_are_refused(tmp_path, factor, unit):
+    rows = [f"{way},{target},{factor * target + 1e-5}" for _ in range(5) for way in "+-" for target in (0, 100, 200)]
+    path = tmp_path / "axis.csv"
+    path.write_text("\n".join(["direction,target_mm,measured_mm", *rows]) + "\n")
+    with pytest.raises(TableError, match=unit):
+        read_axis_figures(path)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ptt.mechanisms.protocol import Mechanism
     from ptt.run.table import Table
 
+SHOWN = 5  # gross readings that anybody reads
+
 
 def iso(
     run: Annotated[
@@ -118,7 +120,21 @@ def _pose_lines(figures: dict[str, Any]) -> list[str]:
     for name, pair in named_figures(figures):
         mean, worst = (pair["mean"], pair["worst"]) if pair else (None, None)
         lines.append(f"  {name:<30}{_cell(mean)}{_cell(worst)}")
-    return lines
+    return lines + _gross_lines(figures)
+
+
+def _gross_lines(figures: dict[str, Any]) -> list[str]:
+    """Readings that no machine explains, which count all the same, and what the figures would be without them."""
+    if not figures["gross"]:
+        return []
+    named, rest = figures["gross"][:SHOWN], len(figures["gross"]) - SHOWN
+    rows = f"{', '.join(named)}{f' and {rest} more' if rest > 0 else ''}"
+    told = figures["without_gross"]
+    if told is None:
+        return [f"gross readings count, as the standard has it: {rows}; without them no pose was measured twice"]
+    pairs = [(name, told[key]) for name, key in (("RP", "RP_um"), ("AP, aligned,", "AP_um"))]
+    would = " and ".join(f"{name} {pair['mean']:.1f} (worst {pair['worst']:.1f})" for name, pair in pairs)
+    return [f"gross readings count, as the standard has it: {rows}; without them {would} um"]
 
 
 def _cell(value: float | None) -> str:

@@ -16,7 +16,7 @@ from ptt.door.run import Rows, Run
 from ptt.door.words import as_run
 from ptt.errors import InputError
 from ptt.judge.alike import hints_on
-from ptt.judge.evaluate import GOALS, Datum, Evaluation, evaluate_pair
+from ptt.judge.evaluate import GOALS, Datum, Evaluation, compare_errors, evaluate_pair
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
 from ptt.run.readers import Ask
@@ -46,7 +46,7 @@ class Evaluated(Result):
         judged: whether goals were set.
         notes: what was found on the way, a line each.
         warnings: what makes two runs poor to compare: few rows in common, visited more often, measured under another
-            load, at another temperature or speed, or with a tracker set up anew in each.
+            load, at another temperature or speed, with gross readings, or with a tracker set up anew in each.
     """
 
     result: Evaluation
@@ -138,7 +138,7 @@ def measured(
     """Compare two runs as they were measured; arguments as `evaluate`."""
     file = None if model is None else model.file
     result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
-    said = [_few_matched(result.to_dict()), _frame_known_false(model, frame)]
+    said = [_few_matched(result.to_dict()), _frame_known_false(model, frame), *_gross(before, after, result)]
     hints = hints_on(before, after, result, told=file is not None or frame is not None)
     warnings = (*(one for one in said if one), *hints)
     return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None, warnings=warnings)
@@ -209,6 +209,20 @@ def _few_matched(data: dict[str, Any]) -> str:
     rows = {side: matched + len(left) for side, left in data["unmatched"].items()}
     few = [f"{count} rows of {side.upper()}" for side, count in rows.items() if 2 * matched < count]
     return f"only {matched} of {' and of '.join(few)} count, the others have no counterpart" if few else ""
+
+
+def _gross(before: Table, after: Table, result: Evaluation) -> list[str]:
+    """What to say of readings that were left out because no machine is off like that: which, and what they would do."""
+    runs = {"before": before, "after": after}
+    places = [runs[side].place(row) for side, rows in result.gross.items() for row in rows]
+    if result.counted is None:
+        return []
+    pairs = result.counted, (result.before, result.after)
+    counted, kept = (compare_errors(*pair)["length"]["reduction_percent"] for pair in pairs)
+    known = counted is not None and kept is not None
+    would = f"; counted, the error would fall by {counted:.1f} %, not {kept:.1f}" if known else ""
+    more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+    return [f"gross readings are left out, with their counterparts: {', '.join(places[:SHOWN])}{more}{would}"]
 
 
 def _frame_known_false(model: Model | None, frame: Frame | None) -> str:

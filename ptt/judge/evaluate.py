@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.errors import TableError
+from ptt.judge.gross import gross_rows
 from ptt.judge.match import match_rows, targets_of
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
@@ -18,6 +19,7 @@ from ptt.run.table import Table
 from ptt.run.travel import arrival_direction, run_starts
 
 AXES = ("x", "y", "z")
+SIDES = ("before", "after")
 GOALS = {"x": 90.0, "y": 90.0, "z": 80.0}  # percent, of the source paper
 MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean size of a normal error, in standard deviations
 SURE = 3.0  # standard deviations
@@ -56,6 +58,8 @@ class Evaluation:
         noise: noise floor of the readings afterwards.
         unmatched: rows of either run without a counterpart.
         matched: rows of either run that belong together, (m,) each; empty where computed.
+        gross: rows of either run that were left out with their counterparts: the reading is no machine's.
+        counted: errors before and after with those rows, (m, 3) mm each; None where there are none.
     """
 
     before: np.ndarray
@@ -66,15 +70,18 @@ class Evaluation:
     unmatched: dict[str, list[str]] = field(default_factory=dict)
     goals: Mapping[str, float] = field(default_factory=lambda: GOALS)
     matched: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0, int)))
+    gross: Mapping[str, list[int]] = field(default_factory=dict)
+    counted: tuple[np.ndarray, np.ndarray] | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Figures for JSON: axes, total, protocol, and beside them length, unaligned, noise_um, unmatched."""
+        """Figures for JSON: axes, total, protocol; length, unaligned, noise_um, unmatched, outlier_rows beside them."""
         data = compare_errors(self.before, self.after, self.goals) | {"protocol": self.protocol}
         data["rest_is_noise"] = {axis: self.rest_is_noise(index) for index, axis in enumerate(AXES)}
         if self.raw is not None:
             data["unaligned"] = compare_errors(*self.raw, self.goals)
         data["noise_um"] = None if self.noise is None else self.noise.to_dict()
         data["unmatched"] = self.unmatched
+        data["outlier_rows"] = {side: list(rows) for side, rows in self.gross.items()}
         return data
 
     def rest_is_noise(self, axis: int) -> bool | None:
@@ -167,16 +174,19 @@ def evaluate_pair(
     if not len(first):
         fix = "run both on the same targets, or name the points alike"
         raise TableError(f"no pose in common with {before.source}", where=after.source, fix=fix)
-    pick = [
-        _refer_z(errors, table, index, z_datum)
-        for errors, table, index in (
-            (one.aligned, before, first), (two.aligned, after, second),
-            (one.raw, before, first), (two.raw, after, second),
-        )
-    ]  # fmt: skip
+    every, places = (first, second), targets_of(before, file)
+    wild = gross_rows(before, one.aligned)[first], gross_rows(after, two.aligned)[second]
+    first, second = first[~(wild[0] | wild[1])], second[~(wild[0] | wild[1])]
+    gross = {side: index[found].tolist() for side, index, found in zip(SIDES, every, wild, strict=True) if found.any()}
+
+    def picked(errors: str, index: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        sides = zip((one, two), (before, after), index, strict=True)
+        own, other = (_refer_z(getattr(each, errors), table, at, z_datum) for each, table, at in sides)
+        return own, other
+
     protocol = {
         "rows": len(first),
-        "poses": count_places(targets_of(before, file)[first]),
+        "poses": count_places(places[first]),
         "frame": one.frame,
         "z_datum": z_datum,
         "measured": True,
@@ -184,7 +194,11 @@ def evaluate_pair(
         "before": before.source,
         "after": after.source,
     }
-    return Evaluation(pick[0], pick[1], protocol, (pick[2], pick[3]), two.noise, unmatched, matched=(first, second))
+    kept, counted = (first, second), picked("aligned", every) if gross else None
+    return Evaluation(
+        *picked("aligned", kept), protocol, picked("raw", kept), two.noise, unmatched, matched=kept, gross=gross,
+        counted=counted,
+    )  # fmt: skip
 
 
 def _reduction(before: float, after: float) -> dict[str, Any]:

@@ -1,29 +1,33 @@
 """`ptt iso`: which figures a file asks for (ISO 230-2 of axis runs, ISO 9283 of a tracker run), both as results."""
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ptt.errors import TableError, shown
+from ptt.judge.gross import gross_rows
 from ptt.judge.iso.axis import AxisFigures, axis_figures
 from ptt.judge.iso.pose import pose_report
 from ptt.judge.iso.pose_figures import PoseReport
 from ptt.record import Record
 from ptt.run.backlash.reversal import travel_direction
-from ptt.run.frames import kabsch
+from ptt.run.frames import align, kabsch
 from ptt.run.readers.plain import numbers_of, read_plain
 from ptt.run.readers.text import LONGEST
-
-if TYPE_CHECKING:
-    from ptt.run.table import Table
+from ptt.run.table import Table, take_rows
 
 Array = NDArray[np.float64]
+Motion = Callable[[Array, Array], tuple[Array, Array]]
 
 WAYS = {"up": 1.0, "fwd": 1.0, "forward": 1.0, "+": 1.0, "+1": 1.0, "1": 1.0}
 WAYS |= {"down": -1.0, "bwd": -1.0, "backward": -1.0, "back": -1.0, "-": -1.0, "-1": -1.0}
+UNITS = {1000.0: "metres", 25.4: "inches"}  # mm in each
+UNIT_SLIP = 0.02  # of the factor: no axis is off by as much
 AXIS_COLUMNS = {"target", "direction", "measured"}
 
 
@@ -81,12 +85,25 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
             f"unknown direction '{shown(table['direction'].iloc[bad[0]])}'", where=where, fix="use up or down"
         )
     target, measured = numbers_of(table, "target", source), numbers_of(table, "measured", source, empty=True)
+    _require_mm(target, measured, source)
     names = next((table[key].to_numpy(dtype=str) for key in ("axis", "file") if key in table), np.full(len(table), ""))
     axes = (names == name for name in dict.fromkeys(names.tolist()))
     figures = tuple(axis_figures(target[r], direction[r], measured[r], str(names[r][0]) or source) for r in axes)
     if not figures:
         raise TableError("no rows", where=source, fix="give runs in both directions")
     return IsoAxes(figures, source)
+
+
+def _require_mm(target: Array, measured: Array, source: str) -> None:
+    """Refuse readings in another unit than their targets: nobody reads an axis that is off by half its travel."""
+    seen = np.isfinite(measured) & np.isfinite(target)
+    reach = np.ptp(target[seen]) if seen.any() else 0.0
+    slope = float(np.polyfit(target[seen], measured[seen], 1)[0]) if reach > 0.0 else 1.0
+    for factor, unit in UNITS.items():
+        for title, read in (("measured_mm", slope * factor), ("target_mm", factor / slope if slope else 0.0)):
+            if abs(read - 1.0) < UNIT_SLIP:
+                what = f"measured_mm rises by {slope:.4g} for each mm of target_mm: {title} looks like {unit}"
+                raise TableError(what, where=source, fix=f"give {title} in mm")
 
 
 def _plain(name: object) -> str:
@@ -97,32 +114,42 @@ def _plain(name: object) -> str:
 class IsoPoses(Record):
     """ISO 9283 figures of a tracker run, in the tracker's frame and after the rigid motion onto the targets.
 
-    Only AP and its drift differ between the two.
+    Only AP and its drift differ between the two. All readings count in them, as the standard has it.
+
+    Attributes:
+        as_measured: in the tracker's frame.
+        aligned: after the motion.
+        source: the run's file.
+        gross: readings that no machine explains, in words.
+        without: the aligned figures without those; None where there are none, or no pose is left.
     """
 
-    keys: ClassVar[str] = "source, standard: aligned.standard, as_measured, aligned"
+    keys: ClassVar[str] = "source, standard: aligned.standard, as_measured, aligned, gross, without_gross: without"
 
     as_measured: PoseReport
     aligned: PoseReport
     source: str
+    gross: tuple[str, ...] = ()
+    without: PoseReport | None = None
 
 
-def align_to_targets(measured: Array, target: Array) -> Array:
+def align_to_targets(measured: Array, target: Array, motion: Motion = kabsch) -> Array:
     """Readings moved by the rigid motion that brings them nearest to their targets (Kabsch 1976).
 
     Args:
         measured: (n, 3) mm, NaN rows allowed.
         target: (n, 3) mm.
+        motion: how it is found; `ptt.run.frames.align` leaves gross errors out.
 
     Returns:
         (n, 3) mm.
     """
     seen = np.isfinite(measured).all(axis=1) & np.isfinite(target).all(axis=1)
-    turn, shift = kabsch(target[seen], measured[seen])
+    turn, shift = motion(target[seen], measured[seen])
     return (measured - shift) @ turn
 
 
-def iso_of_poses(table: "Table", per_run: bool = False, by_direction: bool = True) -> IsoPoses:
+def iso_of_poses(table: Table, per_run: bool = False, by_direction: bool = True) -> IsoPoses:
     """ISO 9283 figures of a tracker table.
 
     Args:
@@ -143,15 +170,31 @@ def iso_of_poses(table: "Table", per_run: bool = False, by_direction: bool = Tru
         raise TableError("no targets", where=table.source, fix="add x_cmd, y_cmd, z_cmd or name a machine with --model")
     direction = _arrival(table, keep) if by_direction else None
     payload = None if table.payload_kg is None else table.payload_kg[keep]
-    aligned = np.empty_like(measured)
-    for code in np.unique(run) if per_run else [run]:
-        rows = run == code
-        aligned[rows] = align_to_targets(measured[rows], target[rows])
+    set_up = run if per_run else np.zeros_like(run)
+    aligned = _aligned(measured, target, set_up)
     before, after = (pose_report(target, values, direction, payload) for values in (measured, aligned))
-    return IsoPoses(before, after, table.source)
+    robust = _aligned(measured, target, set_up, align)
+    gross = gross_rows(take_rows(table, keep), robust - target)
+    off = np.linalg.norm(robust - target, axis=1)
+    words = tuple(f"{table.place(int(keep[row]))} ({off[row]:.3g} mm off)" for row in np.flatnonzero(gross))
+    without = None
+    if words:
+        clean = np.where(gross[:, None], np.nan, measured)
+        with suppress(TableError):  # no pose is left that was measured twice
+            without = pose_report(target, _aligned(clean, target, set_up), direction, payload)
+    return IsoPoses(before, after, table.source, words, without)
 
 
-def _arrival(table: "Table", keep: NDArray[np.intp]) -> NDArray[np.int8]:
+def _aligned(measured: Array, target: Array, set_up: NDArray[np.intp], motion: Motion = kabsch) -> Array:
+    """Readings (n, 3) of each set-up of the tracker moved nearest to their targets."""
+    aligned = np.empty_like(measured)
+    for code in np.unique(set_up):
+        rows = set_up == code
+        aligned[rows] = align_to_targets(measured[rows], target[rows], motion)
+    return aligned
+
+
+def _arrival(table: Table, keep: NDArray[np.intp]) -> NDArray[np.int8]:
     """Directions of arrival (n, k)."""
     run = table.run[keep]
     path = (table.target if table.command is None else table.command)[keep]
