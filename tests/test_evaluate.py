@@ -89,6 +89,13 @@ def test_runs_without_a_pose_in_common_are_refused():
         evaluate_pair(run(0.1), run(0.1, PLACES + 500.0))
 
 
+def test_a_fitted_frame_takes_four_poses_in_common():
+    other = np.concatenate([PLACES[:3], PLACES[3:] + 500.0])
+    with pytest.raises(TableError, match=r"only 3 poses in common with .*; run both on the same targets.*4 poses"):
+        evaluate_pair(run(0.1), run(0.1, other))
+    assert evaluate_pair(run(0.1), run(0.1, other), frame="trusted").protocol["rows"] == 3
+
+
 @pytest.mark.parametrize("frame", ["fitted", "trusted"])
 def test_a_gross_reading_is_left_out_and_said(frame):
     """Fifty millimetres are a broken beam; two are a fault of a machine, and so is what stands beside its like."""

@@ -175,6 +175,8 @@ def evaluate_pair(
         fix = "run both on the same targets, or name the points alike"
         raise TableError(f"no pose in common with {before.source}", where=after.source, fix=fix)
     every, places = (first, second), targets_of(before, file)
+    if rows is None:
+        _require_poses(before, after, count_places(places[first]), frame or (file.tracker.frame if file else "fitted"))
     wild = gross_rows(before, one.aligned)[first], gross_rows(after, two.aligned)[second]
     first, second = first[~(wild[0] | wild[1])], second[~(wild[0] | wild[1])]
     gross = {side: index[found].tolist() for side, index, found in zip(SIDES, every, wild, strict=True) if found.any()}
@@ -199,6 +201,14 @@ def evaluate_pair(
         *picked("aligned", kept), protocol, picked("raw", kept), two.noise, unmatched, matched=kept, gross=gross,
         counted=counted,
     )  # fmt: skip
+
+
+def _require_poses(before: Table, after: Table, poses: int, policy: str) -> None:
+    """Refuse a comparison at fewer poses than a frame that the readings tell would take up."""
+    if policy in ("fitted", "fitted-per-run") and poses < LEAST_ROWS:
+        what = f"only {poses} pose{'' if poses == 1 else 's'} in common with {before.source}"
+        fix = f"run both on the same targets: a fitted frame takes {LEAST_ROWS} poses; or give --frame trusted"
+        raise TableError(what, where=after.source, fix=fix)
 
 
 def _reduction(before: float, after: float) -> dict[str, Any]:
