@@ -204,6 +204,7 @@ def test_verbs_refuse_what_is_sure_and_go_on_anyway(
     said = json.loads(capsys.readouterr().out)
     assert said["verdict"] == "setup"
     assert said["suggested"] == []
+    assert said["verdict_probability"] == {"missing": 0.0, "nothing-missing": 0.0, "unknown": 0.0}
     assert said["setup"][0]["mistake"] == "axis-sign"
     assert run_verb("fit", *given) == 3
     assert "axis-sign" in capsys.readouterr().err

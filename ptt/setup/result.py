@@ -106,4 +106,5 @@ def setup_verdict(check: Check) -> dict[str, Any]:
         key: [] for key in ("suggested", "candidates", "not_testable", "depends_on", "measure_next")
     }
     setup = [finding.to_dict() for finding in check.findings]
+    nothing["verdict_probability"] = dict.fromkeys(("missing", "nothing-missing", "unknown"), 0.0)  # none was weighed
     return {"verdict": "setup", "setup": setup, **nothing, "rows": check.rows, "noise_um": None, "words": str(check)}
