@@ -221,6 +221,16 @@ def test_a_machine_file_alone_is_described_and_drawn(tmp_path: Path, capsys: pyt
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_picture_that_cannot_be_written_fails_no_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "machine.toml"
+    path.write_bytes((DATA / "machine.toml").read_bytes())
+    (tmp_path / "machine_drawing.png").mkdir()
+    assert run_verb("check", path, "--json") == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["drawing"] is None and "not drawn: " in told.err
+    assert run_verb("check", path, "--drawing", tmp_path / "machine_drawing.png") == 2
+
+
 def test_reach_of_a_machine_stays_within_the_travel(sound: tuple[MachineFile, Table]) -> None:
     """On the axis every slider stands at z + sqrt(L^2 - (R - r)^2), so travel ends are the reach but for a step."""
     said = describe_machine(sound[0])

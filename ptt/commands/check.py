@@ -68,10 +68,8 @@ def _write(found: "Checked", out_run: Path | None, out_model: Path | None, sever
         note(f"{out_run}: the run, with what was sure undone")
     if out_model is not None:
         save_machine(found.file, out_model)
-        changed = (
-            "with what was sure undone" if found.file.machine != found.drawn.machine else "as it was: nothing to undo"
-        )
-        note(f"{out_model}: the machine file, {changed}")
+        same = (found.file.machine, found.file.tracker) == (found.drawn.machine, found.drawn.tracker)
+        note(f"{out_model}: the machine file, {'as it was: nothing to undo' if same else 'with what was sure undone'}")
 
 
 def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, json: bool) -> None:
@@ -82,10 +80,24 @@ def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, 
     if drawing is None and described.file.machine.kind == "serial":  # an arm is told, not drawn
         show(described.to_dict(), str(described), json)
         return
-    drawing = drawing or Path(f"{(path / 'machine' if path.is_dir() else path).with_suffix('')}_drawing.png")
-    _draw(described.file, drawing)
-    data = described.to_dict() | {"drawing": str(drawing)}
-    show(data, f"{described}\n{drawing}: what was understood, drawn", json)
+    beside = Path(f"{(path / 'machine' if path.is_dir() else path).with_suffix('')}_drawing.png")
+    drawn = _drawn_if_possible(described.file, beside) if drawing is None else drawing
+    if drawing is not None:
+        _draw(described.file, drawing)
+    data = described.to_dict() | {"drawing": None if drawn is None else str(drawn)}
+    show(data, "\n".join([str(described), *([] if drawn is None else [f"{drawn}: what was understood, drawn"])]), json)
+
+
+def _drawn_if_possible(file: "MachineFile", path: Path) -> Path | None:
+    """Where a picture that nobody asked for was written; None where it cannot be, which is no fault of the machine."""
+    from ptt.errors import HostError, InputError
+
+    try:
+        _draw(file, path)
+    except (InputError, HostError) as error:
+        note(f"not drawn: {error} (--drawing PNG names another file)")
+        return None
+    return path
 
 
 def _draw(file: "MachineFile", path: Path) -> None:
