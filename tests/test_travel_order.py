@@ -16,11 +16,11 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 PLACES = np.random.default_rng(0).uniform(-50, 50, (8, 3)).round(3)
 
 
-def file(folder: Path, times: list, **columns: object) -> Path:
+def file(folder: Path, times: list, title: str = "time", **columns: object) -> Path:
     frame = pd.DataFrame(PLACES[: len(times)], columns=["x_cmd", "y_cmd", "z_cmd"])
     for axis in "xyz":
         frame[f"{axis}_meas"] = frame[f"{axis}_cmd"] + 0.1
-    frame.assign(time=times, **columns).to_csv(folder / "run.csv", index=False)
+    frame.assign(**{title: times}, **columns).to_csv(folder / "run.csv", index=False)
     return folder / "run.csv"
 
 
@@ -62,6 +62,9 @@ def test_each_run_has_its_own_clock_and_seconds_may_be_equal(tmp_path: Path) -> 
     turned = file(tmp_path, [50.0, 0.0, 60.0, 10.0, 55.0, 20.0], run=list("ababab"))
     with pytest.raises(TableError, match=r"row 6, column time: time goes back within run a \(from 60 to 55 s"):
         read_table(turned)
+    with pytest.raises(TableError, match=r"row 3, column time_s: time goes back within run 1 \(from 50 to 0 s"):
+        read_table(file(tmp_path, [50.0, 0.0], title="time_s", run=["run 1", "run 1"]))
+    turned = file(tmp_path, [50.0, 0.0, 60.0, 10.0, 55.0, 20.0], run=list("ababab"))
     ordered = read_table(turned, set_values={"order": "time"})
     assert ordered.time_s.tolist() == [50, 0, 55, 10, 60, 20]  # each run sorted in its own places
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.errors import TableError, shown
+from ptt.run.readers.columns import file_title
 from ptt.run.readers.export import Export
 
 AS_ROWS, BY_TIME = "rows", "time"
@@ -42,7 +43,7 @@ def in_travel_order(export: Export, order: str | None) -> tuple[Export, list[str
     raise TableError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:g} to {time[late[1]]:g} s, after row "
         f"{export.line[late[0]]}), so the rows may not be in travel order",
-        where=f"{export.source} row {export.line[late[1]]}, column time",
+        where=f"{export.source} row {export.line[late[1]]}, column {_title(export)}",
         fix="--set order=time sorts each run by its clock, --set order=rows keeps the rows as they stand; where the "
         "clock was restarted, number the runs in a column 'run'",
     )
@@ -87,5 +88,12 @@ def _sorted_by_time(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[
     return sorted_, [f"rows sorted by time within each run: {moved} of {export.n} moved"]
 
 
+def _title(export: Export) -> str:
+    """What the file calls its time."""
+    columns = export.understood.mapping.columns
+    return shown(next((title for title, quantity in columns.items() if quantity == "time"), file_title("time")))
+
+
 def _of_run(export: Export, row: int) -> str:
-    return f" within run {export.columns['run'][row]}" if "run" in export.columns else ""
+    label = str(export.columns["run"][row]) if "run" in export.columns else ""
+    return f" within {label if label.lower().startswith('run') else f'run {label}'}" if label else ""
