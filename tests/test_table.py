@@ -199,7 +199,8 @@ BAD = {
         csv("0,0,0,0,0,0", "30,0,0,30000,0,0", "0,30,0,0,30000,0"),
         "like micrometres; rename the columns (x_meas_um)",
     ),
-    "binary": ("\x00\x01\x02\x03" * 40, "run.csv: not a text file; export the readings as CSV"),
+    "binary": ("\x00\x01\x02\x03" * 40, "run.csv row 1: not a text file: a character of code 1; export"),
+    "one zero byte": (csv(ROWS[0], ROWS[1].replace("1", "\x00", 1)), "row 3: not a text file: a character of code 0"),
 }
 
 

@@ -5,6 +5,8 @@ import re
 from ptt.errors import TableError
 from ptt.run.readers.mapping import Ask, Mapping, answer
 
+ZEROS = 0.02  # share of the bytes: digits and commas of UTF-16 have a zero each, and no text of one byte has any
+
 
 def decode(data: bytes, source: str, mapping: Mapping, ask: Ask | None) -> tuple[str, str]:
     """Text of a file and the codec it was read with."""
@@ -16,8 +18,10 @@ def decode(data: bytes, source: str, mapping: Mapping, ask: Ask | None) -> tuple
     except (UnicodeDecodeError, LookupError) as error:
         what = f"not text in '{encoding}' ({error})"
         raise TableError(what, where=source, fix="say the encoding with --map FILE.toml") from None
-    if re.search(r"[\x00-\x08]", text):
-        raise TableError("not a text file", where=source, fix="export the readings as CSV or text")
+    if sign := re.search(r"[\x00-\x08]", text):
+        row = text.count("\n", 0, sign.start()) + 1
+        what = f"not a text file: a character of code {ord(sign[0])}"
+        raise TableError(what, where=f"{source} row {row}", fix="export the readings as CSV or text")
     return text, encoding
 
 
@@ -27,8 +31,8 @@ def find_encoding(data: bytes, source: str, ask: Ask | None) -> str:
         return "utf-8-sig"
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
-    if b"\0" in data[:4000]:
-        zeros = [data[offset:4000:2].count(0) for offset in (0, 1)]
+    zeros = [data[offset:4000:2].count(0) for offset in (0, 1)]
+    if max(zeros) > ZEROS * len(data[:4000]):
         return "utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"
     try:
         data.decode("utf-8")
