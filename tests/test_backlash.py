@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from ptt.commands.main import run
 from ptt.correct.training.machine_of import machine_of
 from ptt.errors import InputError, TableError
 from ptt.machine import load_machine
@@ -313,3 +314,10 @@ def test_half_a_compensator_is_no_machine(tmp_path):
     assert machine_of(drawing) == load_machine(drawing)
     with pytest.raises(InputError, match=r"half/compensator\.json: no such file"):
         machine_of(tmp_path / "half")
+
+
+@pytest.mark.parametrize("words", ["--lead nan", "--lead -5", "--turns 0", "--resolution-um inf"])
+def test_a_size_that_is_none_is_refused_by_its_option(words, capsys):
+    option, value = words.split()
+    assert run(["backlash", str(DATA / "scale.csv"), option, value]) == 2
+    assert f"error: {option}: {value} is no size; give a number above zero" in capsys.readouterr().err

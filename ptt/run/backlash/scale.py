@@ -72,9 +72,13 @@ def read_scale_log(
         The log.
 
     Raises:
-        TableError: a missing file or column, or a cell that is not a number.
+        TableError: a missing file or column, a cell that is not a number, or a size that is none.
     """
     source = str(path)
+    resolution_um = None if resolution_mm is None else 1e3 * resolution_mm
+    for option, given in (("--lead", lead_mm), ("--turns", turns), ("--resolution-um", resolution_um)):
+        if given is not None and not 0.0 < given < np.inf:
+            raise TableError(f"{given:g} is no size", where=option, fix="give a number above zero")
     table = read_plain(path)
     if "slider" not in table:
         raise TableError("no column slider", where=source, fix="add one with the slider's number")
@@ -103,8 +107,6 @@ def _numbers(table: pd.DataFrame, column: str, source: str) -> Array:
 
 def _scale(table: pd.DataFrame, resolution_mm: float | None, source: str) -> tuple[Array, float, str]:
     """Scale readings (n,) mm, one count in mm, and where that figure is from."""
-    if resolution_mm is not None and resolution_mm <= 0.0:
-        raise TableError(f"a resolution of {resolution_mm} mm", where=source, fix="give a positive one")
     if "scale_mm" in table:
         scale = _numbers(table, "scale_mm", source)
     elif "scale_counts" in table and resolution_mm is not None:
@@ -142,7 +144,7 @@ def _command(table: pd.DataFrame, lead_mm: float | None, turns: float | None, so
     if by_phase and ("phase" not in table or turns is None):
         fix = "add one, or mark the rows' phase and give the number of turns"
         raise TableError("no column command_turns or motor_mm", where=source, fix=fix)
-    if lead_mm is None or lead_mm <= 0.0:
+    if lead_mm is None:
         raise TableError(
             "motor turns need the screw lead", where=source, fix="add `--lead 5` (mm) or `--model machine.toml`"
         )
