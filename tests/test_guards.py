@@ -13,16 +13,18 @@ from pathlib import Path
 
 import hypothesis.strategies as st
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+import ptt
 from ptt import files
 from ptt.commands.main import run
 from ptt.commands.outputs import kind_of
 from ptt.correct.training.notes import check_notes
 from ptt.documents import parse_toml
 from ptt.effects.registry import library
-from ptt.errors import HostError, InputError, MachineError, TableError
+from ptt.errors import HostError, InputError, MachineError, TableError, WorkspaceError
 from ptt.files import temporary, write_text
 from ptt.judge.history import read_entries
 from ptt.judge.iso.figures import read_axis_figures
@@ -116,6 +118,17 @@ def test_an_output_that_is_a_folder_is_named_as_such(words, place, monkeypatch, 
     (place / "folder").mkdir()
     assert run(words.format("folder").split()) == 2
     assert "folder: is a folder, not a file" in capsys.readouterr().err
+
+
+def test_a_target_that_the_rig_cannot_reach_is_named_by_the_line_of_its_file(place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    put(place, "x_cmd,y_cmd,z_cmd\n# far away\n40,2,3\n5000,0,0\n", "far.csv")
+    assert run(["simulate", "rig.toml", "far.csv", "--out", "out.csv"]) == 2
+    assert "error: far.csv row 4: is out of reach; stay inside" in capsys.readouterr().err
+    rows = pd.DataFrame({"x_cmd": [0.0, 5000.0], "y_cmd": 0.0, "z_cmd": 0.0})
+    with pytest.raises(WorkspaceError, match="data frame row 3: is out of reach") as told:
+        ptt.simulate("rig.toml", rows)
+    assert told.value.rows == (1,)
 
 
 def test_kinds_of_files_are_told_by_what_they_begin_with(place):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.errors import InputError
+from ptt.errors import InputError, WorkspaceError
 
 FRAME = "frame.csv"  # what a data frame is called where a file's name is wanted
 ANSWERS = "answers.toml"
@@ -142,7 +142,9 @@ def worded(written: Sequence[Handed]) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        if type(error).__init__ is not InputError.__init__ or not any(each.called for each in written):
+        rows = (error.rows,) if isinstance(error, WorkspaceError) else ()
+        plain = bool(rows) or type(error).__init__ is InputError.__init__
+        if not plain or not any(each.called for each in written):
             raise
         what, where, fix = (called_in(text, written) for text in (error.what, error.where, error.fix))
-        raise type(error)(what, where=where, fix=fix) from None
+        raise type(error)(what, *rows, where=where, fix=fix) from None

@@ -1,6 +1,7 @@
 """`ptt.simulate`: run the virtual machine through targets, or through commands that were corrected."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from ptt.door.handed import RowsLike, as_file
 from ptt.door.options import Reading
 from ptt.door.reading import read_rows
 from ptt.door.result import Note, Result, unheard
-from ptt.errors import InputError, TableError
+from ptt.errors import InputError, TableError, WorkspaceError
 from ptt.rig import Rig, RunResult, load_rig, write_run
 from ptt.rig import simulate as run_rig
 from ptt.run.readers import Ask
@@ -154,8 +155,23 @@ def simulate_path(
     sent = None
     if sliders is not None:
         sent = _sliders(sliders, wanted, read_rows(sliders, machine.machine, reading, "sliders", ask=ask, note=note))
-    result = run_rig(machine, _commands(wanted), sliders=sent, noise=noise, seed=seed)
+    with _named(wanted):
+        result = run_rig(machine, _commands(wanted), sliders=sent, noise=noise, seed=seed)
     return Simulated(result, machine.conditions.cycles, sent is not None, tuple(machine.sent), tuple(notes))
+
+
+@contextmanager
+def _named(targets: Table) -> Iterator[None]:
+    """Targets that are refused by the line of their file: the rig counts them as they come, and knows no file."""
+    try:
+        yield
+    except WorkspaceError as error:
+        first = error.rows[0] if error.rows else 0
+        counted = f"row {first + 1} of the targets "
+        if not error.what.startswith(counted):
+            raise
+        what = error.what.removeprefix(counted)
+        raise WorkspaceError(what, error.rows, where=targets.place(first), fix=error.fix) from error
 
 
 def _rig(rig: Rig | str | Path) -> Rig:

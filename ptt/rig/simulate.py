@@ -186,7 +186,7 @@ def _refuse(rig: Rig, schedule: Schedule, good: Array, what: str) -> None:
     """Refuse rows of the targets for which a joint is not `good` (n, k)."""
     rows = np.unique(schedule.origin[~good.all(axis=1)])
     if len(rows):
-        more = f", and so do {len(rows) - 1} more rows" if len(rows) > 1 else ""
+        more = f", {len(rows) - 1} more rows as well" if len(rows) > 1 else ""
         place = f"row {rows[0] + 1} of the targets" if rows[0] >= 0 else "the datum pose"
         raise WorkspaceError(
             f"{place} {what}{more}",
