@@ -120,6 +120,21 @@ def test_an_output_that_is_a_folder_is_named_as_such(words, place, monkeypatch, 
     assert "folder: is a folder, not a file" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("dexterity machine.toml --plot new.csv", "new.csv: ends in .csv, but would be a picture; .* end in .png"),
+        ("report run.csv --model machine.toml --out new.csv", "but would be a page; let its name end in .html"),
+        ("add run.csv backlash --model machine.toml --out new.csv", "but would be a machine file"),
+        ("simulate rig.toml targets.csv --out new.toml", "but would be a tracker run; let its name end in .csv"),
+    ],
+)
+def test_a_name_that_ends_like_another_kind_of_file_is_refused(words, said, place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    assert run(words.split()) == 2 and re.search(said, capsys.readouterr().err)
+    assert not list(place.glob("new*"))
+
+
 def test_a_target_that_the_rig_cannot_reach_is_named_by_the_line_of_its_file(place, monkeypatch, capsys):
     monkeypatch.chdir(place)
     put(place, "x_cmd,y_cmd,z_cmd\n# far away\n40,2,3\n5000,0,0\n", "far.csv")
@@ -142,6 +157,8 @@ def test_kinds_of_files_are_told_by_what_they_begin_with(place):
     put(place, "# bench (three-ptt), exported by ptt 1.0 on 2026-01-02\n[printer]\n", "printer.cfg")
     assert (kind_of(place / "part.ngc"), kind_of(place / "old.ngc")) == ("program", "program")
     assert kind_of(place / "printer.cfg") == "export"
+    assert kind_of(put(place, "[printer]\nkinematics: delta\n", "own.cfg")) == "other"
+    assert kind_of(put(place, "[\n  1.5, 2]\n", "list.json")) == "json"
     wide = put(place, "", "wide.csv")
     wide.write_bytes(RUN.encode("utf-16"))
     assert kind_of(wide) == "readings"

@@ -44,6 +44,17 @@ KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (  # by the end of an option's 
     ("PATH", ("export",)),  # a folder is looked into by the format itself
     (".ngc", ("program",)),
 )
+ENDS = {  # how a file of a kind may end; what another kind's file ends with would be taken for one
+    "machine": (".toml",),
+    "rig": (".toml",),
+    "readings": (".csv",),
+    "table": (".csv",),
+    "page": (".html", ".htm"),
+    "picture": (".png",),
+    "python": (".py",),
+    "program": (".ngc",),
+    "json": (".json",),
+}
 HEAD = 8192  # bytes of a file that tell its kind
 
 
@@ -127,7 +138,7 @@ def kind_of(path: Path) -> str:
         ("rig", r"(?s).*^\s*\[\[?(drive|conditions|geometry|thermal|structure|odd)\b"),
         ("machine", r"(?s).*^\s*\[machine\]"),
         ("table", r"(.*\n){0,40}?[^\n]*\b(x_cmd|b1|q1|b1_cmd|q1_cmd|q1_cmd_rad|x_true)\b.*[,;\t]"),
-        ("json", r"[\[{]"),
+        ("json", r'\{|\[\s*([\[{"\]\-\d]|true\b|false\b|null\b)'),  # [printer] is a section of a controller's file
         ("program", r"%\s*$|\(|;|/?\s*(n\d+\s*)?[gmtfsoxyz]\s*[-+.]?\d"),
         ("python", r'"""|\'\'\'|import |from |class |#!.*python'),
     ):
@@ -168,6 +179,15 @@ def _require_kind(out: Path, metavar: str) -> None:
     if found and found not in expected:
         what = "holds readings" if found == "readings" else f"is {WORDS[found]}, which would be lost"
         raise InputError(f"{what}; nothing was written", where=str(out), fix="name another file")
+    _require_end(out, expected)
+
+
+def _require_end(out: Path, expected: tuple[str, ...]) -> None:
+    """A name that ends like a file of another kind is a slip: whoever opens it next would be misled."""
+    own, end = [each for kind in expected for each in ENDS.get(kind, ())], out.suffix.lower()
+    if own and end not in own and any(end in ends for ends in ENDS.values()):
+        what = f"ends in {end}, but would be {WORDS.get(expected[0], 'a tracker run')}"
+        raise InputError(what, where=str(out), fix=f"let its name end in {own[0]}")
 
 
 def _metavars(verb: Callable[..., Any]) -> Iterator[tuple[str, str]]:
