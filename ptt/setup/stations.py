@@ -9,17 +9,18 @@ from ptt.machine import MachineFile, ThreePttSpec
 from ptt.setup.judged import thinned
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many, rms
-from ptt.setup.rows import BEYOND_FAULTS, BLOCK_SHIFT, FALL, FEWEST, places
+from ptt.setup.rows import BEYOND_FAULTS, FALL, FEWEST, places
 from ptt.setup.setup import Setup
 
+MOVED = 20.0  # mm: homing and links that all change by up to 4 mm from file to file move readings by 10 mm
 MOST_ROWS = 400  # of each file: a frame is told by a few dozen
 
 
 def find_stations(setups: Sequence[Setup]) -> tuple[list[Finding], MachineFile]:
     """A tracker that was set up anew between files that share its frame.
 
-    Faults that differ from file to file move readings by a few millimetres and bend them; a station moves all by more
-    and bends nothing, so that frames of their own leave a small part of the error.
+    Faults that differ from file to file move readings by millimetres and bend them; a station moves all by more and
+    bends nothing, so that frames of their own leave a small part of the error.
 
     Args:
         setups: the machine with each of its files, mistakes undone.
@@ -39,7 +40,7 @@ def find_stations(setups: Sequence[Setup]) -> tuple[list[Finding], MachineFile]:
     together = np.split(align_many(place[None], reading[None])[2][0], ends)
     apart = [align_many(own[None], seen[None])[2][0] for _, own, seen in read]
     before, after = (np.array([_rms(distance) for distance in distances]) for distances in (together, apart))
-    if before.max() < max(BLOCK_SHIFT, FALL * after.max()) or after.max() > BEYOND_FAULTS:
+    if before.max() < max(MOVED, FALL * after.max()) or after.max() > BEYOND_FAULTS:
         return [], file
     first, other = read[0][0], read[1 + int(np.argmax(before[1:]))][0]
     words = (
