@@ -98,7 +98,7 @@ def test_a_fitted_frame_takes_four_poses_in_common():
 
 @pytest.mark.parametrize("frame", ["fitted", "trusted"])
 def test_a_gross_reading_is_left_out_and_said(frame):
-    """Fifty millimetres are a broken beam; two are a fault of a machine, and so is what stands beside its like."""
+    """Fifty millimetres are a broken beam; two are a fault of a machine, and so is what its like stand beside."""
     noise = 2e-3 * np.random.default_rng(3).normal(size=PLACES.shape)
     before, wild = run(0.05 * np.sin(PLACES)), noise.copy()
     wild[7, 0] += 50.0
@@ -112,6 +112,10 @@ def test_a_gross_reading_is_left_out_and_said(frame):
     faulty[7, 0] += 1.9
     faulty[20:22, 0] += 5.0
     assert not measured(before, run(faulty), None, frame=frame).to_dict()["outlier_rows"]
+    twice = np.concatenate([PLACES, PLACES])
+    worn = np.concatenate([noise, noise])
+    worn[[7, 47], 2] += 9.0
+    assert not measured(run(0.05, twice), run(worn, twice), None, frame=frame).to_dict()["outlier_rows"]
 
 
 def test_a_fitted_frame_is_taken_from_each_run_alike():

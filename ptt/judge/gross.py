@@ -6,6 +6,7 @@ from ptt.fitting.outliers import inside
 from ptt.run.same_pose import same_places
 from ptt.run.table import Table
 
+ALIKE = 0.3  # of its size: where a reading beside it is off by as much, what is off there is no single reading
 BEYOND_FAULTS = 2.0  # mm: what ordinary faults put into a reading is less, and no reading below is taken for gross
 
 
@@ -28,9 +29,24 @@ def gross_rows(table: Table, error: np.ndarray) -> np.ndarray:
         return np.zeros(table.rows, dtype=bool)
     middle = np.median(size[known])  # the rule widens with the bulk: any unit will do
     far = known & (size > BEYOND_FAULTS) & ~inside(error / max(float(middle), 1e-9), known)
-    rows, place = np.flatnonzero(known), same_places(table.target)
-    beside = np.zeros_like(far)
+    return far & (_beside(table.run, size, known) < ALIKE * size) & (_again(table, size) < ALIKE * size)
+
+
+def _beside(run: np.ndarray, size: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """How far the readings before and after each are off, the larger, (n,) mm; of the same run."""
+    rows, found = np.flatnonzero(known), np.zeros(len(size))
     for one, other in ((rows[:-1], rows[1:]), (rows[1:], rows[:-1])):
-        beside[one] |= (size[other] > BEYOND_FAULTS) & (table.run[one] == table.run[other])
-    again = np.bincount(place[known & (size > BEYOND_FAULTS)], minlength=int(place.max()) + 1) > 1
-    return np.asarray(far & ~beside & ~again[place])
+        found[one] = np.maximum(found[one], np.where(run[one] == run[other], size[other], 0.0))
+    return found
+
+
+def _again(table: Table, size: np.ndarray) -> np.ndarray:
+    """How far the other readings of the same pose are off, the largest, (n,) mm."""
+    place = same_places(table.target)
+    order = np.lexsort((size, place))
+    last = np.flatnonzero(np.diff(place[order], append=-1) != 0)  # the largest of each place; before it the next
+    first = np.concatenate([[0], last[:-1] + 1])
+    second = np.where(last > first, size[order[np.maximum(last - 1, 0)]], 0.0)
+    found = size[order[last]][np.searchsorted(place[order[last]], place)]
+    found[order[last]] = second
+    return found
