@@ -6,12 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ptt.door.model import load
+from ptt.door.run import read_targets
 from ptt.errors import TableError
-from ptt.run.blanks import fill_blanks
+from ptt.run.blanks import fill_blanks, has_blanks, without_empty
 from ptt.run.reading import read_table
 from ptt.run.table import Table
 
 ROWS = 12
+MODEL = load(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
 
 
 @pytest.fixture
@@ -87,3 +90,15 @@ def test_a_row_that_does_not_say_its_run_is_refused_and_one_that_comes_back_is_t
     frame["run"] = list("aaaabbaabbbb")
     told = "run 'a' goes on after rows of another; 2 times in all travel begins anew where a run goes on"
     assert told in written(frame, tmp_path).understood.lines
+
+
+def test_targets_are_filled_as_a_run_is_and_a_column_without_a_value_is_as_none(frame, tmp_path):
+    frame = frame.drop(columns=[f"{axis}_meas" for axis in "xyz"])
+    frame.to_csv(tmp_path / "t.csv", index=False)
+    whole = read_targets(tmp_path / "t.csv", MODEL).table
+    frame.loc[[2, 3], "temp_c"], frame["payload_kg"] = np.nan, np.nan
+    frame.to_csv(tmp_path / "t.csv", index=False)
+    targets = read_targets(tmp_path / "t.csv", MODEL)
+    np.testing.assert_allclose(targets.table.temp_c, whole.temp_c)
+    assert has_blanks(targets.table) and not has_blanks(without_empty(targets.table))
+    assert "temp_c is empty in 2 rows: taken between the values beside, by the clock" in targets.notes

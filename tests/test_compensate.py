@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.correct.compensate import compensate, missing_context
+from ptt.correct.compensate import compensate
+from ptt.correct.context import missing_context, require_context
 from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.registry import make_effect
@@ -220,6 +221,29 @@ def test_what_the_targets_do_not_tell_is_said():
     model = read_model(FILE) + make_effect(library(), "screw-growth")
     assert "temp_c: 20 C is assumed" in missing_context(model, TARGETS)[0]
     assert missing_context(model, TARGETS.replace(temp_c=np.full(TARGETS.rows, 21.0))) == []
+
+
+def test_a_load_is_asked_for_where_the_model_moves_with_it():
+    yields = with_effects(axis_compliance={"compliance_mm_per_n": [2e-4] * 3})
+    assert missing_context(yields, TARGETS) == [
+        f"axis-compliance depends on payload, {TARGETS.source} has no payload_kg: 0 kg is assumed"
+    ]
+    assert missing_context(yields, TARGETS.replace(payload_kg=np.zeros(TARGETS.rows))) == []
+    assert missing_context(yields, TARGETS.replace(torque=np.zeros((TARGETS.rows, 3)))) == []  # the load is measured
+    weighs = replace(FILE, machine=FILE.machine.model_copy(update={"platform_mass_kg": 4.0}))
+    bare = replace(weighs, history=({"kind": "added", "ranges": {"temp_c": (19.0, 21.0)}},))
+    assert missing_context(with_effects(bare, axis_compliance={"compliance_mm_per_n": [2e-4] * 3}), TARGETS) == []
+    clears = {"joint_clearance": {"clearance_mm": [0.02] * 3}}
+    assert len(missing_context(with_effects(**clears), TARGETS)) == 1
+    assert missing_context(with_effects(weighs, **clears), TARGETS) == []  # the platform's weight decides the side
+
+
+def test_an_empty_load_is_refused_only_where_it_decides():
+    yields, load = with_effects(axis_compliance={"compliance_mm_per_n": [2e-4] * 3}), np.full(TARGETS.rows, 2.0)
+    load[4] = np.nan
+    with pytest.raises(TableError, match=r"row 6, column payload_kg: empty, and axis-compliance .*; write the value"):
+        require_context(yields, TARGETS.replace(payload_kg=load))
+    require_context(PLAY, TARGETS.replace(payload_kg=load, temp_c=load))
 
 
 def test_predict_writes_the_documented_columns_without_loss(tmp_path):

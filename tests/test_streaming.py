@@ -4,17 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from test_long_predict import model_of, targets_of
 
 from ptt.commands.main import run
 from ptt.correct import blocks, stream
 from ptt.door import streaming
 from ptt.door.streaming import merged
-from ptt.machine import MachineFile, format_machine
-from ptt.model.entries import write_model
+from ptt.effects.drive import AxisCompliance
+from ptt.machine import MachineFile, format_machine, parse_machine
+from ptt.model.entries import read_model, write_model
+from ptt.model.model import Term
 from ptt.run.readers import parts
 from ptt.run.spool import Spool
 from ptt.run.table import Table, write_table
+
+COMPLIANT = torch.full((3,), 2e-4, dtype=torch.float64)
 
 
 @pytest.fixture
@@ -109,6 +114,19 @@ def test_what_only_the_whole_tells_is_read_as_a_whole(bench, folder, monkeypatch
     assert whole(targets) == in_parts(monkeypatch, targets) == 3
     one, two = texts(folder)
     assert one == two
+
+
+def test_what_stands_in_an_empty_cell_the_rows_of_another_part_may_tell(folder, monkeypatch, capsys) -> None:
+    warm = "".join(f"{i},2,10,{20 + 0.1 * i if i not in (32, 33) else ''},{'' if i == 60 else 1}\n" for i in range(90))
+    (folder / "targets.csv").write_text("x_cmd,y_cmd,z_cmd,temp_c,payload_kg\n" + warm)
+    assert whole(folder / "targets.csv") == in_parts(monkeypatch, folder / "targets.csv") == 0
+    one, two = texts(folder)
+    assert one == two
+    assert one.splitlines()[33].startswith("32.0,2.0,10.0,23.2,1.0,")
+    laden = read_model(parse_machine((folder / "model.toml").read_text())) + Term(AxisCompliance(), COMPLIANT)
+    (folder / "model.toml").write_text(format_machine(write_model(laden)))
+    assert in_parts(monkeypatch, folder / "targets.csv") == 2
+    assert "targets.csv row 62, column payload_kg: empty, and axis-compliance depends on it" in capsys.readouterr().err
 
 
 def test_titles_of_parts_keep_their_order() -> None:

@@ -19,11 +19,12 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
+from ptt.run.blanks import without_empty
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import elapsed
 
-__all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "compensate", "missing_context"]
+__all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "compensate"]
 
 LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; what goes beyond this is a mistake in drawing, frame or network
 
@@ -163,32 +164,6 @@ def joined(parts: Sequence[Commands]) -> Commands:
     return Commands(**one, reversal_note=parts[0].reversal_note)
 
 
-def missing_context(model: Model, targets: Table) -> list[str]:
-    """What effects of a model depend on and a list of targets does not tell.
-
-    Args:
-        model: the model.
-        targets: the targets.
-
-    Returns:
-        One sentence for each such column.
-    """
-    told = {
-        "payload": ("payload_kg", targets.payload_kg, "none"),
-        "temperature": ("temp_c", targets.temp_c, f"{model.file.machine.reference_temp_c:g} C"),
-        "speed": ("feed_mm_s", targets.feed_mm_s if targets.time_s is None else targets.time_s, "standstill"),
-        "time": ("time_s", targets.time_s, "zero"),
-    }
-    lines = []
-    for need, (column, values, assumed) in told.items():
-        users = [t.effect.key for t in model.terms if need in t.effect.requires and t.effect.stage != "metrology"]
-        if users and values is None:
-            lines.append(
-                f"{', '.join(users)} depends on {need}, {targets.source} has no {column}: {assumed} is assumed"
-            )
-    return lines
-
-
 def _wanted(model: Model, targets: Table) -> np.ndarray:
     """Targets in the base frame, (n, 3) mm."""
     missing = np.flatnonzero(~np.isfinite(targets.target).all(axis=1))
@@ -235,6 +210,9 @@ def prepare(plan: Plan, targets: Table, correction: Correction | None, time: Ten
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
     time = elapsed(targets) if time is None else time
-    clock, targets = targets if plan.follows_speed else None, targets.replace(time_s=None, feed_mm_s=None)
+    clock, targets = (
+        targets if plan.follows_speed else None,
+        without_empty(targets).replace(time_s=None, feed_mm_s=None),
+    )
     ways = plan.steady, plan.turning
     return Task(plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, clock=clock)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate, missing_context
+from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
+from ptt.correct.context import missing_context, require_context
 from ptt.correct.training.train import correction_of
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
@@ -141,13 +142,14 @@ def predict(
 
     Raises:
         SetupError: a mistake in the set-up, unless `anyway`.
-        TableError: a row without target.
+        TableError: a row without target, or without the load or warmth that an effect depends on.
     """
     require_reversal(reversal)
     machine, tell = as_model(model, USAGE), Heard(note)
     rows = as_targets(targets, machine, USAGE)
     check_rows(machine.file, rows, anyway=anyway, note=tell)
     table, frames = rows.table, target_frames(machine.file, rows.table)
+    require_context(machine.physics, table)
     tell_frames(frames, tell)
     commands = _invert(machine, table, reversal, limit_mm, progress)
     network = machine.compensator.network is not None

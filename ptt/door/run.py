@@ -11,7 +11,7 @@ from ptt.door.model import Model, as_model
 from ptt.door.options import Reading
 from ptt.door.reading import read_rows
 from ptt.door.result import Note, unheard
-from ptt.run.blanks import fill_blanks
+from ptt.run.blanks import fill_between, fill_blanks
 from ptt.run.display import between_steps
 from ptt.run.readers import Ask
 from ptt.run.table import Table, table_to_frame
@@ -166,8 +166,10 @@ def targets_path(
     path: str | Path, model: Model, reading: Reading, *, ask: Ask | None = None, note: Note = unheard
 ) -> Targets:
     """Read targets as the command line does; arguments as `read_path`."""
-    table = read_rows(path, model.file, reading, "targets", checked=True, ask=ask, note=note)
-    return Targets(table, (Path(path),), reading, tuple(table.understood.lines))
+    table, blanks = fill_between(read_rows(path, model.file, reading, "targets", checked=True, ask=ask, note=note))
+    for line in blanks:
+        note(line)
+    return Targets(table, (Path(path),), reading, (*table.understood.lines, *blanks))
 
 
 def _renamed(rows: AnyRows, written: Sequence[Handed]) -> AnyRows:

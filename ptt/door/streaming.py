@@ -25,6 +25,7 @@ from ptt.door.tally import Tally, tally
 from ptt.files import write_parts
 from ptt.fitting.chunks import CHUNK, STRETCH
 from ptt.progress import Progress, unwatched
+from ptt.run.blanks import has_blanks
 from ptt.run.cores import map_cores
 from ptt.run.readers import Ask
 from ptt.run.readers.parts import NotInParts
@@ -104,7 +105,8 @@ def predict_file(
         What was written.
 
     Raises:
-        NotInParts: joint commands tell an arm's postures or the targets' frame, or only the whole file how it is read.
+        NotInParts: joint commands tell an arm's postures or the targets' frame, or only the whole file how it is read
+            and what stands in an empty cell.
         InputError: as `predict`.
     """
     require_reversal(reversal)
@@ -142,6 +144,8 @@ def _read(model: Model, path: Path, reading: Reading, folder: Path, ask: Ask | N
     for part in parts:
         if part.command is not None and model.file.machine.kind == "serial":
             raise NotInParts  # they are postures, of all rows or of none
+        if has_blanks(part):
+            raise NotInParts  # what stands in an empty cell, rows of another part may tell
         spool.add(part)
         progress("read", 0, 1)
     return spool

@@ -5,12 +5,31 @@ import numpy as np
 from ptt.run.table import Table
 
 STEADY = ("payload_kg", "feed_mm_s")  # set by somebody: between two values anything may have been
+CONTEXT = ("time_s", "temp_c", *STEADY)
 
 
 def fill_blanks(table: Table) -> tuple[Table, list[str]]:
     """Fill what goes on between two values of a run; leave readings aside under a load or feed that nobody wrote down.
 
     One empty cell of a hundred would otherwise keep all that depends on its column from being looked at.
+
+    Args:
+        table: n rows in travel order.
+
+    Returns:
+        The table, and a line for each column that had empty cells.
+    """
+    table, lines = fill_between(table)
+    for name in STEADY:
+        values = getattr(table, name)
+        if values is not None and np.isnan(values).any() and not np.isnan(values).all():
+            table, line = _as_before(table, name, values)
+            lines += line
+    return table, lines + [line for name in CONTEXT for line in _unknown(table, name)]
+
+
+def fill_between(table: Table) -> tuple[Table, list[str]]:
+    """Fill the clock and the warmth of a run where cells are empty, from the values beside them.
 
     Args:
         table: n rows in travel order.
@@ -30,12 +49,23 @@ def fill_blanks(table: Table) -> tuple[Table, list[str]]:
         table = table.replace(**{name: filled})
         if name == "time_s" and np.isfinite(filled).all():
             along, how = filled, "by the clock"
-    for name in STEADY:
-        values = getattr(table, name)
-        if values is not None and np.isnan(values).any() and not np.isnan(values).all():
-            table, line = _as_before(table, name, values)
-            lines += line
-    return table, lines + [line for name in ("time_s", "temp_c", *STEADY) for line in _unknown(table, name)]
+    return table, lines
+
+
+def without_empty(table: Table) -> Table:
+    """The table without columns of context that have no value in any row.
+
+    Args:
+        table: n rows.
+    """
+    empty = [name for name in CONTEXT if (value := getattr(table, name)) is not None and np.isnan(value).all()]
+    return table.replace(**dict.fromkeys(empty))
+
+
+def has_blanks(table: Table) -> bool:
+    """Whether a clock, a warmth or a load has empty cells; at a row without a feed a target is taken at rest."""
+    values = (getattr(table, name) for name in ("time_s", "temp_c", "payload_kg"))
+    return any(each is not None and bool(np.isnan(each).any()) for each in values)
 
 
 def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list[str]]:

@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from ptt.correct.commands import Commands, sent_rows
-from ptt.correct.compensate import LIMIT_MM, compensate, missing_context
+from ptt.correct.compensate import LIMIT_MM, compensate
+from ptt.correct.context import missing_context
 from ptt.correct.program.cut import Frame, Places, beside, look_along, thin_out
 from ptt.correct.program.modal import Read, read_moves
 from ptt.correct.program.moves import Move

@@ -1,0 +1,106 @@
+"""What a model asks of the context of its targets: loads, warmth, speed and time that their list may not tell."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from ptt.errors import TableError
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
+from ptt.run.blanks import without_empty
+from ptt.run.table import Table, take_rows
+from ptt.run.target_frame import in_base, target_frames
+from ptt.run.viewing import build_view
+
+ASKED = 100  # rows, spread evenly, at which a load or warmth is tried: a load that acts on none of them acts on few
+BY_ONE = {"payload": "payload", "temperature": "warmth"}  # context -> field of a view, tried by one kg, one K
+COLUMNS = {"payload_kg": "payload", "temp_c": "temperature"}
+
+
+def missing_context(model: Model, targets: Table) -> list[str]:
+    """What effects of a model depend on and a list of targets does not tell.
+
+    Args:
+        model: the model.
+        targets: the targets.
+
+    Returns:
+        One sentence for each such column.
+    """
+    targets = without_empty(targets)
+    told = {
+        "payload": ("payload_kg", targets.payload_kg, "0 kg"),
+        "temperature": ("temp_c", targets.temp_c, f"{model.file.machine.reference_temp_c:g} C"),
+        "speed": ("feed_mm_s", targets.feed_mm_s if targets.time_s is None else targets.time_s, "standstill"),
+        "time": ("time_s", targets.time_s, "zero"),
+    }
+    lines = []
+    for need, (column, values, assumed) in told.items():
+        asked = values is None and (need != "payload" or _had_load(model.file))
+        users = _followers(model, targets, need) if asked else []
+        if users:
+            verb = "depends" if len(users) == 1 else "depend"
+            lines.append(f"{', '.join(users)} {verb} on {need}, {targets.source} has no {column}: {assumed} is assumed")
+    return lines
+
+
+def require_context(model: Model, targets: Table) -> None:
+    """Refuse an empty cell of a load or warmth that decides on the command.
+
+    Args:
+        model: the model.
+        targets: the targets.
+
+    Raises:
+        TableError: there is one, by file, row and column.
+    """
+    told = without_empty(targets)
+    for column, need in COLUMNS.items():
+        values = getattr(told, column)
+        blank = np.flatnonzero(np.isnan(values)) if values is not None else np.empty(0, dtype=int)
+        users = _followers(model, targets.replace(**dict.fromkeys(COLUMNS)), need) if len(blank) else []
+        if users:
+            raise TableError(
+                f"empty, and {users[0]} depends on it ({len(blank)} of {targets.rows} rows)",
+                where=targets.place(int(blank[0]), column),
+                fix=f"write the value into the cell, or --set {column}=VALUE for all rows",
+            )
+
+
+def _followers(model: Model, targets: Table, need: str) -> list[str]:
+    """Keys of the effects that follow a context: by what they say, or as they do at these targets."""
+    moved = _moved(model, targets, need) if need in BY_ONE else set()
+    terms = [term.effect for term in model.terms if term.effect.stage != "metrology"]
+    return [effect.key for effect in terms if need in effect.requires or effect.key in moved]
+
+
+def _moved(model: Model, targets: Table, need: str) -> set[str]:
+    """Keys of the effects whose shift one kg or one K changes at some of the targets that the drawing reaches."""
+    file, rows = model.file, np.unique(np.linspace(0, targets.rows - 1, ASKED).round().astype(int))
+    part = take_rows(targets, rows)
+    command = part.command
+    if command is None or not np.isfinite(command).all():
+        base = torch.as_tensor(in_base(part, target_frames(file, targets)).target)
+        command = build_mechanism(file.machine).inverse(base).numpy()
+    part = take_rows(part.replace(command=command), np.flatnonzero(np.isfinite(command).all(axis=1)))
+    if not part.rows:
+        return set()
+    view = build_view(file, part)
+    more = replace(view, **{BY_ONE[need]: getattr(view, BY_ONE[need]) + 1.0})
+    with torch.no_grad():
+        return {
+            term.effect.key
+            for term in model.terms
+            if len(term.theta)
+            and not torch.equal(term.effect.shift(term.theta, view), term.effect.shift(term.theta, more))
+        }
+
+
+def _had_load(file: MachineFile) -> bool:
+    """Whether the model's last run was under a load, or nothing says so: one that never had any needs none stated."""
+    steps: list[Mapping[str, Any]] = [step for step in file.history if "ranges" in step]
+    return not steps or steps[-1]["ranges"].get("payload_kg", (0.0, 0.0))[1] > 0.0
