@@ -11,14 +11,16 @@ import pytest
 from ptt.correct.commands import STATUSES
 from ptt.correct.compensate import NetworkError, compensate
 from ptt.correct.doubt import doubtful
+from ptt.door.predicting import predict
 from ptt.door.tally import Tally
 from ptt.effects.registry import library, make_effect
-from ptt.fitting.kept import kept_covariance
+from ptt.fitting.kept import _digest, kept_covariance, why_not_kept
+from ptt.fitting.packed import pack
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.judge.ladder.ladder import Ladder
-from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
-from ptt.machine_schema import TrackerSpec
+from ptt.machine import MachineFile, format_machine, load_machine, parse_machine, save_machine
+from ptt.machine_schema import CovarianceSpec, EffectEntry, MaskedSpec, ParameterEntry, TrackerSpec
 from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
@@ -160,7 +162,8 @@ def test_what_is_kept_reads_back_and_belongs_to_its_values(tmp_path):
     first, *others = model.file.effect
     edited = {"offset_mm": first.parameters["offset_mm"].model_copy(update={"value": 0.4})}
     other = read_model(replace(model.file, effect=(first.model_copy(update={"parameters": edited}), *others)))
-    assert kept_covariance(other) is None
+    assert kept_covariance(other) is None and "belongs to other values" in why_not_kept(other)
+    assert why_not_kept(model) == why_not_kept(read_model(replace(other.file, covariance=None))) == ""
     commands = compensate(other, make_table(place))
     assert np.isnan(commands.sigma).all() and (commands.status == "ok").all()
 
@@ -233,3 +236,19 @@ def test_why_commands_are_uncertain_is_said_as_far_as_it_is_known(unsure, missed
     first = {name: (2,) if count else () for name, count in status.items()}
     tally = Tally(10, status, first, 10, 0.0, 0.1, 0.01, missed, 0.0, "nobody")
     assert why in tally.warnings("t.csv", network=False)[0]
+
+
+@pytest.mark.parametrize("part", [{"root": "eNpj"}, {"of": ("homing-offset offset_mm 1",)}])
+def test_a_damaged_covariance_is_said(part, tmp_path):
+    effect = EffectEntry(name="homing-offset", parameters={"offset_mm": ParameterEntry(value=0.2)})
+    model, names = read_model(replace(FILE, effect=(effect,))), tuple(f"homing-offset offset_mm {i}" for i in (1, 2, 3))
+    spec = CovarianceSpec(of=names, root=pack(np.eye(3)), values=_digest(model))
+    model = replace(model, file=replace(model.file, covariance=spec))
+    assert why_not_kept(model) == ""
+    damaged = replace(model, file=replace(model.file, covariance=spec.model_copy(update=part)))
+    assert "[covariance] is damaged" in why_not_kept(damaged)
+    lost = spec.model_copy(update={"unnamed": MaskedSpec(of=("link-length",), told="eNpj")})
+    assert "unnamed] cannot be read" in why_not_kept(replace(model, file=replace(model.file, covariance=lost)))
+    save_machine(damaged.file, tmp_path / "m.toml")
+    (line,) = predict(tmp_path / "m.toml", np.zeros((2, 3))).warnings
+    assert line.startswith(f"{tmp_path / 'm.toml'} [covariance] is damaged")

@@ -20,6 +20,7 @@ from ptt.door.tally import Tally, tally
 from ptt.door.words import as_targets
 from ptt.errors import InputError, TableError
 from ptt.files import write_parts
+from ptt.fitting.kept import why_not_kept
 from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
@@ -180,7 +181,8 @@ def warnings_of(machine: Model, table: Table, counted: Tally) -> tuple[str, ...]
     """
     network = machine.compensator.network is not None
     bare = [] if machine.physics.terms or network else [BARE]
-    return (*bare, *missing_context(machine.physics, table), *counted.warnings(table.source, network=network))
+    unsure = [line] if (line := why_not_kept(machine.physics)) else []
+    return (*bare, *unsure, *missing_context(machine.physics, table), *counted.warnings(table.source, network=network))
 
 
 def _invert(machine: Model, table: Table, reversal: Reversal | None, limit_mm: float, progress: Progress) -> Commands:

@@ -109,10 +109,35 @@ def kept_covariance(model: Model) -> Kept | None:
     if spec is None or spec.values != _digest(model):
         return None
     count, flat = len(spec.of), unpack(spec.root)
-    if flat is None or len(flat) != count**2:
+    if flat is None or len(flat) != count**2 or len(set(spec.of)) != count:
         return None
     unnamed = None if spec.unnamed is None else read_unnamed(spec.unnamed, count, model.joints)
     return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm, spec.helped, spec.masked, unnamed)
+
+
+def why_not_kept(model: Model) -> str:
+    """What is wrong with the covariance that a machine file holds beside its effects.
+
+    Args:
+        model: as read.
+
+    Returns:
+        A line with the way out; '' where nothing is wrong, or there is none.
+    """
+    spec = model.file.covariance
+    if spec is None or not model.terms:
+        return ""
+    mend = "`ptt fit` on the run makes it anew"
+    if spec.values != _digest(model):
+        what = "belongs to other values than the effects have: was one edited? Nothing tells how sure the commands are"
+        return f"{model.file.source} [covariance] {what}; {mend}"
+    kept = kept_covariance(model)
+    if kept is None:
+        return f"{model.file.source} [covariance] is damaged: nothing tells how sure the commands are; {mend}"
+    if spec.unnamed is not None and kept.unnamed is None:
+        what = "cannot be read: sigma_um leaves out sizes of the drawing that are not named"
+        return f"{model.file.source} [covariance.unnamed] {what}; {mend}"
+    return ""
 
 
 def _digest(model: Model) -> str:
