@@ -354,6 +354,8 @@ def test_a_mapping_path_that_does_not_exist_is_written(tmp_path: Path) -> None:
     again = read_table(FIXTURES / "spatial_analyzer.txt", targets=FIXTURES / "targets.csv", mapping=saved, ask=never)
     assert_array_equal(again.measured, first.measured)
     assert_array_equal(again.time_s, first.time_s)
+    said = f"{saved}: was not there; written with what was understood of columns and units"
+    assert said in first.understood.lines and said not in again.understood.lines
 
 
 def test_mapping_can_ignore_and_names_what_is_absent(tmp_path: Path) -> None:

@@ -62,9 +62,16 @@ def read_table(
     how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
     tables = [_table_of(each, read_any(each, request), *how) for each in (path, *also)]
     _refuse_twice(tables)
-    if isinstance(mapping, str | Path) and not Path(mapping).exists():
-        save_mapping(tables[0].understood.mapping, mapping)
-    return concat_tables(tables)
+    return concat_tables([_kept(tables[0], mapping), *tables[1:]])
+
+
+def _kept(table: Table, mapping: Mapping | str | Path | None) -> Table:
+    """A table whose understanding was written where a file for it was named that was not there, and says so."""
+    if not isinstance(mapping, str | Path) or Path(mapping).exists():
+        return table
+    save_mapping(table.understood.mapping, mapping)
+    line = f"{mapping}: was not there; written with what was understood of columns and units"
+    return table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
 
 
 def _refuse_twice(tables: Sequence[Table]) -> None:
@@ -148,6 +155,5 @@ def read_targets_in_parts(
     """
     answers, digest = _answers(mapping), sha256(path)
     for export, request in read_parts(path, Request("targets", answers, ask)):
-        if isinstance(mapping, str | Path) and not Path(mapping).exists():
-            save_mapping(export.understood.mapping, mapping)
-        yield _table_of(path, export, joints, joint_prefix, None, set_values or {}, request, False, False, digest)
+        table = _table_of(path, export, joints, joint_prefix, None, set_values or {}, request, False, False, digest)
+        yield _kept(table, mapping)
