@@ -11,6 +11,7 @@ LEAST_APART = 1.0  # deg between sliders; nearer, the links are coplanar everywh
 Lead = Annotated[float, Field(ge=0.01, le=1e4)]  # mm a turn: no nut takes a finer thread
 Period = Annotated[float, Field(ge=1e-5, le=1e4)]  # rad: finer than any gear
 Sigma = Annotated[float, Field(ge=1e-9)]  # mm; a hundredth of an atom: less is no scatter, and its square vanishes
+Celsius = Annotated[float, Field(ge=-100.0, le=100.0)]  # no machine is warmer or colder; 293 is kelvin
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -36,7 +37,7 @@ class ThreePttSpec(Frozen):
     joint_height_mm: float = 0.0
     slider_lean_deg: Triple = (0.0, 0.0, 0.0)
     moves: Literal["sliders", "straight", "smooth"] = "sliders"
-    reference_temp_c: float = 20.0
+    reference_temp_c: Celsius = 20.0
     reflector_mm: Triple = (0.0, 0.0, 0.0)
     platform_mass_kg: NonNegativeFloat = 0.0
 
@@ -115,7 +116,7 @@ class SerialSpec(Frozen):
     tool_mm: Triple = (0.0, 0.0, 0.0)
     joint: tuple[JointSpec, ...] = Field(min_length=1)
     moves: Literal["sliders", "straight", "smooth"] = "sliders"
-    reference_temp_c: float = 20.0
+    reference_temp_c: Celsius = 20.0
     gear_period_rad: Period | None = None
     gravity: Triple = (0.0, 0.0, -1.0)
 

@@ -1,5 +1,6 @@
 """machine.toml <-> typed objects: one schema for a bare machine and for a fitted model."""
 
+import json
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,18 +94,22 @@ def parse_machine(text: str, where: str = "machine.toml") -> MachineFile:
         MachineError: not TOML, a key that is unknown or missing, a value out of bounds.
     """
     raw = parse_toml(text, where, MachineError, "is this a machine file?")
+    past = raw.get("history", [])
+    steps = [{} if isinstance(row, dict) else row for row in past] if isinstance(past, list) else past
     try:
-        document = Document.model_validate(raw)
+        # As JSON: a list may stand for a tuple there, but a text or `true` never for a number.
+        plain = json.dumps(raw | {"history": steps}, default=lambda value: {type(value).__name__: str(value)})
+        document = Document.model_validate_json(plain, strict=True)
     except pydantic.ValidationError as error:
         raise explain(error, where) from None
-    for number, row in enumerate(document.history, 1):
+    for number, row in enumerate(past, 1):
         if row.keys() & {"kind", "added"}:  # else it is a person's own
             try:
                 HistoryStep.model_validate(row)
             except pydantic.ValidationError as error:
                 raise explain(error, f"{where} history entry {number}") from None
     return MachineFile(
-        document.machine, document.controller, document.tracker, document.effect, document.history, document.targets,
+        document.machine, document.controller, document.tracker, document.effect, tuple(past), document.targets,
         document.covariance, text, where,
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ import difflib
 from typing import Any, Literal
 
 import pydantic
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat
 
 from ptt.drawing import Frozen, JointSpec, MachineSpec, SerialSpec, Sigma, ThreePttSpec, Triple
 from ptt.errors import MachineError, shown
@@ -95,7 +95,7 @@ class ParameterEntry(Frozen):
     """A fitted parameter: value and standard deviation, a number or one per leg, joint or knot."""
 
     value: float | tuple[float, ...]
-    std: float | tuple[float | None, ...] | None = None
+    std: NonNegativeFloat | tuple[NonNegativeFloat | None, ...] | None = None
     measured: bool | tuple[bool, ...] | None = None
     fixed: bool = False
 
@@ -121,11 +121,18 @@ class Document(Frozen):
     covariance: CovarianceSpec | None = None
 
 
+FORMS = ("three-ptt", "serial", "float", "constrained-float")  # what pydantic puts among the keys
+FIXES = {"reference_temp_c": "give it in degrees C, such as 20", "std": "give a standard deviation, zero or more"}
+
+
 def explain(error: pydantic.ValidationError, where: str) -> MachineError:
     """Turn the first of pydantic's findings into one line."""
     # A misspelt key is also a missing one; the misspelling is what the user can see.
     first = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
-    path = [_counted(part) for part in first["loc"] if part not in ("three-ptt", "serial")]
+    # Of the forms that a value may have, the one that it comes closest to: its error lies deepest.
+    alike = [item for item in error.errors() if _path(item["loc"])[: len(_path(first["loc"]))] == _path(first["loc"])]
+    first = max(alike, key=lambda item: len(_path(item["loc"])))
+    path = _path(first["loc"])
     place = f"{where} key {'.'.join(path).replace('.[', '[')}" if path else where
     if first["type"] == "extra_forbidden":
         return MachineError(f"unknown key '{shown(path[-1])}'", where=where, fix=_instead_of(path))
@@ -142,7 +149,15 @@ def explain(error: pydantic.ValidationError, where: str) -> MachineError:
         )
     message = first["msg"].removeprefix("Value error, ")
     found = "" if isinstance(first["input"], dict) else f" (found {shown(repr(first['input']))})"
-    return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place)
+    number = "write it as a plain number" if first["type"] in ("float_type", "int_type") else ""
+    fix = next((FIXES[part] for part in reversed(path) if part in FIXES), number)
+    return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place, fix=fix)
+
+
+def _path(loc: tuple[int | str, ...]) -> list[str]:
+    """Keys on the way to a finding, without the forms that a value may have."""
+    kept = [part for part in loc if part not in FORMS and not str(part).startswith("tuple[")]
+    return [_counted(part) for part in kept]
 
 
 def _counted(part: int | str) -> str:

@@ -23,6 +23,7 @@ from ptt.commands.main import run
 from ptt.commands.outputs import kind_of
 from ptt.correct.training.notes import check_notes
 from ptt.documents import parse_toml
+from ptt.door.run import read
 from ptt.effects.registry import library
 from ptt.errors import HostError, InputError, MachineError, TableError, WorkspaceError
 from ptt.files import temporary, write_text
@@ -528,6 +529,37 @@ def test_sliders_at_one_azimuth_are_refused_by_the_key(azimuth):
     with pytest.raises(MachineError, match=r"machine\.toml key machine\.slider_azimuth_deg: .*azimuth"):
         parse_machine(f"{BARE}slider_azimuth_deg = {azimuth}\n")
     assert parse_machine(f"{BARE}slider_azimuth_deg = [-120, 0, 120]\n").machine.kind == "three-ptt"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("slider_azimuth_deg = [true, 120, 240]", r"machine\.slider_azimuth_deg\[1\]: .*\(found True\); write it as a"),
+        ('joint_height_mm = "3"', r"machine\.joint_height_mm: .*\(found '3'\); write it as a plain number"),
+        ("reference_temp_c = 293", r"machine\.reference_temp_c: .*\(found 293.*\); give it in degrees C, such as 20"),
+        ('[[effect]]\nname = "backlash"\n[effect.parameters]\ngap_mm = {value = [1, 1, 1], std = [0.1, -0.1, 0.1]}',
+         r"effect\[1\]\.parameters\.gap_mm\.std\[2\]: .*\(found -0\.1\); give a standard deviation, zero or more"),
+    ],
+)  # fmt: skip
+def test_what_is_no_number_of_its_key_is_refused_by_it(text, said):
+    with pytest.raises(MachineError, match=rf"machine\.toml key {said}"):
+        parse_machine(f"{BARE}{text}\n")
+
+
+def test_what_a_controller_cannot_compensate_is_named():
+    file = parse_machine(f'{BARE}[controller]\ncompensates = ["backlash", "backlsh"]\n')
+    with pytest.raises(InputError, match=r"key controller\.compensates: effect 'backlsh' .* did you mean 'backlash'"):
+        read_model(file)
+
+
+def test_a_travel_that_holds_no_command_is_said(place):
+    drawing = put(place, BARE.replace("[150, 420]", "[[1500, 4200], [150, 420], [150, 420]]"), "far.toml")
+    run_with = put(place, "b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas\n290,300,310,1,2,3\n300,310,320,1,2,3\n", "b.csv")
+    (line,) = [each for each in read(run_with, drawing).notes if "lies within its travel" in each]
+    assert line.startswith(
+        "no command of slider 1 lies within its travel (1500 to 4200 mm; the commands are 290 to 300)"
+    )
+    assert not [each for each in read(run_with, place / "machine.toml").notes if "lies within its travel" in each]
 
 
 def test_a_run_without_end_is_refused_by_its_key(place, monkeypatch, capsys):

@@ -108,6 +108,24 @@ def require_commands(file: MachineFile, table: Table) -> None:
     require_assembled(build_mechanism(file.machine), torch.tensor(table.command[rows]), table.source, lines=lines)
 
 
+def beyond_travel(file: MachineFile, table: Table) -> list[str]:
+    """A line for each slider whose travel by the drawing holds not a single command of a run.
+
+    Args:
+        file: the machine.
+        table: the rows.
+    """
+    if file.machine.kind != "three-ptt" or table.command is None or not np.isfinite(table.command).any(axis=0).all():
+        return []
+    least, most = np.nanmin(table.command, axis=0), np.nanmax(table.command, axis=0)
+    return [
+        f"no command of slider {leg} lies within its travel ({low:g} to {high:g} mm; the commands are "
+        f"{least[leg - 1]:g} to {most[leg - 1]:g}), so none could be sent: is slider_travel_mm in {file.source} right?"
+        for leg, (low, high) in enumerate(file.machine.travel_ends, 1)
+        if least[leg - 1] > high or most[leg - 1] < low
+    ]
+
+
 def purpose_of(path: str | Path, reading: Reading) -> str:
     """'run' where a file holds readings or is paired with targets, else 'targets'."""
     from ptt.run.readers import Mapping as Answers

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ptt.door.handed import Handed, RowsLike, answers_of, called_in, file_of, pairs, path_of, positions, titles, worded
 from ptt.door.model import Model, as_model
 from ptt.door.options import Reading
-from ptt.door.reading import read_rows
+from ptt.door.reading import beyond_travel, read_rows
 from ptt.door.result import Note, unheard
 from ptt.run.blanks import fill_between, fill_blanks
 from ptt.run.display import between_steps
@@ -126,10 +126,11 @@ def read_path(path: str | Path, model: Model, reading: Reading, *, ask: Ask | No
     """
     table, blanks = fill_blanks(read_rows(path, model.file, reading, checked=True, ask=ask, note=note))
     table, steps = between_steps(table)
-    for line in (*blanks, *steps):
+    lines = (*blanks, *steps, *beyond_travel(model.file, table))
+    for line in lines:
         note(line)
     files = (Path(path), *map(Path, reading.also or ()))
-    return Run(table, files, reading, (*table.understood.lines, *blanks, *steps))
+    return Run(table, files, reading, (*table.understood.lines, *lines))
 
 
 def read_targets(

@@ -27,9 +27,11 @@ def read_model(file: MachineFile, known: Library | None = None) -> Model:
         The model.
 
     Raises:
-        ModelError: an unknown effect, the same twice, an unknown parameter or one of the wrong size.
+        ModelError: an unknown effect, also of the controller, the same twice, an unknown parameter or one of the wrong
+            size.
     """
     known = library() if known is None else known
+    _require_known(file, known)
     model = Model(file)
     for entry in file.effect:
         try:
@@ -37,6 +39,16 @@ def read_model(file: MachineFile, known: Library | None = None) -> Model:
         except ModelError as error:
             raise ModelError(error.what, where=f"{file.source} [[effect]] {shown(entry.name)}", fix=error.fix) from None
     return model
+
+
+def _require_known(file: MachineFile, known: Library) -> None:
+    """Refuse what a controller is said to compensate and no effect is called."""
+    for name in file.controller.compensates:
+        try:
+            make_effect(known, name)
+        except ModelError as error:
+            where = f"{file.source} key controller.compensates"
+            raise ModelError(error.what, where=where, fix=error.fix) from None
 
 
 def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
