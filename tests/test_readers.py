@@ -521,3 +521,12 @@ def test_a_run_that_a_scale_was_read_beside_is_a_run(tmp_path: Path) -> None:
     beside = [f"{lines[0]},scale_mm,motor_mm", *(f"{line},1.0,1.0" for line in lines[1:])]
     (tmp_path / "run.csv").write_text("\n".join(beside), encoding="utf-8")
     assert read_table(tmp_path / "run.csv").rows == len(lines) - 1
+
+
+def test_rows_of_base_reflectors_alone_are_refused(tmp_path: Path) -> None:
+    text = "role,x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas\nbase,1,2,3,1,2,3\nbase,4,5,6,4,5,6\n"
+    (tmp_path / "base.csv").write_text(text)
+    with pytest.raises(TableError, match=r"base\.csv: all 2 rows are of base reflectors .*; write pose or nothing in"):
+        read_table(tmp_path / "base.csv")
+    (tmp_path / "run.csv").write_text(text.replace("base,4", "pose,4"))
+    assert read_table(tmp_path / "run.csv", also=[tmp_path / "base.csv"]).rows == 4

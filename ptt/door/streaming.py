@@ -29,7 +29,7 @@ from ptt.run.blanks import has_blanks
 from ptt.run.cores import map_cores
 from ptt.run.readers import Ask
 from ptt.run.readers.parts import NotInParts
-from ptt.run.reading import read_targets_in_parts
+from ptt.run.reading import read_targets_in_parts, require_pose
 from ptt.run.spool import Spool
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
@@ -117,6 +117,7 @@ def predict_file(
         for line in spool.understood():
             note(line)
         sample = spool.sample(CHUNK, STRETCH)
+        require_pose(sample)
         if sample.rows < spool.rows:
             note(f"set-up: looked at on {sample.rows} of {spool.rows} rows, stretches of {STRETCH}")
         check_rows(model.file, Targets(sample, (path,), reading, spool.understood()), anyway=anyway, note=note)

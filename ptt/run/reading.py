@@ -62,7 +62,24 @@ def read_table(
     how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
     tables = [_table_of(each, read_any(each, request), *how) for each in (path, *also)]
     _refuse_twice(tables)
-    return concat_tables([_kept(tables[0], mapping), *tables[1:]])
+    table = concat_tables([_kept(tables[0], mapping), *tables[1:]])
+    require_pose(table)
+    return table
+
+
+def require_pose(table: Table) -> None:
+    """Refuse rows that are all of base reflectors: none tells of the machine.
+
+    Args:
+        table: of all files that are read together.
+
+    Raises:
+        TableError: there is no other row.
+    """
+    if (table.role == "base").all():
+        what = f"all {table.rows} rows are of base reflectors (role 'base'), and none of the machine"
+        fix = "write pose or nothing in column role where the tool stood"
+        raise TableError(what, where=table.source, fix=fix)
 
 
 def _kept(table: Table, mapping: Mapping | str | Path | None) -> Table:
