@@ -312,6 +312,25 @@ def test_a_file_that_is_no_machine_is_asked_about():
 
 
 @pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("evaluate run.csv run.csv --goal nan", "--goal: cannot read 'nan'; write it as 90,90,80"),
+        ("evaluate run.csv run.csv --goal 90,inf,80", "--goal: cannot read '90,inf,80'"),
+        ("simulate rig.toml t.csv --out o.csv --seed -1", "'--seed'"),
+        ("plan m.toml --out o.csv --seed -3", "'--seed'"),
+        ("program i.ngc --model m.toml --out o.ngc --start nan 0 0", "--start: nan is no finite number"),
+        ("program i.ngc --model m.toml --out o.ngc --offset 1e300 0 0", "--offset: 1e+300 is beyond any machine"),
+        ("program i.ngc --model m.toml --out o.ngc --chord-um inf", "--chord-um: inf is no finite number"),
+        ("challenge new o.csv --rows 1000000000", "'--rows'"),
+    ],
+)
+def test_numbers_that_mean_nothing_are_refused_before_anything_is_written(words, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert said in error_line(invoke(*words.split()))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
     "verb, named", [("iso", ("RUN.csv", "--effects FILE.py")), ("backlash", ("LOG.csv", "--lead MM"))]
 )
 def test_help_names_files_as_the_other_verbs_do(verb, named):

@@ -354,3 +354,10 @@ def test_an_export_names_the_file_of_its_model_while_that_says_the_same(here, tm
     assert by_path == loaded and by_path["model"] == str(path)
     path.write_text(text)
     assert ptt.export(model, "marlin", tmp_path / "m.txt").to_dict()["model"] == "model.toml"
+
+
+def test_numbers_that_mean_nothing_are_refused():
+    with pytest.raises(InputError, match=r"goal: .* are no goals; give finite figures"):
+        ptt.evaluate("a.csv", "b.csv", goal=float("nan"))
+    with pytest.raises(InputError, match="seed: -1 is below zero"):
+        ptt.simulate(DATA / "rigs" / "experiment1.toml", DATA / "targets.csv", seed=-1)

@@ -37,7 +37,7 @@ def new(
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Draw the same one again; else nobody knows.")
     ] = None,
-    rows: Annotated[int, typer.Option("--rows", help="About how many readings.")] = 300,
+    rows: Annotated[int, typer.Option("--rows", max=1_000_000, help="About how many readings.")] = 300,
     machine: Annotated[
         Path | None, typer.Option("--machine", metavar="M.toml", help="Drawing, of an arm too; else the bench.")
     ] = None,

@@ -91,12 +91,14 @@ def evaluate(
 
 def _goals(text: str) -> dict[str, float]:
     """Read `90,90,80`, or one figure for all axes."""
+    from math import isfinite
+
     from ptt.errors import InputError
 
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) not in (1, 3):
+    if len(values) not in (1, 3) or not all(map(isfinite, values)):
         raise InputError(f"cannot read '{text}'", where="--goal", fix="write it as 90,90,80 (percent), or one for all")
     return dict(zip("xyz", values * (3 // len(values)), strict=True))

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ptt.commands.numbers import require_numbers
 from ptt.digests import beside, listed, require_place
 from ptt.errors import InputError
 from ptt.files import put_digest, require_plain
@@ -59,7 +60,7 @@ HEAD = 8192  # bytes of a file that tell its kind
 
 
 def checked(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb that looks where it is to write before it does anything, and writes digests where they are asked for.
+    """A verb that looks at its numbers and where it is to write before all else, and writes digests where asked.
 
     Args:
         verb: a function whose paths are named by typer's annotations; those named in `OUTPUTS` are written.
@@ -73,6 +74,7 @@ def checked(verb: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(verb)
     def first(*args: Any, sha256: bool = False, **values: Any) -> Any:
+        require_numbers(values)
         require_outputs(values, metavars)
         if not sha256:
             return verb(*args, **values)

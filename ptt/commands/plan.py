@@ -38,7 +38,7 @@ def plan(
     box: Annotated[
         str, typer.Option("--box", metavar="X,Y,Z", help="Half the size of a volume to stay inside of, mm: 60,60,50.")
     ] = "",
-    seed: Annotated[int, typer.Option("--seed", help="Of poses and order.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of poses and order.")] = 0,
     candidates: Annotated[
         Path | None,
         typer.Option(

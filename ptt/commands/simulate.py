@@ -16,7 +16,9 @@ def simulate(
         Path | None, typer.Option("--sliders", metavar="SLIDERS.csv", help="Commands to send, from `ptt predict`.")
     ] = None,
     noise: Annotated[bool, typer.Option("--noise/--no-noise", help="With or without everything random.")] = True,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of the noise of this run; the machine stays.")] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="Of the noise of this run; the machine stays.")
+    ] = None,
     truth: Annotated[
         Path | None, typer.Option("--truth", metavar="FILE", help="Where tool and sliders really were.")
     ] = None,

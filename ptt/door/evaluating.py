@@ -1,5 +1,6 @@
 """`ptt.evaluate`: error before and after, measured on two runs or computed on rows that were held out of one."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -195,6 +196,8 @@ def _goals(goal: float | tuple[float, float, float] | None) -> dict[str, float] 
     values = (goal,) * 3 if isinstance(goal, int | float) else tuple(goal)
     if len(values) != 3:
         raise InputError(f"{len(values)} goals", where="goal", fix="give one for each axis, or one for all")
+    if not all(map(math.isfinite, values)):
+        raise InputError(f"{values} are no goals", where="goal", fix="give finite figures, in percent")
     return dict(zip("xyz", map(float, values), strict=True))
 
 

@@ -146,6 +146,8 @@ def simulate_path(
         ask: who answers what the files leave open.
         note: told what was understood.
     """
+    if seed is not None and seed < 0:
+        raise InputError(f"{seed} is below zero", where="seed", fix="give a whole number from 0 on")
     wanted = read_rows(targets, machine.machine, reading, "targets", ask=ask, note=note)
     notes = []
     if sliders is None and _holds_commands(wanted, machine.sent):

@@ -1,0 +1,30 @@
+"""Numbers on a command line: finite, and such as a machine can mean. One place for all verbs."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ptt.documents import GREATEST
+from ptt.errors import InputError
+
+
+def require_numbers(values: Mapping[str, Any]) -> None:
+    """Refuse numbers that nothing can be worked out with.
+
+    Args:
+        values: name of a verb's argument -> value.
+
+    Raises:
+        InputError: one is not finite, or beyond any machine.
+    """
+    for name, value in values.items():
+        for each in value if isinstance(value, tuple) else (value,):
+            if isinstance(each, float):
+                _require(each, f"--{name.replace('_', '-')}")
+
+
+def _require(value: float, option: str) -> None:
+    if not math.isfinite(value):
+        raise InputError(f"{value} is no finite number", where=option, fix="give a number")
+    if abs(value) > GREATEST:
+        raise InputError(f"{value:g} is beyond any machine", where=option, fix="correct it")
