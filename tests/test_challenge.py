@@ -342,6 +342,16 @@ def test_the_true_model_scores_full_and_puts_the_tool_where_it_should_be(protoco
         assert not missing["right"] and missing["tool_error_um"]["after"]["total"] > 2.0 * error["after"]["total"]
 
 
+def test_a_model_of_the_right_name_and_the_wrong_sign_is_not_right() -> None:
+    drawn = drawn_with("backlash", seed=2, rows=40)
+    truth, model = find_truth(drawn, KNOWN), fitted(drawn, "backlash")
+    term = model.terms[0]
+    turned = replace(model, terms=(replace(term, theta=-term.theta),))
+    good, bad = (score(each, truth).to_dict() for each in (model, turned))
+    assert good["right"] and not good["worse"]
+    assert not bad["right"] and bad["worse"]
+
+
 def test_places_that_a_run_only_passes_are_not_measured_again() -> None:
     drawn, _ = draw(plan("multi", 1, 1010056)[0])  # every pose is approached from below, from a place without a reading
     frame = simulate(drawn.rig, drawn.targets, noise=False).frame

@@ -239,8 +239,36 @@ def test_reach_of_a_machine_stays_within_the_travel(sound: tuple[MachineFile, Ta
     assert said.reach_mm[2] == pytest.approx(420.0 - drop, abs=3.0)
 
 
+def directions(table: Table, sign: float) -> Table:
+    """The run with the direction of each move stated, or the opposite of it; unknown in its first row."""
+    assert table.command is not None
+    moved = np.diff(table.command, axis=0, prepend=np.nan)
+    return table.replace(direction=np.where(np.abs(moved) > 1e-6, sign * np.sign(moved), np.nan))
+
+
+def test_directions_opposite_to_the_moves_are_named_and_turned_round(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    found = check_setup(file, directions(table, -1.0))
+    assert [item.mistake for item in found.sure] == ["direction-sign"] and "dir1, dir2, dir3" in found.sure[0].fix
+    assert found.table is not None
+    np.testing.assert_array_equal(found.table.direction, directions(table, 1.0).direction)
+    one = directions(table, 1.0)
+    assert one.direction is not None
+    found = check_setup(file, one.replace(direction=one.direction * [1.0, -1.0, 1.0]))
+    assert "write dir2 with" in found.sure[0].fix
+
+
+def test_directions_of_joints_that_overtravel_are_not_accused(sound: tuple[MachineFile, Table]) -> None:
+    """Stated as the moves go, from one side always, or opposite where the play of the readings says the same."""
+    file, table = sound
+    always = table.replace(direction=np.ones((table.rows, 3)))
+    beyond = directions(table, -1.0).replace(measured=2.0 * table.target - table.measured)
+    for run in (directions(table, 1.0), always, beyond):
+        assert check_setup(file, run).findings == ()
+
+
 def test_names_are_those_of_the_contract() -> None:
-    assert len(MISTAKES) == 20
+    assert len(MISTAKES) == 21
     used = {name for case in CASES for name in case.names}
     assert used <= set(MISTAKES)
 

@@ -58,10 +58,18 @@ class Score:
     left_um: float
     tool: ToolError
 
+    @property
+    def worse(self) -> bool:
+        """Whether the model's commands put the tool farther off than the controller's own, by more than the noise."""
+        error = self.tool.to_dict()
+        before, after = error["before"], error["after"]
+        return before is not None and after is not None and after["total"] > before["total"] + MICRO * self.noise.total
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "right": self.judgement.right,
+            "right": self.judgement.right and not self.worse,
+            "worse": self.worse,
             "hidden": [self._hidden(fault) for fault in self.faults],
             "named": [
                 {"effect": key, "is": word, "parameters": self._parameters(key)}

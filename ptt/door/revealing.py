@@ -62,6 +62,8 @@ def _text(data: dict[str, Any]) -> str:
     lines += [f"  {item['effect']}: {_WORDS[item['is']]}" for item in data["named"] if item["is"] != "right"]
     lines.append(f"the model's effects leave {data['left_um']:.1f} um of the run without noise")
     lines += _tool(data["tool_error_um"], noise)
+    if data["worse"]:
+        lines.append("the model's commands make the machine worse: look for a wrong sign in what it was fitted to")
     lines.append("RIGHT" if data["right"] else "NOT RIGHT")
     return "\n".join(lines)
 

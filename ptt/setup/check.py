@@ -12,6 +12,7 @@ from ptt.setup.arm import find_arm
 from ptt.setup.candidates import read_off
 from ptt.setup.clock import find_speed
 from ptt.setup.context import find_units
+from ptt.setup.direction import find_directions
 from ptt.setup.geometry import differ, explains_more, find_geometry, is_off, is_steep, unexplained
 from ptt.setup.judged import undo_all
 from ptt.setup.noise import find_noise
@@ -94,7 +95,7 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
         steps += [find_reach] if units_said else [find_speck, find_reach]
     else:
         steps += [find_arm]
-    steps += [find_speed, find_noise]
+    steps += [find_directions, find_speed, find_noise]
     seen: set[tuple[object, Setup]] = set()
     for step in steps:
         if (step, setup) in seen:
