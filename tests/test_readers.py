@@ -402,7 +402,7 @@ def test_pairing_by_repeated_names(tmp_path: Path) -> None:
     targets = "name,x_cmd,y_cmd,z_cmd\nA,1,0,0\nB,2,0,0\nA,1,0,0\nB,2,0,0\n"
     x, measured, _ = pair(tmp_path, "name,x,y,z\nA,1.1,0,0\nA,1.2,0,0\nB,2.1,0,0\n", targets)
     assert x == [1, 2, 1, 2]
-    assert_array_equal(measured, [1.1, 2.1, 1.2, np.nan])
+    assert_array_equal(measured, [1.1, np.nan, 1.2, 2.1])  # in order: the first B was missed
     single = "name,x_cmd,y_cmd,z_cmd\nA,1,0,0\nB,2,0,0\nC,3,0,0\n"
     x, measured, text = pair(tmp_path, "name,x,y,z\nB,2.1,0,0\nA,1.1,0,0\nB,2.2,0,0\nX,9,9,9\n", single)
     assert x == [2, 1, 2]
@@ -410,6 +410,31 @@ def test_pairing_by_repeated_names(tmp_path: Path) -> None:
     assert "in the order of the readings" in text
     assert "1 targets without reading: row 4 C" in text
     assert "1 readings without target, left out: row 5 X" in text
+
+
+THERE_AND_BACK = ["A", "B", "C", "B", "A", "B", "D", "B", "A"]
+
+
+@pytest.mark.parametrize("row", range(9))
+@pytest.mark.parametrize("change", ["missed", "twice"])
+def test_one_reading_missed_or_taken_twice_shifts_no_other(tmp_path: Path, row: int, change: str) -> None:
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{10 * i},0,0\n" for i, name in enumerate(THERE_AND_BACK))
+    read = [f"{name},{10 * i + 0.1},0,0\n" for i, name in enumerate(THERE_AND_BACK)]
+    read[row : row + 1] = [] if change == "missed" else 2 * read[row : row + 1]
+    x, measured, text = pair(tmp_path, "name,x,y,z\n" + "".join(read), targets)
+    assert len(x) == (9 if change == "missed" else 10)
+    assert np.isnan(measured).sum() == (change == "missed")
+    assert_allclose(np.array(measured)[np.isfinite(measured)], np.array(x)[np.isfinite(measured)] + 0.1)
+    assert "in the order of the targets" in text
+
+
+def test_a_list_run_twice_and_readings_of_names_that_tell_nothing(tmp_path: Path) -> None:
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(THERE_AND_BACK))
+    twice = "name,x,y,z\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(2 * THERE_AND_BACK))
+    assert pair(tmp_path, twice, targets)[0] == 2 * list(range(9))
+    alike = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"pose,{i},0,0\n" for i in range(9))
+    with pytest.raises(TableError, match=r"row 2: 'pose' was read 8 times and is listed 9 times"):
+        pair(tmp_path, "name,x,y,z\n" + "".join(f"pose,{i},0,0\n" for i in range(8)), alike)
 
 
 def test_pairing_in_order(tmp_path: Path) -> None:

@@ -5,20 +5,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.errors import TableError
+from ptt.errors import TableError, shown
+from ptt.run.readers.alignment import align_names
 from ptt.run.readers.export import Export, Request
 from ptt.run.readers.mapping import Understood, answer
 
 NAME, NUMBER, ORDER = "name", "number", "order"
 _SHOWN = 8
+_MOST_OPEN = 0.1  # of the readings: where more may be left out, the files are not of one order
+_LOAD = ("payload_kg", "feed_mm_s")
 
 
 def pair_targets(export: Export, targets: Export, request: Request) -> Export:
     """Give every reading its target: by name, by number where the ids count the targets, else in order.
 
     The result has the rows of the targets in their order, which is the travel order; a target without reading keeps its
-    place with empty readings. Where a target was measured more often than it is listed, the rows are the readings in
-    their order instead.
+    place with empty readings, and one that was read twice has two rows. Where targets were measured more often than
+    they are listed, and in another order, the rows are the readings in theirs instead.
 
     Args:
         export: readings.
@@ -94,18 +97,51 @@ def _counts_targets(names: np.ndarray, n: int) -> bool:
 
 
 def _by_name(export: Export, targets: Export) -> tuple[np.ndarray, np.ndarray, str]:
-    """k-th reading of a name to the k-th target of that name; a target listed once serves all readings of its name."""
+    """Readings to targets of their name: to the only one, k-th to k-th, or where a reading is missing, in order."""
     wanted = targets.columns["name"].tolist()
     names = _comparable(export.columns["name"].tolist(), wanted)
+    target_of = _targets_of(names, wanted, export, targets)
+    paired = target_of[target_of >= 0]
+    rows = np.flatnonzero(target_of >= 0)
+    if len(set(paired.tolist())) < len(paired) and (np.diff(paired) < 0).any():
+        return rows, paired, "paired by name, in the order of the readings"
+    missed = np.setdiff1d(np.arange(targets.n), paired)
+    order = np.concatenate([paired, missed])
+    reading_of = np.concatenate([rows, np.full(len(missed), -1)])
+    by_target = np.argsort(order, kind="stable")
+    return reading_of[by_target], order[by_target], "paired by name, in the order of the targets"
+
+
+def _targets_of(names: list[str], wanted: list[str], export: Export, targets: Export) -> np.ndarray:
+    """Index of the target of each reading, (n,), -1 where there is none or it is not certain."""
     count, listed = Counter(names), Counter(wanted)
-    if any(count[name] > listed[name] > 0 for name in count if name):
-        target_of = {name: index for index, name in reversed(list(enumerate(wanted))) if name}
-        pairs = [(target_of[name], index) for index, name in enumerate(names) if name in target_of]
-        order, reading_of = (np.array(side, dtype=np.int64) for side in zip(*pairs, strict=True))
-        return reading_of, order, "paired by name, in the order of the readings"
-    places = {key: index for index, key in enumerate(_numbered(names)) if key[0]}
-    reading_of = np.array([places.get(key, -1) for key in _numbered(wanted)], dtype=np.int64)
-    return reading_of, np.arange(targets.n), "paired by name, in the order of the targets"
+    index_of = {key: index for index, key in enumerate(_numbered(wanted)) if key[0]}
+    target_of = np.array(
+        [index_of.get((name, 0 if listed[name] == 1 else k), -1) for name, k in _numbered(names)], dtype=np.int64
+    )
+    uneven = np.array([bool(name) and listed[name] > 1 and count[name] != listed[name] for name in names])
+    if not uneven.any():
+        return target_of
+    code = {name: number for number, name in enumerate(dict.fromkeys(wanted)) if name}
+    own, theirs = (np.array([code.get(name, none) for name in each]) for each, none in ((names, -1), (wanted, -2)))
+    aligned, open_ = align_names(own, theirs, _places(targets), export.source)
+    unsure = np.flatnonzero(uneven & (open_ | (aligned < 0)))
+    if len(unsure) > _MOST_OPEN * len(names):
+        name = names[unsure[0]]
+        raise TableError(
+            f"'{shown(name)}' was read {count[name]} times and is listed {listed[name]} times; which reading belongs "
+            "to which is not certain",
+            where=f"{export.source} row {export.line[unsure[0]]}",
+            fix="give the readings in the order of the targets, and a row with the name alone where one is missing",
+        )
+    return np.where(uneven, aligned, target_of)
+
+
+def _places(targets: Export) -> np.ndarray:
+    """Number of the stretch of targets of one name, place and load that each is in, (m,) int."""
+    columns = [values for title, values in targets.columns.items() if title.endswith("_cmd") or title in _LOAD]
+    keys = np.column_stack([np.unique(targets.columns["name"], return_inverse=True)[1], *columns])
+    return np.cumsum(np.append(True, (np.diff(np.nan_to_num(keys), axis=0) != 0.0).any(axis=1))) - 1
 
 
 def _numbered(names: list[str]) -> list[tuple[str, int]]:

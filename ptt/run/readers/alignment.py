@@ -1,0 +1,66 @@
+"""Readings of targets that are listed more than once under one name: which belongs to which, by the order of both."""
+
+import numpy as np
+
+from ptt.errors import TableError
+
+MOST_CELLS = 50_000_000  # readings times targets: 100 MB
+CYCLES = 1.5  # readings a target beyond which the list was run more than once
+
+
+def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
+    """The target of each reading, where all ways to keep both in order and pair the most of them agree on it.
+
+    A reading that was missed, or taken twice, shifts none of those behind it.
+
+    Args:
+        names: (n,) int, name of each reading in their order, -1 for one that is not listed.
+        wanted: (m,) int, name of each target in their order.
+        place: (m,) int, equal for targets side by side that are one place: which of them is meant makes no difference.
+        where: file, for messages.
+
+    Returns:
+        (n,) int, -1 where there is no target; and whether it is open which one it is, (n,) bool.
+
+    Raises:
+        TableError: too many to compare.
+    """
+    cycles = max(1, round(len(names) / len(wanted))) if len(names) > CYCLES * len(wanted) else 1
+    if len(names) * len(wanted) * cycles > MOST_CELLS:
+        raise TableError(
+            f"{len(names)} readings of {len(wanted)} targets, some names not as often as listed",
+            where=where,
+            fix="give each target a name of its own, or the export in parts",
+        )
+    cycle = np.arange(cycles)[:, None]
+    first, last = _ends(names, np.tile(wanted, cycles))
+    place = (place + cycle * (place.max() + 1)).ravel()
+    found = first <= last
+    open_ = found & (place[first % len(place)] != place[last])
+    target, before = np.full(len(names), -1), -1
+    for row in np.flatnonzero(found & ~open_):
+        beside = before >= 0 and place[before] == place[first[row]]
+        before = max(first[row], min(last[row], before + 1)) if beside else first[row]
+        target[row] = before
+    return np.where(target < 0, -1, target % len(wanted)), open_
+
+
+def _ends(names: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last target of each reading, (n,) int, over all longest common subsequences; last before first if none.
+
+    Source: Hirschberg, Comm. ACM 18 (1975) 341: a pair is in one where what fits before and behind it adds up.
+    """
+    behind = np.zeros((len(names) + 1, len(wanted) + 1), dtype=np.int16 if len(wanted) < 2**15 else np.int32)
+    for row in range(len(names) - 1, -1, -1):
+        same = wanted == names[row]
+        best = np.maximum(behind[row + 1, :-1], behind[row + 1, 1:] + same)
+        behind[row, :-1] = np.maximum.accumulate(best[::-1])[::-1]
+    before, most = np.zeros(len(wanted) + 1, dtype=behind.dtype), behind[0, 0]
+    first, last = np.full(len(names), len(wanted)), np.full(len(names), -1)
+    for row in range(len(names)):
+        same = wanted == names[row]
+        may = np.flatnonzero(same & (before[:-1] + 1 + behind[row + 1, 1:] == most))
+        if len(may):
+            first[row], last[row] = may[0], may[-1]
+        before[1:] = np.maximum.accumulate(np.maximum(before[1:], before[:-1] + same))
+    return first, last
