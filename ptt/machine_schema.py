@@ -1,6 +1,8 @@
 """What stands in a machine.toml, key by key: the drawing aside, which is `ptt.drawing`'s."""
 
 import difflib
+import math
+from itertools import combinations
 from typing import Any, Literal
 
 import pydantic
@@ -8,6 +10,8 @@ from pydantic import Field, NonNegativeFloat
 
 from ptt.drawing import Frozen, JointSpec, MachineSpec, SerialSpec, Sigma, ThreePttSpec, Triple
 from ptt.errors import MachineError, shown
+
+SAME_PLACE = 0.1  # mm: no two reflectors are as close
 
 
 class ControllerSpec(Frozen):
@@ -36,6 +40,14 @@ class TrackerSpec(Frozen):
     def _check_base(self) -> "TrackerSpec":
         if self.frame == "measured" and len(self.base_point) < 3:
             raise ValueError('frame = "measured" needs at least three [[tracker.base_point]] entries')
+        for one, other in combinations(self.base_point if self.frame == "measured" else (), 2):
+            if one.name == other.name:
+                raise ValueError(f"two [[tracker.base_point]] are named '{shown(one.name)}'; give each its own name")
+            if math.dist(one.xyz_mm, other.xyz_mm) < SAME_PLACE:
+                raise ValueError(
+                    f"[[tracker.base_point]] '{shown(one.name)}' and '{shown(other.name)}' are at one place; "
+                    "write where each of them is"
+                )
         return self
 
 

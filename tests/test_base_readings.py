@@ -11,6 +11,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.system import clock_of
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.errors import TableError
 from ptt.fitting.linear import assemble
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb
@@ -18,8 +19,9 @@ from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model
 from ptt.run.base_visits import sound_visits
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import make_table
+from ptt.run.table import Table, make_table
 from ptt.run.taken import set_up_lines
+from ptt.setup import check_setup
 
 PLACES = np.array([[400.0, 0.0, -200.0], [-300.0, 300.0, -200.0], [-300.0, -300.0, 250.0], [0.0, 300.0, 300.0]])
 SIGMA = 0.004
@@ -177,6 +179,45 @@ def test_what_holds_no_frame_is_said() -> None:
     tracker = problem.file.tracker.model_copy(update={"base_point": tuple(points)})
     (line,) = set_up_lines(build_problem(replace(problem.file, tracker=tracker), problem.table))
     assert line.startswith("base reflector base 2 is left out") and "xyz_mm" in line
+
+
+def renamed(problem: Problem, names: Mapping[str, str]) -> Table:
+    return problem.table.replace(name=np.array([names.get(name, name) for name in problem.table.name.tolist()]))
+
+
+def test_reflectors_read_under_each_others_name_hold_no_frame() -> None:
+    problem = measured_run(KNOCK)
+    swapped = renamed(problem, {"base 0": "base 1", "base 1": "base 0"})
+    with pytest.raises(TableError, match="'base 0' and 'base 1' were read under each other's name"):
+        build_problem(problem.file, swapped)
+    (found,) = check_setup(problem.file, swapped).findings
+    assert found.mistake == "base-reflectors" and found.sure
+
+
+def test_reflectors_that_disagree_and_nobody_knows_which_are_named() -> None:
+    problem = measured_run(KNOCK)
+    wrong = problem.table.measured + np.array([4.0, -3.0, 0.0]) * np.isin(problem.table.name, ["base 2"])[:, None]
+    wrong += np.array([0.0, -3.0, 4.0]) * (problem.table.name == "base 3")[:, None]
+    with pytest.raises(TableError, match=r"do not lie to each other .*'base \d' by 2.3 mm, 'base"):
+        build_problem(problem.file, problem.table.replace(measured=wrong))
+
+
+@pytest.mark.parametrize("scale", [0.0, 5e-4])
+@pytest.mark.parametrize("knock", [0.0, 10.0])
+def test_reflectors_beside_a_tracker_that_is_knocked_or_reads_too_long_are_not_accused(scale, knock) -> None:
+    """Half a millimetre and 5 mrad between two rounds."""
+    problem = measured_run(knock * KNOCK, scale)
+    assert problem.base is not None and check_setup(problem.file, problem.table).findings == ()
+
+
+def test_reflectors_drawn_at_one_place_or_under_one_name_are_refused() -> None:
+    points = [{"name": f"base {i}", "xyz_mm": [9.0, 9.0, 9.0 * i]} for i in range(3)]
+    for changes, words in (({"xyz_mm": [9.0, 9.0, 0.05]}, "'base 0' and 'base 1' are at one place"),
+                           ({"name": "base 0"}, "two .* are named 'base 0'")):  # fmt: skip
+        wrong = [points[0], points[1] | changes, points[2]]
+        with pytest.raises(ValueError, match=words):
+            TrackerSpec.model_validate({"frame": "measured", "base_point": wrong})
+        assert TrackerSpec.model_validate({"base_point": wrong}).frame == "fitted"
 
 
 @pytest.mark.parametrize(("off", "kept"), [(0.0, 4), (0.5, 3), (-0.5, 3)])

@@ -1,6 +1,6 @@
 """Where a tracker's frames stand: the first rigid motion of each, from poses or from reflectors fixed to the base."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +9,8 @@ import torch
 
 from ptt.errors import TableError
 from ptt.machine import MachineFile
-from ptt.run.base_visits import sound_visits, visits_apart
+from ptt.run.base_drawn import misplaced
+from ptt.run.base_visits import ENOUGH, sound_visits, visits_apart
 from ptt.run.frames import align
 from ptt.run.noise import DEFAULT_SIGMA
 from ptt.run.same_pose import number_rows
@@ -17,6 +18,10 @@ from ptt.run.table import Table
 from ptt.run.target_frame import LIMIT, RunFrame
 from ptt.run.view import View
 
+BASE_FIX = (
+    "correct the names in the run or xyz_mm under [[tracker.base_point]], leave out the rows of the reflector that was "
+    'moved, or set frame = "fitted" under [tracker]'
+)
 MOST_VISITS = 400  # to reflectors by which a run is told where its tracker stood: more are averaged, side by side
 
 
@@ -147,18 +152,42 @@ def from_base(
         here = (table.role == "base") & (frame == index) & np.isfinite(table.measured).all(axis=1)
         seen = _seen(table, list(drawn), here, index)
         when = {name: np.flatnonzero(here & (table.name == name)) for name in seen}
-        visits = {name: table.measured[when[name]] for name in seen}
-        spots = {name: np.array(drawn[name].xyz_mm) for name in seen}
-        fitting = sound_visits(visits, when, spots, max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in seen)))
-        for name in seen:
-            sound[when[name]] = fitting[name]
-        fit = [name for name in seen if fitting[name].any()]
-        read = [visits[name][fitting[name]] for name in fit]
+        fit, wrong = _fitting(file, table, when)
+        if wrong:
+            raise TableError(wrong, where=table.source, fix=BASE_FIX)
+        for rows in fit.values():
+            sound[rows] = True
+        read = [table.measured[rows] for rows in fit.values()]
         rotations[index], shifts[index] = align(
-            np.array([spots[name] for name in fit]), np.array([np.median(own, axis=0) for own in read])
+            np.array([drawn[name].xyz_mm for name in fit]), np.array([np.median(own, axis=0) for own in read])
         )
         apart[frame == index] = visits_apart(read)
     return rotations, shifts, sound, apart
+
+
+def untrue_base(file: MachineFile, table: Table) -> str:
+    """What is wrong with the base reflectors that one set-up of the tracker reads; '' where nothing is, or few are.
+
+    Args:
+        file: the machine.
+        table: the rows of the set-up.
+    """
+    here = (table.role == "base") & np.isfinite(table.measured).all(axis=1)
+    when = {point.name: np.flatnonzero(here & (table.name == point.name)) for point in file.tracker.base_point}
+    when = {name: rows for name, rows in when.items() if len(rows)}
+    return _fitting(file, table, when)[1] if len(when) >= ENOUGH else ""
+
+
+def _fitting(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
+    """Rows of the sound visits to each reflector that has some, and what is wrong with where they lie."""
+    drawn = {point.name: point for point in file.tracker.base_point}
+    visits = {name: table.measured[rows] for name, rows in when.items()}
+    spots = {name: np.array(drawn[name].xyz_mm) for name in when}
+    sigma = max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in when))
+    fitting = sound_visits(visits, when, spots, sigma)
+    fit = {name: rows[fitting[name]] for name, rows in when.items() if fitting[name].any()}
+    sigma = max(sigma, file.tracker.sigma_mm or 0.0)
+    return fit, misplaced({name: table.measured[rows] for name, rows in fit.items()}, fit, spots, sigma)
 
 
 def base_readings(

@@ -9,6 +9,7 @@ from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import stated_frame
 from ptt.setup.arm import FEWEST as FEWEST_OF_ARM
 from ptt.setup.arm import find_arm
+from ptt.setup.base import find_base
 from ptt.setup.candidates import read_off
 from ptt.setup.clock import find_speed
 from ptt.setup.context import find_units
@@ -105,7 +106,9 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
         findings += found
         if any(item.sure or item.mistake == "target-frame" for item in found):
             setup = after
-    return findings, setup
+    if any(item.sure for item in findings):
+        return findings, setup  # what is wrong with the poses may be so with the base reflectors among them
+    return findings + find_base(setup), setup
 
 
 def find_first(setup: Setup) -> tuple[list[Finding], Setup]:
