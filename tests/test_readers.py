@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from ptt.errors import TableError
 from ptt.run.readers import Mapping, Request, load_mapping, read_any, save_mapping
-from ptt.run.readers.columns import UNITS, canonical, dimension_of, file_title, to_standard
+from ptt.run.readers.columns import UNITS, Meaning, canonical, dimension_of, file_title, to_standard
 from ptt.run.readers.mapping import Ask
 from ptt.run.readers.separators import find_decimal, find_delimiter
 from ptt.run.readers.titles import meaning_of, split_unit
@@ -410,6 +410,30 @@ def test_pairing_by_repeated_names(tmp_path: Path) -> None:
     assert "in the order of the readings" in text
     assert "1 targets without reading: row 4 C" in text
     assert "1 readings without target, left out: row 5 X" in text
+
+
+OWN_TITLES = "name,time_s,payload_kg,temp_c,feed_mm_s,x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
+
+
+def test_a_row_of_units_below_the_programs_own_titles(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = "A,60,2,20,50,1,2,3,1,2,3\nB,120,0,21,50,4,5,6,4,5,6\n"
+    for units in (",s,kg,C,mm/s,mm,mm,mm,mm,mm,mm", "-,[s],(kg),[°C],mm/s,,,,mm,mm,mm"):
+        path.write_text(f"{OWN_TITLES}\n{units}\n{rows}", encoding="utf-8")
+        table = read_table(path)
+        assert table.time_s is not None and table.payload_kg is not None and table.temp_c is not None
+        assert (table.time_s[0], table.payload_kg[0], table.temp_c[0]) == (60.0, 2.0, 20.0)
+        assert f"columns as named: {OWN_TITLES.replace(',', ', ')}" in str(table.understood)
+    path.write_text(f"{OWN_TITLES}\n,s,kg,C,mm/s,m,m,m,m,m,m\n{rows}", encoding="utf-8")
+    assert_array_equal(read_table(path).measured[0], [1000.0, 2000.0, 3000.0])
+    path.write_text(f"{OWN_TITLES}\n,min,kg,C,mm/s,,,,,,\n{rows}", encoding="utf-8")
+    with pytest.raises(TableError, match=r"row 2, column time_s: the row of units says 'min'"):
+        read_table(path)
+
+
+def test_a_unit_that_a_title_says_twice() -> None:
+    assert meaning_of("time_s [s]") == Meaning("time", "s") and meaning_of("temp_c (°C)") == Meaning("temp", "c")
+    assert meaning_of("time_s [min]") is None
 
 
 THERE_AND_BACK = ["A", "B", "C", "B", "A", "B", "D", "B", "A"]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import Meaning
+from ptt.run.readers.columns import Meaning, canonical
 from ptt.run.readers.layout import meanings_by_order, meanings_of_titles
 from ptt.run.readers.separators import cell_counts, split_line
 from ptt.run.readers.text import RawText
@@ -25,13 +25,24 @@ def titles_of(raw: RawText) -> tuple[RawText, tuple[str, ...], list[Meaning | No
     titles, raw = raw.header, _without_trailing_delimiter(raw, len(raw.header))
     cells = split_line(raw.body[0], raw.delimiter)
     if len(cells) == len(titles) and is_unit_row(cells):
-        titles = tuple(
-            f"{title} [{cell.strip('[]()')}]" if cell else title for title, cell in zip(titles, cells, strict=True)
-        )
+        titles = tuple(_with_unit(title, cell, raw) for title, cell in zip(titles, cells, strict=True))
         raw = replace(raw, body=raw.body[1:], line=raw.line[1:])
     if not raw.body:
         raise TableError("only a header, no rows", where=raw.source, fix="export it again with its readings")
     return raw, titles, meanings_of_titles(titles, raw.source)
+
+
+def _with_unit(title: str, cell: str, raw: RawText) -> str:
+    """A title with the unit below it; a title of the program's own, such as time_s, has it already."""
+    if not cell:
+        return title
+    known, unit = canonical(title), UNIT_OF_WORD[normalise(cell).strip("[]() ")]
+    if known and unit == known.unit:
+        return title
+    if known and known.unit is not None and known.quantity != title:
+        where = f"{raw.source} row {raw.line[0]}, column {shown(title)}"
+        raise TableError(f"the row of units says '{shown(cell)}'", where=where, fix="correct the title or the unit")
+    return f"{title} [{cell.strip('[]()')}]"
 
 
 def _refuse_long_titles(raw: RawText) -> None:

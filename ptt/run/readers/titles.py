@@ -117,6 +117,9 @@ def meaning_of(title: str) -> Meaning | None:
     if known:
         return known
     text, unit = split_unit(title)
+    named = canonical(text)
+    if named and unit is not None and unit == named.unit and text != named.quantity:
+        return named  # `time_s [s]`: said twice, and both alike
     text = re.sub(r"[\s_.:\-]+", "", text)
     if text in _DRIVER_JOINTS:
         return Meaning(f"q{_DRIVER_JOINTS.index(text) + 1}_cmd", unit or "rad", "" if unit else DRIVER_NOTE)
