@@ -267,8 +267,43 @@ def test_directions_of_joints_that_overtravel_are_not_accused(sound: tuple[Machi
         assert check_setup(file, run).findings == ()
 
 
+@pytest.mark.parametrize("title", ["temp_c", "payload_kg", "feed_mm_s"])
+@pytest.mark.parametrize("rows", [[9], [9, 41, 42]])
+def test_values_that_cannot_be_are_named_by_their_rows(
+    sound: tuple[MachineFile, Table], title: str, rows: list[int]
+) -> None:
+    file, table = sound
+    values = np.full(table.rows, 20.0)
+    values[rows] = 1e5
+    found = check_setup(file, table.replace(**{title: values}))
+    assert [item.mistake for item in found.sure] == ["stray-value"] == [item.mistake for item in found.findings]
+    lines = ", ".join(str(table.line[row]) for row in rows)
+    assert f"{title} is 100,000" in found.sure[0].words and f"row{'s' * (len(rows) > 1)} {lines}, and 20" in str(found)
+    assert found.table is not None and np.isnan(getattr(found.table, title)[rows]).all()
+
+
+def test_a_column_that_is_hot_or_heavy_throughout_or_grows_so_has_no_stray_values(
+    sound: tuple[MachineFile, Table],
+) -> None:
+    file, table = sound
+    warming = table.replace(temp_c=np.linspace(20.0, 101.0, table.rows))
+    assert "stray-value" not in str(check_setup(file, warming))
+    grams = table.replace(payload_kg=np.where(np.arange(table.rows) % 3 == 0, 2500.0, 0.0))
+    assert [item.mistake for item in check_setup(file, grams).findings] == ["payload-unit"]
+
+
+def test_a_target_far_from_its_own_commands_is_named(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    target = table.target.copy()
+    target[20] = 5000.0, 0.0, 0.0
+    found = check_setup(file, table.replace(target=target))
+    assert [item.mistake for item in found.findings] == ["stray-value"] and found.sure
+    assert f"the target of row {table.line[20]} lies" in found.sure[0].words
+    np.testing.assert_allclose(found.table.target, table.target, atol=1e-3)  # type: ignore[union-attr]
+
+
 def test_names_are_those_of_the_contract() -> None:
-    assert len(MISTAKES) == 22
+    assert len(MISTAKES) == 23
     used = {name for case in CASES for name in case.names}
     assert used <= set(MISTAKES)
 

@@ -25,6 +25,7 @@ from ptt.setup.score import FEWEST
 from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
 from ptt.setup.stations import find_stations
+from ptt.setup.stray import find_far_targets
 
 OWN_FRAME = ("fitted-per-run", "measured")  # each run is a set-up of the tracker, with a frame of its own
 
@@ -93,6 +94,7 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
     steps = [find_units] if ordered else [find_units, find_disorder]
     if isinstance(setup.file.machine, ThreePttSpec):
         steps += [find_travel, find_first, find_slip_besides, find_geometry, find_geometry, find_first, find_shuffled]
+        steps += [find_far_targets]
         steps += [find_reach] if units_said else [find_speck, find_reach]
     else:
         steps += [find_arm]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ptt.setup.columns import Result, known, said, shifted
+from ptt.setup.columns import Result, fastest, known, said, shifted
 from ptt.setup.result import Finding
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, used_rows
@@ -10,7 +10,6 @@ from ptt.setup.setup import Setup, used_rows
 LONGEST_STEP, LONGEST_RUN = 600.0, 2.0 * 86400.0  # s: slower runs are rare, slower still and long ones are in ms
 FEW = 10  # rows: fewer show no rule
 EPOCH_MS = 1e11  # s since 1970 are 1.8e9
-FASTEST = {"three-ptt": 2000.0, "serial": 15000.0}  # mm/s: ball screws, arms
 
 
 def find_speed(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -96,7 +95,7 @@ def _paced(pace: np.ndarray) -> bool:
 def find_feed(setup: Setup) -> Result | None:
     """A feed that no such machine reaches."""
     values = known(setup.table.feed_mm_s)
-    limit = FASTEST[setup.file.machine.kind]
+    limit = fastest(setup.file.machine)
     if not len(values) or float(np.median(values)) <= limit:
         return None
     usual = float(np.median(values))

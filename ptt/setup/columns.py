@@ -1,12 +1,30 @@
-"""What the checks of single columns share: a finding of one column, and what undoes it."""
+"""What the checks of single columns share: what machines bear, a finding of one column, and what undoes it."""
 
 import numpy as np
 
+from ptt.machine import SerialSpec, ThreePttSpec
 from ptt.setup.names import Mistake
 from ptt.setup.result import Finding
 from ptt.setup.setup import Setup, Undo
 
+HOTTEST = 100.0  # deg C: beyond it no machine is measured
+HEAVIEST = 100.0  # kg on a machine of up to a metre; larger ones carry with the cube of their size
+FASTEST = {"three-ptt": 2000.0, "serial": 15000.0}  # mm/s: ball screws, arms
 Result = tuple[Finding, Undo | None]
+
+
+def heaviest(spec: ThreePttSpec | SerialSpec) -> float:
+    """What a machine of this size carries less than, kg."""
+    if isinstance(spec, ThreePttSpec):
+        size = 2.0 * spec.link_length_mm
+    else:
+        size = float(sum(np.hypot(joint.a_mm, joint.d_mm) for joint in spec.joint))
+    return HEAVIEST * max(1.0, size / 1000.0) ** 3
+
+
+def fastest(spec: ThreePttSpec | SerialSpec) -> float:
+    """What no machine of this kind moves faster than, mm/s."""
+    return FASTEST[spec.kind]
 
 
 def known(values: np.ndarray | None) -> np.ndarray:

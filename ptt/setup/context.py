@@ -4,17 +4,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ptt.machine import ThreePttSpec
 from ptt.setup.clock import find_clock, find_feed
-from ptt.setup.columns import Result, known, said, shifted
+from ptt.setup.columns import HOTTEST, Result, heaviest, known, said, shifted
 from ptt.setup.result import Finding
 from ptt.setup.setup import Setup
+from ptt.setup.stray import find_stray
 
 KELVIN = (230.0, 350.0)  # K: -43 to 77 deg C
 FAHRENHEIT = (50.0, 140.0)  # 10 to 60 deg C, where no workshop is that warm in deg C
-HOTTEST = 100.0  # deg C: beyond it no machine is measured
 GRAVITY = (9.80665, 9.81, 9.8)
-HEAVIEST = 100.0  # kg on a machine of up to a metre; larger ones carry with the cube of their size
 ROUND = 0.5  # kg: weights that people hang on
 CLOSE = 0.01  # of that: two loads hit round weights by chance once in some thousand runs
 CLOSER = 2e-4  # of that, where there is a single load
@@ -29,7 +27,7 @@ def find_units(setup: Setup) -> tuple[list[Finding], Setup]:
     Returns:
         Findings, and the files with the sure ones undone.
     """
-    findings = []
+    findings, setup = find_stray(setup)
     checks: tuple[Callable[[Setup], Result | None], ...] = (_temperature, _payload, find_clock, find_feed)
     for check in checks:
         found = check(setup)
@@ -64,7 +62,7 @@ def _payload(setup: Setup) -> Result | None:
     if not len(loads):
         return None
     most = float(loads.max())
-    limit = HEAVIEST * max(1.0, _size(setup) / 1000.0) ** 3
+    limit = heaviest(setup.file.machine)
     if most > limit:
         words = (
             f"payload_kg reaches {most:,.0f}: in grams that is {most / 1e3:g} kg; "
@@ -86,10 +84,3 @@ def _payload(setup: Setup) -> Result | None:
 def _is_round(values: np.ndarray, close: float) -> bool:
     steps = values / ROUND
     return bool((np.abs(steps - np.round(steps)) < close).all() and (np.round(steps) > 0).all())
-
-
-def _size(setup: Setup) -> float:
-    spec = setup.file.machine
-    if isinstance(spec, ThreePttSpec):
-        return 2.0 * spec.link_length_mm
-    return float(sum(np.hypot(joint.a_mm, joint.d_mm) for joint in spec.joint))
