@@ -452,13 +452,22 @@ def test_one_reading_missed_or_taken_twice_shifts_no_other(tmp_path: Path, row: 
     assert "in the order of the targets" in text
 
 
+@pytest.mark.parametrize("rows", range(5, 20))
+def test_a_run_that_was_broken_off_has_its_readings_beside_the_first_targets(tmp_path: Path, rows: int) -> None:
+    listed = 2 * THERE_AND_BACK
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(listed))
+    read = [f"{name},{i},0,0\n" for i, name in enumerate(listed)][:rows]
+    x, measured, _ = pair(tmp_path, "name,x,y,z\n" + "".join(read), targets)
+    assert x == list(range(18)) and measured[: len(read)] == x[: len(read)] and np.isnan(measured[len(read) :]).all()
+
+
 def test_a_list_run_twice_and_readings_of_names_that_tell_nothing(tmp_path: Path) -> None:
     targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(THERE_AND_BACK))
     twice = "name,x,y,z\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(2 * THERE_AND_BACK))
     assert pair(tmp_path, twice, targets)[0] == 2 * list(range(9))
     alike = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"pose,{i},0,0\n" for i in range(9))
-    with pytest.raises(TableError, match=r"row 2: 'pose' was read 8 times and is listed 9 times"):
-        pair(tmp_path, "name,x,y,z\n" + "".join(f"pose,{i},0,0\n" for i in range(8)), alike)
+    with pytest.raises(TableError, match=r"row 3: 'pose' was read 10 times and is listed 9 times"):
+        pair(tmp_path, "name,x,y,z\n" + "".join(f"pose,{i},0,0\n" for i in range(10)), alike)
 
 
 def test_pairing_in_order(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from ptt.errors import TableError
 
 MOST_CELLS = 50_000_000  # readings times targets: 100 MB
-CYCLES = 1.5  # readings a target beyond which the list was run more than once
+CYCLES = 1.5  # readings a target beyond which the list may have been run again, and not only some taken twice
 
 
 def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
@@ -25,21 +25,26 @@ def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where:
     Raises:
         TableError: too many to compare.
     """
-    cycles = max(1, round(len(names) / len(wanted))) if len(names) > CYCLES * len(wanted) else 1
+    cycles = -(-len(names) // len(wanted)) if len(names) > CYCLES * len(wanted) else 1
     if len(names) * len(wanted) * cycles > MOST_CELLS:
         raise TableError(
             f"{len(names)} readings of {len(wanted)} targets, some names not as often as listed",
             where=where,
             fix="give each target a name of its own, or the export in parts",
         )
-    cycle = np.arange(cycles)[:, None]
+    tried = [_aligned(names, wanted, place, count) for count in dict.fromkeys((1, cycles))]
+    return min(tried, key=lambda found: int((found[0] < 0).sum()))
+
+
+def _aligned(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same of a list that was run so many times."""
     first, last = _ends(names, np.tile(wanted, cycles))
-    place = (place + cycle * (place.max() + 1)).ravel()
+    stretch = (place + np.arange(cycles)[:, None] * (place.max() + 1)).ravel()
     found = first <= last
-    open_ = found & (place[first % len(place)] != place[last])
+    open_ = found & (stretch[first % len(stretch)] != stretch[last])
     target, before = np.full(len(names), -1), -1
     for row in np.flatnonzero(found & ~open_):
-        beside = before >= 0 and place[before] == place[first[row]]
+        beside = before >= 0 and stretch[before] == stretch[first[row]]
         before = max(first[row], min(last[row], before + 1)) if beside else first[row]
         target[row] = before
     return np.where(target < 0, -1, target % len(wanted)), open_
@@ -48,19 +53,31 @@ def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where:
 def _ends(names: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First and last target of each reading, (n,) int, over all longest common subsequences; last before first if none.
 
+    A run that was broken off has no reading of the last targets: those beyond the least that hold the longest are left.
+
     Source: Hirschberg, Comm. ACM 18 (1975) 341: a pair is in one where what fits before and behind it adds up.
     """
-    behind = np.zeros((len(names) + 1, len(wanted) + 1), dtype=np.int16 if len(wanted) < 2**15 else np.int32)
+    whole = np.zeros(len(wanted) + 1, dtype=np.int16 if len(wanted) < 2**15 else np.int32)
+    for name in names:
+        whole = _longer(whole, wanted == name)
+    most = whole[-1]
+    wanted = wanted[: int(np.argmax(whole == most))]
+    behind = np.zeros((len(names) + 1, len(wanted) + 1), dtype=whole.dtype)
     for row in range(len(names) - 1, -1, -1):
-        same = wanted == names[row]
-        best = np.maximum(behind[row + 1, :-1], behind[row + 1, 1:] + same)
-        behind[row, :-1] = np.maximum.accumulate(best[::-1])[::-1]
-    before, most = np.zeros(len(wanted) + 1, dtype=behind.dtype), behind[0, 0]
+        behind[row] = _longer(behind[row + 1][::-1], (wanted == names[row])[::-1])[::-1]
+    before = np.zeros(len(wanted) + 1, dtype=whole.dtype)
     first, last = np.full(len(names), len(wanted)), np.full(len(names), -1)
-    for row in range(len(names)):
-        same = wanted == names[row]
+    for row, name in enumerate(names):
+        same = wanted == name
         may = np.flatnonzero(same & (before[:-1] + 1 + behind[row + 1, 1:] == most))
         if len(may):
             first[row], last[row] = may[0], may[-1]
-        before[1:] = np.maximum.accumulate(np.maximum(before[1:], before[:-1] + same))
+        before = _longer(before, same)
     return first, last
+
+
+def _longer(length: np.ndarray, same: np.ndarray) -> np.ndarray:
+    """Lengths of the longest common subsequences with the first j targets, (m + 1,), one more reading taken in."""
+    grown = length.copy()
+    grown[1:] = np.maximum(length[1:], length[:-1] + same)
+    return np.asarray(np.maximum.accumulate(grown))
