@@ -316,8 +316,16 @@ def test_half_a_compensator_is_no_machine(tmp_path):
         machine_of(tmp_path / "half")
 
 
-@pytest.mark.parametrize("words", ["--lead nan", "--lead -5", "--turns 0", "--resolution-um inf"])
-def test_a_size_that_is_none_is_refused_by_its_option(words, capsys):
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("--lead nan", "finite number"),
+        ("--lead -5", "size"),
+        ("--turns 0", "size"),
+        ("--resolution-um inf", "finite number"),
+    ],
+)
+def test_a_size_that_is_none_is_refused_by_its_option(words, why, capsys):
     option, value = words.split()
     assert run(["backlash", str(DATA / "scale.csv"), option, value]) == 2
-    assert f"error: {option}: {value} is no size; give a number above zero" in capsys.readouterr().err
+    assert f"error: {option}: {value} is no {why}; give a number" in capsys.readouterr().err

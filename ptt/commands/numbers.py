@@ -7,20 +7,23 @@ from typing import Any
 from ptt.documents import GREATEST
 from ptt.errors import InputError
 
+UNLIMITED = ("limit_mm",)  # arguments that are a limit, and may be none
 
-def require_numbers(values: Mapping[str, Any]) -> None:
+
+def require_numbers(values: Mapping[str, Any], options: Mapping[str, str]) -> None:
     """Refuse numbers that nothing can be worked out with.
 
     Args:
         values: name of a verb's argument -> value.
+        options: name of an argument -> what its option is called.
 
     Raises:
         InputError: one is not finite, or beyond any machine.
     """
     for name, value in values.items():
         for each in value if isinstance(value, tuple) else (value,):
-            if isinstance(each, float):
-                _require(each, f"--{name.replace('_', '-')}")
+            if isinstance(each, float) and not (name in UNLIMITED and each == math.inf):
+                _require(each, options.get(name, f"--{name.replace('_', '-')}"))
 
 
 def _require(value: float, option: str) -> None:

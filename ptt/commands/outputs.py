@@ -70,11 +70,11 @@ def checked(verb: Callable[..., Any]) -> Callable[..., Any]:
     """
     if getattr(verb, "outputs_checked", False):
         return verb
-    metavars, signature = dict(_metavars(verb)), inspect.signature(verb)
+    metavars, options, signature = dict(_metavars(verb)), dict(_options(verb)), inspect.signature(verb)
 
     @functools.wraps(verb)
     def first(*args: Any, sha256: bool = False, **values: Any) -> Any:
-        require_numbers(values)
+        require_numbers(values, options)
         require_outputs(values, metavars)
         if not sha256:
             return verb(*args, **values)
@@ -181,7 +181,8 @@ def _require_kind(out: Path, metavar: str) -> None:
     if found and found not in expected:
         what = "holds readings" if found == "readings" else f"is {WORDS[found]}, which would be lost"
         raise InputError(f"{what}; nothing was written", where=str(out), fix="name another file")
-    _require_end(out, expected)
+    if metavar != "FILE":
+        _require_end(out, expected)
 
 
 def _require_end(out: Path, expected: tuple[str, ...]) -> None:
@@ -190,6 +191,15 @@ def _require_end(out: Path, expected: tuple[str, ...]) -> None:
     if own and end not in own and any(end in ends for ends in ENDS.values()):
         what = f"ends in {end}, but would be {WORDS.get(expected[0], 'a tracker run')}"
         raise InputError(what, where=str(out), fix=f"let its name end in {own[0]}")
+
+
+def _options(verb: Callable[..., Any]) -> Iterator[tuple[str, str]]:
+    """Arguments of a verb with what their options are called."""
+    for name, hint in verb.__annotations__.items():
+        for extra in getattr(hint, "__metadata__", ()):
+            called = getattr(extra, "default", None)  # where typer puts the first of the names that it is given
+            if isinstance(called, str) and called.startswith("--"):
+                yield name, called.partition("/")[0]
 
 
 def _metavars(verb: Callable[..., Any]) -> Iterator[tuple[str, str]]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -101,6 +100,6 @@ def _moved(model: Model, targets: Table, need: str) -> set[str]:
 
 
 def _had_load(file: MachineFile) -> bool:
-    """Whether the model's last run was under a load, or nothing says so: one that never had any needs none stated."""
-    steps: list[Mapping[str, Any]] = [step for step in file.history if "ranges" in step]
-    return not steps or steps[-1]["ranges"].get("payload_kg", (0.0, 0.0))[1] > 0.0
+    """Whether a run of the model was under a load, or nothing says so: one that never had any needs none stated."""
+    ranges = [step["ranges"] for step in file.history if isinstance(step.get("ranges"), Mapping)]
+    return not ranges or any(each.get("payload_kg", (0.0, 0.0))[1] > 0.0 for each in ranges)

@@ -24,9 +24,7 @@ from ptt.run.problem import Problem
 MOST = 50  # waves a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
 PART, FEW_WAVES = 0.5, 4  # of a turn that an arm's joint has to go through, and waves a turn that tell apart on that
 OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
-NEARLY = (
-    0.01  # where lines run into each other: one that lies a twentieth of a turn over the range aside leaves that much
-)
+NEARLY = 0.01  # where lines run into each other: what one leaves that lies 0.06 of a wave over the range aside
 ASIDE = np.linspace(-WIDE, WIDE, 41)  # turns over the range in which its peak may lie
 
 

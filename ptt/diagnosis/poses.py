@@ -7,10 +7,12 @@ import numpy as np
 from ptt.diagnosis.gains import filter_rows
 from ptt.diagnosis.wander import Clock, Wander
 
+ROOM = 20_000_000  # numbers of weights that are kept, 160 MB: those of all wanders that one search tries, of most runs
+
 
 @dataclass(frozen=True)
 class Poses:
-    """Which rows are visits of which pose.
+    """Which rows of one clock are visits of which pose.
 
     Attributes:
         order: the rows, pose by pose, (m,) int.
@@ -55,6 +57,8 @@ class Poses:
     def _beside(self, share: float, constant: float, clock: Clock) -> tuple[np.ndarray, np.ndarray]:
         """Visits and weights of the combinations along one axis; what was worked out once is kept."""
         if (share, constant) not in self._ways:
+            if len(self._ways) * len(self.visits) * len(self.order) > ROOM:
+                self._ways.clear()
             own = np.zeros((len(self.visits), len(self.order)))
             own[np.repeat(np.arange(len(own)), self.visits), self.order] = 1.0
             white = np.empty_like(own)

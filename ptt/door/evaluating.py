@@ -215,17 +215,18 @@ def _few_matched(data: dict[str, Any]) -> str:
 
 
 def _gross(before: Table, after: Table, result: Evaluation) -> list[str]:
-    """What to say of readings that were left out because no machine is off like that: which, and what they would do."""
+    """What to say of readings that no machine explains: which they are, and what the error would be without them."""
     runs = {"before": before, "after": after}
     places = [runs[side].place(row) for side, rows in result.gross.items() for row in rows]
-    if result.counted is None:
+    if not places:
         return []
-    pairs = result.counted, (result.before, result.after)
-    counted, kept = (compare_errors(*pair)["length"]["reduction_percent"] for pair in pairs)
-    known = counted is not None and kept is not None
-    would = f"; counted, the error would fall by {counted:.1f} %, not {kept:.1f}" if known else ""
-    more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
-    return [f"gross readings are left out, with their counterparts: {', '.join(places[:SHOWN])}{more}{would}"]
+    would, more = "", f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+    if result.without is not None:
+        pairs = (result.before, result.after), result.without
+        counted, rest = (compare_errors(*pair)["length"]["reduction_percent"] for pair in pairs)
+        if counted is not None and rest is not None:
+            would = f"; without them the error falls by {rest:.1f} %, not {counted:.1f}"
+    return [f"gross readings count: {', '.join(places[:SHOWN])}{more}{would}"]
 
 
 def _frame_known_false(model: Model | None, frame: Frame | None) -> str:

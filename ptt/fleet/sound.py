@@ -82,9 +82,9 @@ def _require_order(rows: Path, log: Path, anyway: bool, note: Note) -> None:
 _TYPES = f"SELECT column_name AS name, column_type AS type FROM (DESCRIBE SELECT * FROM {SOURCE})"
 _BACK = f"""
 SELECT * FROM (
-    SELECT file_row_number AS row, time_s, lag(time_s) OVER () AS before FROM {SOURCE}
+    SELECT file_row_number AS row, time_s, lag(time_s) OVER (ORDER BY file_row_number) AS before FROM {SOURCE}
     WHERE time_s IS NOT NULL AND NOT isnan(time_s::DOUBLE)
-) WHERE time_s < before LIMIT 1"""
+) WHERE time_s < before ORDER BY row LIMIT 1"""
 
 
 def _rows(path: Path, query: str) -> list[dict[str, Any]]:

@@ -58,8 +58,9 @@ class Evaluation:
         noise: noise floor of the readings afterwards.
         unmatched: rows of either run without a counterpart.
         matched: rows of either run that belong together, (m,) each; empty where computed.
-        gross: rows of either run that were left out with their counterparts: the reading is no machine's.
-        counted: errors before and after with those rows, (m, 3) mm each; None where there are none.
+        gross: rows of either run whose reading is no machine's; they count all the same.
+        without: errors before and after without those rows and their counterparts, (r, 3) mm each; None where there are
+            no such rows, or no others.
     """
 
     before: np.ndarray
@@ -71,7 +72,7 @@ class Evaluation:
     goals: Mapping[str, float] = field(default_factory=lambda: GOALS)
     matched: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0, int)))
     gross: Mapping[str, list[int]] = field(default_factory=dict)
-    counted: tuple[np.ndarray, np.ndarray] | None = None
+    without: tuple[np.ndarray, np.ndarray] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Figures for JSON: axes, total, protocol; length, unaligned, noise_um, unmatched, outlier_rows beside them."""
@@ -174,21 +175,21 @@ def evaluate_pair(
     if not len(first):
         fix = "run both on the same targets, or name the points alike"
         raise TableError(f"no pose in common with {before.source}", where=after.source, fix=fix)
-    every, places = (first, second), targets_of(before, file)
+    every, places = (first, second), targets_of(before, file)[first]
     if rows is None:
-        _require_poses(before, after, count_places(places[first]), frame or (file.tracker.frame if file else "fitted"))
-    wild = gross_rows(before, one.aligned)[first], gross_rows(after, two.aligned)[second]
-    first, second = first[~(wild[0] | wild[1])], second[~(wild[0] | wild[1])]
-    gross = {side: index[found].tolist() for side, index, found in zip(SIDES, every, wild, strict=True) if found.any()}
+        _require_poses(before, after, count_places(places), frame or (file.tracker.frame if file else "fitted"))
+    off = gross_rows(before, one.aligned)[first], gross_rows(after, two.aligned)[second]
+    gross = {side: index[found].tolist() for side, index, found in zip(SIDES, every, off, strict=True) if found.any()}
+    sound = ~(off[0] | off[1])
 
-    def picked(errors: str, index: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        sides = zip((one, two), (before, after), index, strict=True)
-        own, other = (_refer_z(getattr(each, errors), table, at, z_datum) for each, table, at in sides)
+    def chosen(errors: str, kept: np.ndarray | slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        sides = zip((one, two), (before, after), every, strict=True)
+        own, other = (_refer_z(getattr(each, errors), table, at[kept], z_datum) for each, table, at in sides)
         return own, other
 
     protocol = {
         "rows": len(first),
-        "poses": count_places(places[first]),
+        "poses": count_places(places),
         "frame": one.frame,
         "z_datum": z_datum,
         "measured": True,
@@ -196,11 +197,10 @@ def evaluate_pair(
         "before": before.source,
         "after": after.source,
     }
-    kept, counted = (first, second), picked("aligned", every) if gross else None
+    without = chosen("aligned", sound) if gross and sound.any() else None
     return Evaluation(
-        *picked("aligned", kept), protocol, picked("raw", kept), two.noise, unmatched, matched=kept, gross=gross,
-        counted=counted,
-    )  # fmt: skip
+        *chosen("aligned"), protocol, chosen("raw"), two.noise, unmatched, matched=every, gross=gross, without=without
+    )
 
 
 def _require_poses(before: Table, after: Table, poses: int, policy: str) -> None:

@@ -1,5 +1,6 @@
 """Effects of a model as entries of a machine file, read and written."""
 
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ from torch import Tensor
 from ptt.effects import Effect, Library, Parameter, library
 from ptt.effects.dated import is_dated
 from ptt.effects.layout import sizes, total_size
-from ptt.effects.registry import make_effect
+from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import ModelError, shown
 from ptt.machine import MachineFile
 from ptt.machine_schema import EffectEntry, ParameterEntry
@@ -42,13 +43,14 @@ def read_model(file: MachineFile, known: Library | None = None) -> Model:
 
 
 def _require_known(file: MachineFile, known: Library) -> None:
-    """Refuse what a controller is said to compensate and no effect is called."""
-    for name in file.controller.compensates:
+    """Refuse what a controller is said to compensate and is nearly called like an effect; others may be one's own."""
+    for key in file.controller.compensates:
         try:
-            make_effect(known, name)
+            make_effect(known, *parse_key(key))
         except ModelError as error:
-            where = f"{file.source} key controller.compensates"
-            raise ModelError(error.what, where=where, fix=error.fix) from None
+            if difflib.get_close_matches(parse_key(key)[0], list(known)):
+                where = f"{file.source} key controller.compensates"
+                raise ModelError(error.what, where=where, fix=error.fix) from None
 
 
 def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.run.frames import kabsch
 
-LEAST = 0.5  # mm: a knock amid a round, and a drawing in rounded figures, are less
+LEAST = 1.5  # mm: a knock amid a round, and a drawing in whole millimetres, are less
 FAR = 20.0  # standard deviations of one coordinate as stated
 SHOWN = 4  # reflectors
 STRETCH = 2e-3  # share by which a tracker may read all lengths too long or too short: ten times a wrong station

@@ -152,9 +152,7 @@ def from_base(
         here = (table.role == "base") & (frame == index) & np.isfinite(table.measured).all(axis=1)
         seen = _seen(table, list(drawn), here, index)
         when = {name: np.flatnonzero(here & (table.name == name)) for name in seen}
-        fit, wrong = _fitting(file, table, when)
-        if wrong:
-            raise TableError(wrong, where=table.source, fix=BASE_FIX)
+        fit = _sound(file, table, when)
         for rows in fit.values():
             sound[rows] = True
         read = [table.measured[rows] for rows in fit.values()]
@@ -175,19 +173,25 @@ def untrue_base(file: MachineFile, table: Table) -> str:
     here = (table.role == "base") & np.isfinite(table.measured).all(axis=1)
     when = {point.name: np.flatnonzero(here & (table.name == point.name)) for point in file.tracker.base_point}
     when = {name: rows for name, rows in when.items() if len(rows)}
-    return _fitting(file, table, when)[1] if len(when) >= ENOUGH else ""
+    if len(when) < ENOUGH:
+        return ""
+    fit, drawn = _sound(file, table, when), {point.name: point for point in file.tracker.base_point}
+    sigma = max(DEFAULT_SIGMA, file.tracker.sigma_mm or 0.0, *(drawn[name].sigma_mm for name in when))
+    read, spots = (
+        {name: table.measured[rows] for name, rows in fit.items()},
+        {n: np.array(drawn[n].xyz_mm) for n in fit},
+    )
+    return misplaced(read, fit, spots, sigma)
 
 
-def _fitting(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
-    """Rows of the sound visits to each reflector that has some, and what is wrong with where they lie."""
+def _sound(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Rows of the sound visits to each reflector that has some."""
     drawn = {point.name: point for point in file.tracker.base_point}
     visits = {name: table.measured[rows] for name, rows in when.items()}
     spots = {name: np.array(drawn[name].xyz_mm) for name in when}
     sigma = max(DEFAULT_SIGMA, *(drawn[name].sigma_mm for name in when))
     fitting = sound_visits(visits, when, spots, sigma)
-    fit = {name: rows[fitting[name]] for name, rows in when.items() if fitting[name].any()}
-    sigma = max(sigma, file.tracker.sigma_mm or 0.0)
-    return fit, misplaced({name: table.measured[rows] for name, rows in fit.items()}, fit, spots, sigma)
+    return {name: rows[fitting[name]] for name, rows in when.items() if fitting[name].any()}
 
 
 def base_readings(

@@ -60,8 +60,7 @@ def read_table(
     answers = _answers(mapping)
     request = Request(purpose, answers, ask)
     how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
-    tables = [_table_of(each, read_any(each, request), *how) for each in (path, *also)]
-    _refuse_twice(tables)
+    tables = _with_copies_told([_table_of(each, read_any(each, request), *how) for each in (path, *also)])
     table = concat_tables([_kept(tables[0], mapping), *tables[1:]])
     require_pose(table)
     return table
@@ -91,24 +90,31 @@ def _kept(table: Table, mapping: Mapping | str | Path | None) -> Table:
     return table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
 
 
-def _refuse_twice(tables: Sequence[Table]) -> None:
-    """Refuse a run that is there twice: it would count double, and its noise as its own confirmation."""
-    for number, table in enumerate(tables):
-        for before in tables[:number]:
-            if table.run_sha256 == before.run_sha256 or _same_rows(before, table):
-                raise TableError(
-                    f"holds the same rows as {before.source}, which would count twice",
-                    where=table.source,
-                    fix="leave one of them out",
-                )
+def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
+    """The tables, with a warning at each that is there twice: copies count as repeats, and tell nothing more."""
+    told = list[Table]()
+    for table in tables:
+        twin = next((one for one in told if table.run_sha256 == one.run_sha256 or _same_rows(one, table)), None)
+        if twin is not None:
+            line = (
+                f"warning: {table.source} holds the same rows as {twin.source}: taken as repeats, but copies tell "
+                "nothing of the scatter of readings"
+            )
+            table = table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
+        told.append(table)
+    return told
 
 
 def _same_rows(one: Table, other: Table) -> bool:
     """Whether two runs are one to the last digit of all that was commanded, read and recorded."""
     pairs = [(getattr(one, name), getattr(other, name)) for name in CONTENT]
-    return one.rows == other.rows and all(
-        first is second if first is None or second is None else np.array_equal(first, second, equal_nan=True)
-        for first, second in pairs
+    return (
+        one.rows == other.rows
+        and np.array_equal(one.role, other.role)
+        and all(
+            first is second if first is None or second is None else np.array_equal(first, second, equal_nan=True)
+            for first, second in pairs
+        )
     )
 
 

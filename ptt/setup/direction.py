@@ -14,7 +14,7 @@ from ptt.setup.setup import Setup, drawn, used_rows
 FEWEST = 20  # moves of a joint whose direction is stated
 BOTH = 0.2  # of them each way at the least: a joint that overtravels to arrive from one side always is stated so
 NEARLY_ALL = 0.9  # of them against the moves: where only some overtravel, the others go with theirs
-SEEN = 5.0  # standard errors by which readings lag behind the stated directions: then every move overtravels
+SEEN = 5.0  # standard errors by which readings lag behind the stated directions, or run ahead of them
 
 
 def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -32,12 +32,12 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
     moved = _moves(setup, joint)
     known = np.isfinite(stated) & np.isfinite(moved) & (np.abs(moved) > STANDSTILL)
     against = known & (np.sign(moved) != stated)
-    wrong = [
-        number
+    lag = [
+        _lag(setup, joint, number) if _is_opposite(stated[known[:, number], number], against[known[:, number], number])
+        else np.inf
         for number in range(stated.shape[1])
-        if _is_opposite(stated[known[:, number], number], against[known[:, number], number])
-        and not _lags_behind(setup, joint, number)
-    ]
+    ]  # fmt: skip
+    wrong = [number for number, each in enumerate(lag) if each < SEEN]
     if not wrong:
         return [], setup
     titles = ", ".join(f"dir{number + 1}" for number in wrong)
@@ -47,9 +47,11 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
         f"the row before, the first in row {first}"
     )
     fix = f"write {titles} with the other sign (+1: the command grew), or leave them out: the rows tell as much"
+    # Without play that the readings show, a machine that overtravels in every move is stated alike.
+    sure = all(lag[number] < -SEEN for number in wrong)
     turned = stated.copy()
     turned[:, wrong] *= -1.0
-    return [said(setup, "direction-sign", words, fix)], setup.with_rows(direction=turned)
+    return [said(setup, "direction-sign", words, fix, sure)], setup.with_rows(direction=turned)
 
 
 def _is_opposite(stated: np.ndarray, against: np.ndarray) -> bool:
@@ -75,11 +77,14 @@ def _moves(setup: Setup, joint: np.ndarray) -> np.ndarray:
     return moved
 
 
-def _lags_behind(setup: Setup, joint: np.ndarray, number: int) -> bool:
-    """Whether a slider comes short in the stated direction, as play and wind-up have it: then that is how it came."""
+def _lag(setup: Setup, joint: np.ndarray, number: int) -> float:
+    """By how many standard errors a slider comes short in the stated direction, as play and wind-up have it.
+
+    Then that is how it came; where it is short in the other one, it did not. Zero where the readings do not tell.
+    """
     mechanism = build(drawn(setup)) if setup.table.joint_prefix == "b" else None
     if mechanism is None or setup.table.direction is None:
-        return False
+        return 0.0
     place, reading = places(setup), setup.table.measured
     turn, shift, distance = align_many(place[None], reading[None], setup.free)
     near = torch.as_tensor((reading - shift[0]) @ turn[0])
@@ -89,12 +94,12 @@ def _lags_behind(setup: Setup, joint: np.ndarray, number: int) -> bool:
     known &= np.nan_to_num(distance[0], nan=np.inf) <= TRIM * np.nanmedian(distance[0])
     freedom = known.sum() - columns.shape[1]
     if freedom < FEWEST:
-        return False
+        return 0.0
     at = columns.shape[1] - setup.table.direction.shape[1] + number
     inverse = np.linalg.pinv(columns[known].T @ columns[known])
     size = inverse @ columns[known].T @ error[known]
     scatter = np.sqrt(np.square(error[known] - columns[known] @ size).sum() / freedom * inverse[at, at])
-    return bool(size[at] < -SEEN * scatter)
+    return float(-size[at] / max(scatter, np.finfo(float).tiny))
 
 
 def _smooth(joint: np.ndarray) -> np.ndarray:

@@ -54,7 +54,7 @@ def written(file: MachineFile, drawn: MachineFile) -> MachineFile:
     for section in ("machine", "tracker"):
         before, after = (getattr(each, section).model_dump(mode="json") for each in (drawn, file))
         if before != after:
-            _update(document[section], before, after)
+            _update(document.setdefault(section, tomlkit.table()), before, after)
     return replace(file, text=tomlkit.dumps(document))
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from ptt.errors import TableError
 
-MOST_CELLS = 50_000_000  # readings times targets: 100 MB
-CYCLES = 1.5  # readings a target beyond which the list may have been run again, and not only some taken twice
+CYCLES = 1.2  # readings a target beyond which the list may have been run again, and not only some taken twice
+MOST_CELLS = 100_000_000  # readings times targets: 200 MB
 
 
 def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
@@ -25,7 +25,7 @@ def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where:
     Raises:
         TableError: too many to compare.
     """
-    cycles = -(-len(names) // len(wanted)) if len(names) > CYCLES * len(wanted) else 1
+    cycles = -(-len(names) // len(wanted)) if len(names) > CYCLES * len(wanted) else 1  # the last may be broken off
     if len(names) * len(wanted) * cycles > MOST_CELLS:
         raise TableError(
             f"{len(names)} readings of {len(wanted)} targets, some names not as often as listed",
