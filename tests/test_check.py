@@ -509,7 +509,7 @@ def test_files_of_two_stations_are_named_where_the_machine_file_says_nothing_of_
     bare = "\n".join(line for line in (DATA / "machine.toml").read_text().partition("[tracker]")[0].splitlines())
     (tmp_path / "m.toml").write_text(f"{bare}\n")
     for name, shift in (("a.csv", 0.0), ("b.csv", 500.0)):
-        write_table(sound[1].replace(measured=sound[1].measured + [shift, 0.0, 0.0]), tmp_path / name)
+        write_table(sound[1].replace(measured=sound[1].measured + np.array([shift, 0.0, 0.0])), tmp_path / name)
     arguments = [tmp_path / "a.csv", "--also", tmp_path / "b.csv", "--model", tmp_path / "m.toml", "--json"]
     assert run_verb("check", *arguments) == 0
     (found,) = json.loads(capsys.readouterr().out)["findings"]
