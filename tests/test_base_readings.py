@@ -191,6 +191,7 @@ def test_reflectors_read_under_each_others_name_hold_no_frame() -> None:
     (found,) = check_setup(problem.file, swapped).findings
     assert found.mistake == "base-reflectors" and found.sure
     assert "'base 0' and 'base 1' were read under each other's name" in found.words
+    assert build_problem(problem.file, swapped).base is not None  # --anyway goes on
 
 
 def test_reflectors_that_disagree_and_nobody_knows_which_are_named() -> None:

@@ -258,6 +258,14 @@ def test_directions_opposite_to_the_moves_are_named_and_turned_round(sound: tupl
     assert "write dir2 with" in found.sure[0].fix
 
 
+def test_directions_are_surely_wrong_only_where_play_shows_it(sound: tuple[MachineFile, Table]) -> None:
+    """A machine without play that overtravels in every move is stated alike."""
+    file, table = sound
+    noise = np.random.default_rng(1).normal(0.0, 0.003, table.target.shape)
+    found = check_setup(file, directions(table, -1.0).replace(measured=table.target + noise))
+    assert [(item.mistake, item.sure) for item in found.findings] == [("direction-sign", False)]
+
+
 def test_directions_of_joints_that_overtravel_are_not_accused(sound: tuple[MachineFile, Table]) -> None:
     """Stated as the moves go, from one side always, or opposite where the play of the readings says the same."""
     file, table = sound

@@ -1,6 +1,7 @@
 """The command line: verbs, exit codes, one-line errors, JSON that is JSON."""
 
 import json
+import math
 import resource
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 
 from ptt.commands import common
 from ptt.commands.main import VERBS, app, guard, run_alone
+from ptt.commands.numbers import require_numbers
 from ptt.errors import InputError, PttError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -370,3 +372,9 @@ def test_a_library_that_counts_its_objects_has_nothing_to_say_at_the_end(tmp_pat
     words = [sys.executable, "-m", "ptt", "fleet", "init", "store"]
     ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_a_limit_may_be_none() -> None:
+    require_numbers({"limit_mm": math.inf, "size": 3.0}, {})
+    with pytest.raises(InputError, match=r"--limit-mm: nan is no finite number"):
+        require_numbers({"limit_mm": math.nan}, {})

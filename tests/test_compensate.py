@@ -233,6 +233,9 @@ def test_a_load_is_asked_for_where_the_model_moves_with_it():
     weighs = replace(FILE, machine=FILE.machine.model_copy(update={"platform_mass_kg": 4.0}))
     bare = replace(weighs, history=({"kind": "added", "ranges": {"temp_c": (19.0, 21.0)}},))
     assert missing_context(with_effects(bare, axis_compliance={"compliance_mm_per_n": [2e-4] * 3}), TARGETS) == []
+    loads = ({"ranges": {"payload_kg": (0.0, 5.0)}}, {"ranges": {}}, {"ranges": "none noted"})  # the last by hand
+    loaded = with_effects(replace(weighs, history=loads), axis_compliance={"compliance_mm_per_n": [2e-4] * 3})
+    assert len(missing_context(loaded, TARGETS)) == 1
     clears = {"joint_clearance": {"clearance_mm": [0.02] * 3}}
     assert len(missing_context(with_effects(**clears), TARGETS)) == 1
     assert missing_context(with_effects(weighs, **clears), TARGETS) == []  # the platform's weight decides the side

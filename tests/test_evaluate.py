@@ -118,6 +118,15 @@ def test_a_gross_reading_counts_and_is_said(frame):
     assert not measured(run(0.05, twice), run(worn, twice), None, frame=frame).to_dict()["outlier_rows"]
 
 
+def test_a_run_of_gross_readings_alone_is_evaluated_and_said():
+    wild = np.zeros_like(PLACES)
+    wild[[5, 25], 0] = 40.0
+    found = measured(run(wild), run(wild[[5, 25]], PLACES[[5, 25]]), None, frame="trusted")
+    assert found.to_dict()["protocol"]["rows"] == 2
+    (said,) = [one for one in found.warnings if "gross readings count" in one]
+    assert "without them" not in said
+
+
 def test_a_fitted_frame_is_taken_from_each_run_alike():
     noise = 1e-3 * RANDOM.normal(size=PLACES.shape)
     before, after = turned(run(0.02 * noise * 1e3)), turned(run(noise), 0.05, (1.0, 2.0, 3.0))

@@ -550,6 +550,8 @@ def test_what_a_controller_cannot_compensate_is_named():
     file = parse_machine(f'{BARE}[controller]\ncompensates = ["backlash", "backlsh"]\n')
     with pytest.raises(InputError, match=r"key controller\.compensates: effect 'backlsh' .* did you mean 'backlash'"):
         read_model(file)
+    own = parse_machine(f'{BARE}[controller]\ncompensates = ["once-per-rev[harmonic 2]", "my own thing"]\n')
+    assert read_model(own).file.controller.compensates == ("once-per-rev[harmonic 2]", "my own thing")
 
 
 def test_a_travel_that_holds_no_command_is_said(place):

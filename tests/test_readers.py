@@ -465,6 +465,8 @@ def test_a_list_run_twice_and_readings_of_names_that_tell_nothing(tmp_path: Path
     targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(THERE_AND_BACK))
     twice = "name,x,y,z\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(2 * THERE_AND_BACK))
     assert pair(tmp_path, twice, targets)[0] == 2 * list(range(9))
+    broken = "name,x,y,z\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate((2 * THERE_AND_BACK)[:13]))
+    assert pair(tmp_path, broken, targets)[0] == [*range(9), *range(4)]
     alike = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"pose,{i},0,0\n" for i in range(9))
     with pytest.raises(TableError, match=r"row 3: 'pose' was read 10 times and is listed 9 times"):
         pair(tmp_path, "name,x,y,z\n" + "".join(f"pose,{i},0,0\n" for i in range(10)), alike)

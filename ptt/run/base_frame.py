@@ -177,11 +177,8 @@ def untrue_base(file: MachineFile, table: Table) -> str:
         return ""
     fit, drawn = _sound(file, table, when), {point.name: point for point in file.tracker.base_point}
     sigma = max(DEFAULT_SIGMA, file.tracker.sigma_mm or 0.0, *(drawn[name].sigma_mm for name in when))
-    read, spots = (
-        {name: table.measured[rows] for name, rows in fit.items()},
-        {n: np.array(drawn[n].xyz_mm) for n in fit},
-    )
-    return misplaced(read, fit, spots, sigma)
+    read = {name: table.measured[rows] for name, rows in fit.items()}
+    return misplaced(read, fit, {name: np.array(drawn[name].xyz_mm) for name in fit}, sigma)
 
 
 def _sound(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
