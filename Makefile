@@ -8,7 +8,7 @@ CONSTRAINTS ?= -c constraints.txt
 # Processes for the tests: one a core; a browser and a scheduler have processes of their own, so never more than four.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 2 ? 2 : n > 4 ? 4 : n)))
 
-.PHONY: demo test lint bench docs clean
+.PHONY: demo test test-long lint bench docs clean
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -39,6 +39,10 @@ test: lint
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 		{ apt-get update -qq; apt-get install -y -qq chromium; } >/dev/null 2>&1; } || true
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS)
+
+# What would take `make test` beyond ten minutes: more machines of kinds that it asks anyway.
+test-long: $(VENV)/.test-ready
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) -m long
 
 bench: $(VENV)/.test-ready
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only

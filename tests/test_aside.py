@@ -50,7 +50,7 @@ def test_what_one_joint_does_now_and_then_is_no_gross_error(seed: int, reach: fl
     assert "along the way of slider 2" in found.words or any("slider 2" in each.residual for each in found.depends_on)
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_what_sticks_after_each_reversal_of_all_joints_is_no_gross_error(seed: int) -> None:
     """Columns driven up and down: each joint is off by a tenth, the way it goes, from 4 to 14 mm past a reversal."""
     file, random = bench(), np.random.default_rng(seed)

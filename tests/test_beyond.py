@@ -30,7 +30,7 @@ def waving(seed: int, size: float) -> Problem:
 @pytest.mark.parametrize(
     ("seed", "size"),
     [
-        pytest.param(6, 100.0, id="a fit cannot begin where the tangent leads"),
+        pytest.param(6, 100.0, marks=pytest.mark.long, id="a fit cannot begin where the tangent leads"),
         pytest.param(5, 3.0, id="an unknown follows one axis to the last digit"),
     ],
 )

@@ -47,7 +47,9 @@ def told_of(seed: int, broken: range, size: tuple[float, float], machine_is_off:
     return diagnose(Model(file), build_problem(file, table))
 
 
-@pytest.mark.parametrize(("seed", "broken"), [(1, range(94, 96)), (2, range(96, 99))])
+@pytest.mark.parametrize(
+    ("seed", "broken"), [pytest.param(1, range(94, 96), marks=pytest.mark.long), (2, range(96, 99))]
+)
 def test_broken_beams_in_a_row_are_gross_errors_beside_larger_faults(seed: int, broken: range) -> None:
     """Play of 0.1 mm hides errors of 0.1 to 0.25 mm at first; a slip and two knocks then explain two of them."""
     found = told_of(seed, broken, (0.08, 0.25))

@@ -114,7 +114,7 @@ def test_sums_of_a_stretch_are_those_of_its_rows_in_noise_and_in_mm() -> None:
     assert rows == 50
 
 
-@pytest.mark.parametrize(("size", "slab"), [(ROWS, ROWS), (700, ROWS), (ROWS, 450)])
+@pytest.mark.parametrize(("size", "slab"), [(ROWS, ROWS), pytest.param(700, ROWS, marks=pytest.mark.long), (ROWS, 450)])
 def test_sums_over_chunks_are_those_of_the_whole(
     problem: Problem, size: int, slab: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,6 +193,7 @@ def test_sums_that_a_share_cannot_tell_are_spread_as_its_residual_is() -> None:
     np.testing.assert_allclose(total.diagonal() / right.diagonal(), 1.0, atol=0.5)
 
 
+@pytest.mark.long
 def test_a_wander_costs_next_to_nothing_at_the_seams(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, summed, places = _both(problem, 700, WANDERING)
     mine, theirs, white = summed.sums(WANDERING), whole.sums_of(places, WANDERING), whole.sums_of(places, WHITE)
@@ -260,7 +261,7 @@ def test_the_diagnosis_is_that_of_the_whole(problem: Problem) -> None:
     ("name", "faults"),
     [
         ("setup-jump", {"tracker": {"knock_row": ROW, "knock_um": [30.0, -20.0, 10.0]}}),
-        ("homing-slip", {"drive": {"slip_row": ROW, "slip_mm": [0.0, 0.04, 0.0]}}),
+        pytest.param("homing-slip", {"drive": {"slip_row": ROW, "slip_mm": [0.0, 0.04, 0.0]}}, marks=pytest.mark.long),
     ],
 )
 def test_what_happens_between_the_stretches_is_found_to_the_row(
@@ -283,6 +284,7 @@ def test_nothing_is_missing_from_a_sound_run(tmp_path: Path) -> None:
     assert found.rows == ROWS - 1
 
 
+@pytest.mark.long
 def test_what_only_all_rows_show_is_found(tmp_path: Path) -> None:
     problem = _run(tmp_path, drive={"backlash_mm": [0.0003, 0.0003, 0.0003]})
     assert not diagnose(MODEL, take(problem, sample_stretches(problem, 400, STRETCH["three-ptt"]))).suggested

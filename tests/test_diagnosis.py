@@ -216,6 +216,7 @@ def test_silent_on_few_rows_and_among_gross_errors(tmp_path):
     assert all(item.outliers.sum() >= 5 for item in spoiled)
 
 
+@pytest.mark.long
 def test_slow_wander_is_no_machine_error(tmp_path):
     machine = {name for name, cls in library().items() if cls.stage != "metrology"}
     for seed in range(80, 84):
@@ -392,6 +393,7 @@ def test_no_sum_mimics_what_nothing_else_looks_like(tmp_path):
     assert found.candidates[0].sum_of == ()
 
 
+@pytest.mark.long
 def test_a_hose_that_pulls_from_one_side_is_not_told_as_many_effects(tmp_path):
     truth, found = learn(tmp_path, "unknown", 301, fault="hose")
     assert "hose" in truth
@@ -400,6 +402,7 @@ def test_a_hose_that_pulls_from_one_side_is_not_told_as_many_effects(tmp_path):
     assert len(found.suggested) <= len(truth)
 
 
+@pytest.mark.long
 def test_a_path_cut_short_says_that_more_is_missing(tmp_path):
     drawn, path = run(tmp_path, "multi", 2013)
     assert len(drawn.truth) > 1
@@ -444,6 +447,7 @@ def test_a_later_step_says_after_which_its_error_is(tmp_path):
         assert all(before.effect in step.words for before in steps[:number])
 
 
+@pytest.mark.long
 def test_rows_at_a_stop_are_no_gross_errors(tmp_path):
     """A soft stop pushes the platform back beyond one plane of the workspace: few rows, far off, in one place."""
     _, path = run(tmp_path, "none", 91, rows=230)

@@ -399,7 +399,8 @@ def test_a_second_knock_without_a_first_is_the_first():
 
 
 @pytest.mark.parametrize(
-    ("fault", "seed", "leads"), [("cross-coupling", 35, ("b1", "b2", "b3")), ("loose-joint", 36, ("x", "y"))]
+    ("fault", "seed", "leads"),
+    [("cross-coupling", 35, ("b1", "b2", "b3")), pytest.param("loose-joint", 36, ("x", "y"), marks=pytest.mark.long)],
 )
 def test_an_unknown_needs_no_names_beside_it_and_leads_with_its_variable(fault, seed, leads):
     drawn, problem = hidden(fault, seed)

@@ -104,7 +104,16 @@ def pulls_of(found: Diagnosis, times: float) -> np.ndarray:
     return np.array(pulls)
 
 
-@pytest.mark.parametrize(("times", "seed"), [(4.0, 5), (4.0, 9), (10.0, 4), (10.0, 6), (10.0, 8)])
+@pytest.mark.parametrize(
+    ("times", "seed"),
+    [
+        pytest.param(4.0, 5, marks=pytest.mark.long),
+        (4.0, 9),
+        (10.0, 4),
+        (10.0, 6),
+        pytest.param(10.0, 8, marks=pytest.mark.long),
+    ],
+)
 def test_neither_errors_of_each_pose_nor_what_a_few_poses_label_take_the_place_of_sizes(
     times: float, seed: int
 ) -> None:

@@ -33,13 +33,20 @@ Events = Mapping[int, tuple[int, float] | Sequence[float]]
 @pytest.mark.parametrize(
     ("events", "turning", "named"),
     [
-        ({93: (2, 0.033), 182: KNOCK}, 0.004, ("homing-slip", "setup-jump", "once-per-rev")),
+        pytest.param(
+            {93: (2, 0.033), 182: KNOCK}, 0.004, ("homing-slip", "setup-jump", "once-per-rev"), marks=pytest.mark.long
+        ),
         ({90: (0, 0.03), 186: (2, 0.05)}, 0.0, ("homing-slip", "homing-slip[second]")),
         ({90: (0, 0.05), 186: (0, -0.02)}, 0.0, ("homing-slip", "homing-slip[second]")),
-        ({60: (1, 0.05), 150: (0, 0.03), 210: (2, -0.03)}, 0.0, tuple(f"homing-slip{n}" for n in NEXT)),
+        pytest.param(
+            {60: (1, 0.05), 150: (0, 0.03), 210: (2, -0.03)},
+            0.0,
+            tuple(f"homing-slip{n}" for n in NEXT),
+            marks=pytest.mark.long,
+        ),
         ({60: KNOCK, 150: (0, 0.04), 210: OTHER}, 0.0, ("setup-jump", "homing-slip", "setup-jump[second]")),
         ({120: KNOCK, 123: (0, 0.06)}, 0.0, ("setup-jump", "homing-slip")),
-        ({120: (1, 0.06), 124: KNOCK}, 0.0, ("setup-jump", "homing-slip")),
+        pytest.param({120: (1, 0.06), 124: KNOCK}, 0.0, ("setup-jump", "homing-slip"), marks=pytest.mark.long),
     ],
 )
 def test_of_several_events_each_is_named_at_its_own_row(events: Events, turning: float, named: tuple[str, ...]) -> None:
@@ -54,9 +61,9 @@ def test_of_several_events_each_is_named_at_its_own_row(events: Events, turning:
     ("events", "named", "residual"),
     [
         ({90: (0, 0.05), 186: (0, -0.05)}, (), "slider 1"),
-        ({60: (1, 0.05), 150: (1, 0.02), 210: (1, -0.07)}, (), "slider 2"),
+        pytest.param({60: (1, 0.05), 150: (1, 0.02), 210: (1, -0.07)}, (), "slider 2", marks=pytest.mark.long),
         ({90: KNOCK, 186: [-along for along in KNOCK]}, (), "z"),
-        ({60: (1, 0.05), 150: OTHER, 210: (1, -0.05)}, ("setup-jump",), "slider 2"),
+        pytest.param({60: (1, 0.05), 150: OTHER, 210: (1, -0.05)}, ("setup-jump",), "slider 2", marks=pytest.mark.long),
     ],
 )
 def test_what_came_and_went_is_one_thing_that_nobody_knows(events: Events, named: tuple[str, ...], residual: str):

@@ -65,7 +65,9 @@ def test_the_network_its_domain_and_a_frame(bench: MachineFile, tmp_path: Path) 
 FEW = ("homing-slip", "dh-offsets", "backlash", "windup")
 
 
-@pytest.mark.parametrize(("convention", "names"), [("standard", FEW), ("modified", ())])
+@pytest.mark.parametrize(
+    ("convention", "names"), [pytest.param("standard", FEW, marks=pytest.mark.long), ("modified", ())]
+)
 def test_an_arm_beside_its_nominal_joint_values(convention: str, names: tuple[str, ...], tmp_path: Path) -> None:
     """Angles tiny enough for a cosine that a runtime takes for one are among them."""
     file = arm(convention)

@@ -104,6 +104,7 @@ sys.exit(guard(lambda: run_on_workers(open_store(sys.argv[1]), workers=1, progre
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="groups of processes are POSIX")
 def test_ctrl_c_is_one_line_and_what_is_done_is_kept(tmp_path):
     """As a terminal does it, the workers get it too."""

@@ -98,6 +98,7 @@ def test_play_beside_a_large_lag_is_no_unknown() -> None:
     assert (found.verdict, {group[0] for group in found.suggested}) == ("missing", {"following-error", "backlash"})
 
 
+@pytest.mark.long
 def test_noise_that_was_told_before_all_was_named_is_told_again() -> None:
     """Values found under twice the noise are not yet where the readings want them, and a test of the rest says so."""
     found = told("multi", 1170035)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
 from ptt.challenge.cases import draw, plan
@@ -93,6 +94,7 @@ def test_a_moment_needs_sound_readings_on_both_sides() -> None:
     assert (found.verdict, found.suggested) == ("missing", (("joint-clearance",),))
 
 
+@pytest.mark.long
 def test_what_is_found_beside_an_unknown_and_not_named_is_no_statement() -> None:
     """A table that settles for hours: compliance of links takes a part of it, which hidden readings do not bear out."""
     case = plan("unknown", 1, 2700037, kinds="all", noise=None, bench=None, rows=None, visible=True)[0]

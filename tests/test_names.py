@@ -35,6 +35,7 @@ def test_of_few_rows_a_lead_and_a_wave_are_no_curve(seed: int, wave: int) -> Non
     assert (found.verdict, said) == ("missing", {"lead-scale", f"once-per-rev[harmonic {wave}]"})
 
 
+@pytest.mark.long
 def test_unknowns_do_not_take_at_the_drawing_what_names_do_nearer_by() -> None:
     """Zeros of half a millimetre on a circle: at the drawing a slip and a knock looked like eight other things."""
     drawn, _ = draw(plan("multi", 1, 1330035, kinds="all", rows=1260)[0])

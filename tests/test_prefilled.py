@@ -121,6 +121,7 @@ def test_a_written_effect_acts_where_the_unknown_does(
     assert ladder.steps[-1].heldout_rms_um["total"] < 1.2 * 5.0 * 3**0.5  # of the readings' own scatter
 
 
+@pytest.mark.long
 def test_a_play_that_opens_when_warm_is_described_by_the_file_as_written(tmp_path: Path) -> None:
     drawn = draw_rig("unknown", 400, MACHINE, fault="warm-backlash")
     run, file, diagnosis = tmp_path / "run.csv", tmp_path / "play.py", tmp_path / "found.json"

@@ -73,7 +73,7 @@ def look(file: MachineFile, table: Table) -> Diagnosis:
     return diagnose(Model(file), build_problem(file, table))
 
 
-@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
+@pytest.mark.parametrize("name", ["ur10", pytest.param("kuka_iiwa", marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", list(EXPECTED))
 def test_hidden_fault_is_named_first(name: str, kind: str) -> None:
     file = arm(name)
@@ -207,6 +207,7 @@ def uneven(waves: np.ndarray, reach: np.ndarray, rows: int) -> Diagnosis:
     return diagnose(Model(file), build_problem(file, make_table(None, q, rig.measure(q, *np.zeros((2, rows)), 4))))
 
 
+@pytest.mark.long
 def test_waves_of_one_joint_that_fall_off_are_no_unknown_of_that_joint() -> None:
     waves = np.zeros((6, 16, 2))
     waves[2] = np.random.default_rng(5).normal(0.0, 3e-4, (16, 2)) / np.arange(1, 17)[:, None]

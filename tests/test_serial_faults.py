@@ -31,7 +31,7 @@ def arm(name: str, **machine: object) -> MachineFile:
     return replace(file, machine=file.machine.model_copy(update=machine))
 
 
-@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
+@pytest.mark.parametrize("name", [pytest.param("ur10", marks=pytest.mark.long), "kuka_iiwa"])
 @pytest.mark.parametrize("fault", ARM_FAULTS)
 def test_faults_of_fresh_arms_are_named_first_and_alone(name: str, fault: ArmFault) -> None:
     file = arm(name)

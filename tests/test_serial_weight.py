@@ -175,6 +175,7 @@ def test_payload_hangs_on_the_tool_wherever_the_reflector_sits() -> None:
     torch.testing.assert_close(seen, torch.tensor(felt), rtol=1e-5, atol=1e-2)
 
 
+@pytest.mark.long
 def test_stated_errors_hold_the_true_amplitudes() -> None:
     """The truth is the rig's own torque times compliance, spread over the levers of the poses driven."""
     pulls = []

@@ -44,7 +44,9 @@ def hiding(protocol, fault):
     return replace(drawn, rig=replace(hidden, machine=drawn.rig.machine))
 
 
-@pytest.mark.parametrize("name", list(HIDDEN))
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n in ("scale", "neighbour") else n for n in HIDDEN]
+)
 def test_size_and_sign_are_those_of_the_fault(name) -> None:
     protocol, fault, of, kind, um, words = HIDDEN[name]
     drawn = hiding(protocol, fault)

@@ -128,7 +128,15 @@ def test_a_wrong_unit_of_length_of_a_tracker_far_away_is_no_tower(seed: int) -> 
     assert [step[0] for step in found.suggested] == ["tracker-scale"]
 
 
-@pytest.mark.parametrize(("size", "seed"), [(0.012, 5), (0.012, 6), (0.02, 0), (0.02, 2)])
+@pytest.mark.parametrize(
+    ("size", "seed"),
+    [
+        (0.012, 5),
+        pytest.param(0.012, 6, marks=pytest.mark.long),
+        (0.02, 0),
+        pytest.param(0.02, 2, marks=pytest.mark.long),
+    ],
+)
 def test_a_drift_is_not_told_as_a_wander_that_outlasts_the_run(size: float, seed: int) -> None:
     rows, random = 128, np.random.default_rng(seed)
     target, way, time = random.uniform(-60.0, 60.0, (rows, 3)), random.normal(size=3), np.linspace(0.0, 1.0, rows)
@@ -189,6 +197,7 @@ def test_a_joint_that_settles_is_no_drift_of_the_tracker(
     assert (found.depends_on[0].residual, found.depends_on[0].on) == ("slider 2", "time")
 
 
+@pytest.mark.long
 def test_a_windup_that_would_outlast_the_travel_is_held_where_it_still_is_one() -> None:
     """Fitted to what slips half way; a file of before may hold a longer one."""
     rows = 218
@@ -251,7 +260,11 @@ class Hose(Curve):
     between = (-60.0, 60.0)
 
 
-@pytest.mark.parametrize("how", [diagnose, partial(diagnose_long, size=100)], ids=["whole", "in chunks"])
+@pytest.mark.parametrize(
+    "how",
+    [diagnose, pytest.param(partial(diagnose_long, size=100), marks=pytest.mark.long)],
+    ids=["whole", "in chunks"],
+)
 def test_an_unknown_that_the_user_has_described_is_not_told_again(how: Callable[..., Diagnosis]) -> None:
     target = np.random.default_rng(4).uniform([-60.0, -60.0, -40.0], [60.0, 60.0, 40.0], (200, 3))
     pulled = 0.04 * np.sin(target[:, 1] / 18.0)[:, None] * np.eye(3)[2]
@@ -345,6 +358,7 @@ def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float
     assert all("lower when it arrives upward" in item.words for item in found.depends_on)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [3])
 def test_a_constant_play_beside_an_unknown_stays_a_play_at_two_speeds(seed: int) -> None:
     """A play that differs with the speed says the same and more: that it might is nothing against the name."""

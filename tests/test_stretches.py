@@ -46,7 +46,7 @@ def command(*words: object) -> dict:
     return json.loads(done.stdout)
 
 
-@pytest.mark.parametrize("repeats", [True, False])
+@pytest.mark.parametrize("repeats", [pytest.param(True, marks=pytest.mark.long), False])
 def test_thirty_rows_on_another_reflector_are_shown_as_a_block_and_spoil_nothing(repeats: bool, tmp_path: Path) -> None:
     frame = pd.read_csv(SEALED / "run.csv")
     if not repeats:

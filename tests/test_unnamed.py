@@ -185,6 +185,7 @@ def test_what_cannot_be_read_of_it_is_left_aside(spec: MaskedSpec) -> None:
     assert kept is not None and kept.unnamed is None
 
 
+@pytest.mark.long
 def test_a_diagnosis_says_where_its_readings_tell_less() -> None:
     rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 2, **machine(2)})
     five = diagnose(Model(FILE), read(rig, np.tile(CUBE, (20, 1)), 2))
@@ -199,6 +200,7 @@ def test_a_diagnosis_says_where_its_readings_tell_less() -> None:
     assert sound.elsewhere is None
 
 
+@pytest.mark.long
 def test_commands_elsewhere_are_better_where_all_sizes_are_fitted() -> None:
     """Of five poses the sizes that are not named would be told by none; learned together they lie near the drawing."""
     wanted, better = np.random.default_rng(2).uniform(-60.0, 60.0, (40, 3)).round(3), []

@@ -116,7 +116,14 @@ def told(found: Diagnosis, gap: np.ndarray, waits: bool | None) -> None:
 @pytest.mark.parametrize("waits", [False, True])
 @pytest.mark.parametrize(
     ("path", "gap"),
-    [("helix", 0.02), ("helix", 0.8), ("raster", 0.06), ("raster", 0.4), ("random", 0.06), ("random", 0.8)],
+    [
+        ("helix", 0.02),
+        pytest.param("helix", 0.8, marks=pytest.mark.long),
+        ("raster", 0.06),
+        pytest.param("raster", 0.4, marks=pytest.mark.long),
+        pytest.param("random", 0.06, marks=pytest.mark.long),
+        ("random", 0.8),
+    ],
 )
 def test_what_a_diagnosis_promises_an_addition_keeps(path: str, gap: float, waits: bool) -> None:
     """Rows within a gap of a reversal are those that tell; among 300 poses at random 60 um leave hardly one of them."""
@@ -131,6 +138,7 @@ def test_what_a_diagnosis_promises_an_addition_keeps(path: str, gap: float, wait
     assert found.opening.sum() <= (12 if waits else 1)  # but for the first, no row is aside that does not remember
 
 
+@pytest.mark.long
 def test_a_long_run_says_what_the_whole_one_says() -> None:
     gaps = np.full(3, 0.4)
     problem = measured("long", gaps, waits=False)

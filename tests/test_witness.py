@@ -44,7 +44,10 @@ def test_a_drift_is_the_trackers_alone_where_base_reflectors_were_read_along_the
     assert (drift.tool_doubt > 0.1 * far) is not watched and drift.tool_doubt < 0.36 * far
 
 
-@pytest.mark.parametrize("um_per_k", [-40.0, -17.0, 9.0, 17.0, 40.0])
+@pytest.mark.parametrize(
+    "um_per_k",
+    [pytest.param(-40.0, marks=pytest.mark.long), -17.0, 9.0, pytest.param(17.0, marks=pytest.mark.long), 40.0],
+)
 def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_per_k: float) -> None:
     """Told is a machine that could be, and that a tracker looks the same; or that no known effect describes it."""
     drawn = draw_rig("none", 31, bench_machine(), "warmup", rows=120)
