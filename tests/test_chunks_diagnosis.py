@@ -137,6 +137,7 @@ def test_sums_over_chunks_are_those_of_the_whole(
     np.testing.assert_allclose(*left, atol=1e-4)
 
 
+@pytest.mark.long
 def test_candidates_of_a_share_of_the_rows_say_about_what_all_rows_say(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -377,6 +377,7 @@ def test_round_trip_is_lossless(
         assert_array_equal(again.temp_c, table.temp_c)
 
 
+@pytest.mark.long
 def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     line = [",".join(map(repr, row)) for row in random.normal(size=(1000, 9)).round(6).tolist()]
