@@ -216,7 +216,7 @@ def test_a_rail_that_leans_far_is_turned_not_stretched(bench):
     shift = library()["tower-tilt"]().shift(tensor(lean.T.ravel()), view)
     moved = shift[:, :12].unflatten(1, (3, 4))
     tangential, rail = view.mechanism.outer_axis.numpy(), view.mechanism.rail.numpy()
-    outward = np.cross(tangential, [0.0, 0.0, 1.0])
+    outward = np.cross(tangential, rail)
     turned = Rotation.from_rotvec(lean[:, :1] * tangential - lean[:, 1:] * outward).apply(rail)
     exact = (view.q - view.home).numpy()[..., None] * (turned - rail)
     assert_close(moved[..., :3], tensor(exact), atol=2e-4, rtol=0.0)

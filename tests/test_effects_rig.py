@@ -73,7 +73,6 @@ LEANING = TRUSTED.machine.model_copy(update={"slider_lean_deg": (6.6, -8.0, 3.0)
 @pytest.mark.parametrize("way", ["radial", "tangential"])
 @pytest.mark.parametrize("drawn", [TRUSTED.machine, LEANING], ids=["upright", "leaning"])
 def test_a_rail_that_leans_is_turned_about_its_pivot(tmp_path, drawn, way, sign):
-    """On a rail that the drawing leans the sideways way is not the level one: the turn lifts or lowers its end."""
     lean = [sign * 0.8, 0.0, sign * -1.2]
     values = torch.zeros(6, dtype=torch.float64)
     values[slice(0, 3) if way == "radial" else slice(3, 6)] = 1e-3 * torch.tensor(lean, dtype=torch.float64)

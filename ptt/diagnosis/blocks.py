@@ -9,7 +9,7 @@ import numpy as np
 from ptt.dependence.contexts import rigid_slopes
 from ptt.diagnosis.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.span import Context, Span, span_of
-from ptt.effects.geometry import horizontal_axes
+from ptt.effects.geometry import across_axes
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
@@ -209,7 +209,7 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
     found = [(f"{word} {joint + 1}", by_joint[:, :, joint : joint + 1], joint) for joint in range(k)]
     if problem.file.machine.kind == "three-ptt":
         by_slot = chain.by_slot.numpy()
-        ways = np.stack([axis.numpy() for axis in horizontal_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
+        ways = np.stack([axis.numpy() for axis in across_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
         found += [(f"rail {leg + 1}", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
     for residual, slopes, joint in found:
         lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
-from ptt.effects.geometry import ACROSS, LEGS, horizontal_axes
+from ptt.effects.geometry import ACROSS, LEGS, across_axes
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.errors import InputError
@@ -111,7 +111,7 @@ class Curve(Effect):
             )
         shapes = self._shapes(view)
         if kind == "rail":
-            way = horizontal_axes(view)[ACROSS.index(self.acts_on.split()[-1])][index]
+            way = across_axes(view)[ACROSS.index(self.acts_on.split()[-1])][index]
             first, way = 4 * index, way.to(shapes)
         else:
             first, way = 4 * index + 3 if kind == "link" else index, shapes.new_ones(1)

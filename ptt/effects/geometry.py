@@ -1,12 +1,15 @@
 """What the geometry effects of the 3-PTT share: legs, their axes, the slots they move, the pull in the links."""
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import ClassVar, cast
 
 import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Stage
+from ptt.effects.phrases import Said
 from ptt.mechanisms.statics import link_forces
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.run.view import View
@@ -25,8 +28,35 @@ def machine(view: View) -> ThreePtt:
 
 def horizontal_axes(view: View) -> tuple[Tensor, Tensor]:
     """Radial and tangential unit vectors of the legs, each (3, 3)."""
-    tangential = machine(view).outer_axis
-    return torch.linalg.cross(tangential, UPWARD.expand_as(tangential)), tangential
+    return machine(view).outward, machine(view).outer_axis
+
+
+def across_axes(view: View) -> tuple[Tensor, Tensor]:
+    """Unit vectors across the rails, each (3, 3): as the upper end leans outward, and tangential."""
+    return machine(view).across, machine(view).outer_axis
+
+
+def foot_axes(view: View) -> tuple[Tensor, Tensor]:
+    """Unit vectors in which a rail may stand off, each (3, 3): horizontal ones, of a flat rail across it.
+
+    What lies outward lies along a flat rail, where it is a homing offset.
+    """
+    there = machine(view)
+    return torch.where(there.flat[:, None], there.across, there.outward), there.outer_axis
+
+
+def upright(said: Iterable[Said], view: View) -> tuple[Said, ...]:
+    """Of flat rails, outward and inward are said as they lie there: downward and upward."""
+    there = machine(view)
+    rises = {leg + 1: float(there.across[leg, 2]) > 0.0 for leg in range(LEGS) if there.flat[leg]}
+
+    def turned(text: str, leg: int) -> str:
+        if leg not in rises:
+            return text
+        up = {"outward": rises[leg], "inward": not rises[leg]}
+        return re.sub("outward|inward", lambda way: "upward" if up[way[0]] else "downward", text)
+
+    return tuple(replace(one, text=turned(one.text, one.joint), mend=turned(one.mend, one.joint)) for one in said)
 
 
 def centre_basis(*columns: Tensor) -> Tensor:

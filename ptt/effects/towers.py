@@ -14,10 +14,12 @@ from ptt.effects.geometry import (
     CLOSURE,
     LEGS,
     ThreePttEffect,
+    across_axes,
     centre_basis,
     centre_slots,
-    horizontal_axes,
+    foot_axes,
     machine,
+    upright,
 )
 from ptt.effects.layout import shape_of
 from ptt.effects.phrases import Phrase, Said
@@ -53,7 +55,10 @@ class TowerPosition(ThreePttEffect):
     )
     card: ClassVar[Card] = Card(
         cause="A rail, its slider joint or its platform joint stands off from the drawing; the two joints count alike.",
-        equation="dc_i = a_i u_i + b_i t_i (u_i outward, t_i along increasing azimuth); J_i dp = s_i . dc_i/w_i",
+        equation=(
+            "dc_i = a_i u_i + b_i t_i (u_i outward, t_i along increasing azimuth; where rail e_i is "
+            "flatter than 45 deg, n_i = t_i x e_i: outward is a homing offset there); J_i dp = s_i . dc_i/w_i"
+        ),
         source=f"{CLOSURE}; calibration of parallel robots: Vischer and Clavel, Robotica 16, 1998",
         size="100 to 500 um",
         fingerprint="J e of leg i follows the horizontal reach of its link over its drop, q_i/w_i.",
@@ -69,7 +74,11 @@ class TowerPosition(ThreePttEffect):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Unit shifts of each leg's centre."""
-        return centre_basis(*(axis.expand(view.rows, LEGS, 3) for axis in horizontal_axes(view)))
+        return centre_basis(*(axis.expand(view.rows, LEGS, 3) for axis in foot_axes(view)))
+
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+        """How far each tower stands off and where to."""
+        return upright(super().say(theta, std, view), view)
 
 
 @dataclass(frozen=True)
@@ -105,8 +114,8 @@ class TowerTilt(ThreePttEffect):
     card: ClassVar[Card] = Card(
         cause="A rail leans: its foot and head are not one above the other.",
         equation=(
-            "dc_i = (q_i - q0_i) (w_i x e_i + w_i x (w_i x e_i)/2), w_i = a_i t_i - b_i u_i, pivot at q0, angles in "
-            "rad, e_i along the rail (upright: a_i u_i + b_i t_i - (a_i^2 + b_i^2) e_i/2)"
+            "dc_i = (q_i - q0_i) (w_i x e_i + w_i x (w_i x e_i)/2), w_i = a_i t_i - b_i n_i, pivot at q0, angles in "
+            "rad, e_i along the rail, n_i = t_i x e_i (upright: a_i u_i + b_i t_i - (a_i^2 + b_i^2) e_i/2)"
         ),
         source=f"rotation of the rail to second order; {CLOSURE}",
         size="0.1 to 2 mrad",
@@ -120,6 +129,10 @@ class TowerTilt(ThreePttEffect):
         telling="b",
         shade="x",
     )
+
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+        """How far each rail leans and which way."""
+        return upright(super().say(theta, std, view), view)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Shift of each leg's centre, as far from home as it is, by a small turn of its rail."""
@@ -146,9 +159,9 @@ class TowerTilt(ThreePttEffect):
 
 
 def _unit_turns(view: View) -> tuple[Tensor, Tensor]:
-    """Rotations by which the upper ends go outward and along increasing azimuth, (leg, xyz) each."""
-    radial, tangential = horizontal_axes(view)
-    return tangential, -radial
+    """Rotations that take the rails' upper ends outward and along increasing azimuth, (leg, xyz) each."""
+    outward, tangential = across_axes(view)
+    return tangential, -outward
 
 
 def _turn(theta: Tensor, view: View) -> Tensor:
@@ -189,9 +202,9 @@ class GuideStraightness(ThreePttEffect):
     card: ClassVar[Card] = Card(
         cause="The rail is bowed or its bolts pull it, so the slider wanders sideways as it travels.",
         equation=(
-            "dc_i = u_i f_i(x) + t_i g_i(x), f and g = sum_j a_j N_j(x) + b (2 x - 1) + c with the shapes N_j of "
-            "screw-error-map, x = (q_i - from_i)/(to_i - from_i) held to 0..1; b and c are held near zero where "
-            "tower-position and tower-tilt, which level and slope are, are in the model"
+            "dc_i = n_i f_i(x) + t_i g_i(x), n_i = t_i x e_i (upright: u_i), f and g = sum_j a_j N_j(x) + b (2 x - 1) "
+            "+ c with the shapes N_j of screw-error-map, x = (q_i - from_i)/(to_i - from_i) held to 0..1; b and c are "
+            "held near zero where tower-position and tower-tilt, which level and slope are, are in the model"
         ),
         source=f"straightness of a linear motion: ISO 230-1; {CLOSURE}",
         size="5 to 30 um",
@@ -214,9 +227,8 @@ class GuideStraightness(ThreePttEffect):
             "wander{s} up to {what} counter-clockwise (seen from above)",
             "wander{s} up to {what} clockwise (seen from above)",
         )
-        return curve_extremes(
-            self, theta, std, ((out, ("radial",), slice(0, 2)), (along, ("tangential",), slice(2, 4)))
-        )
+        curves = ((out, ("radial",), slice(0, 2)), (along, ("tangential",), slice(2, 4)))
+        return upright(curve_extremes(self, theta, std, curves), view)
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The range that the data cover."""
@@ -234,12 +246,12 @@ class GuideStraightness(ThreePttEffect):
         curves, lines = smooth_shapes(place), straight_shapes(place)  # shape: (n, leg, c)
         bent = (curves * curved.view(2, 1, LEGS, SHAPES)).sum(dim=-1)  # shape: (axis, n, leg)
         level = (lines * straight.view(LEGS, 2, 2).transpose(0, 1)[:, None]).sum(dim=-1)
-        return centre_slots(torch.einsum("anl,alx->nlx", bent + level, torch.stack(horizontal_axes(view))))
+        return centre_slots(torch.einsum("anl,alx->nlx", bent + level, torch.stack(across_axes(view))))
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Spline shapes of each rail, outward and along the azimuth."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
-        axes = horizontal_axes(view)
+        axes = across_axes(view)
         curves = smooth_shapes(place)  # shape: (n, leg, c)
         lines = torch.cat([torch.einsum("nlc,lx->nlxc", straight_shapes(place), axis) for axis in axes], dim=-1)
         return centre_basis(*(torch.einsum("nlc,lx->nlxc", curves, axis) for axis in axes), lines)

@@ -129,6 +129,21 @@ class ThreePtt:
         side = _platform_side(foot, rail, link, above)
         return cls(foot, rail, link, axis, above, side, joint_height_mm, travel_mm)
 
+    @property
+    def outward(self) -> Tensor:
+        """Horizontal unit vectors from the middle to each slider, (3, 3)."""
+        return torch.linalg.cross(self.outer_axis, _tensor((0.0, 0.0, 1.0)).expand_as(self.outer_axis))
+
+    @property
+    def across(self) -> Tensor:
+        """Unit vectors at right angles to each rail, the way that its upper end leans outward, (3, 3)."""
+        return torch.linalg.cross(self.outer_axis, self.rail)
+
+    @property
+    def flat(self) -> Tensor:
+        """Rails nearer to the horizontal than to the vertical, (3,) bool: what lies outward lies along them."""
+        return (self.rail * self.outward).sum(dim=-1).abs() > self.rail[:, 2].abs()
+
     def forward(self, q: Tensor, geometry: Tensor | None = None) -> Tensor:
         """Tool position of slider heights: three spheres, closed form.
 

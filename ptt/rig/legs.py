@@ -38,10 +38,11 @@ def build_legs(
     """
     rail, turn = _lean(drawing, faults)
     base, platform, links = growth
-    foot = drawing.pivot + _sideways(drawing, faults.tower_radial_mm, faults.tower_tangential_mm)
+    out, aside = (np.asarray(size)[:, None] for size in (faults.tower_radial_mm, faults.tower_tangential_mm))
+    foot = drawing.pivot + out * drawing.foot_way + aside * drawing.sideways
     along = (slider - drawing.home)[..., None] * rail
     joint = foot + along + (base * drawing.base_radius)[:, None, None] * drawing.outward + bend
-    joint = joint + wander[..., :1] * drawing.outward + wander[..., 1:] * drawing.sideways
+    joint = joint + wander[..., :1] * drawing.across + wander[..., 1:] * drawing.sideways
     # An axis displaced along the rail, towards the platform, cannot be told from a slider that sits lower.
     joint = joint - drawing.side * np.asarray(faults.joint_offset_rail_mm)[:, None] * rail
     end = drawing.platform_radius * drawing.outward
@@ -114,9 +115,12 @@ def _sideways(drawing: Drawing, radial: tuple[float, ...], tangential: tuple[flo
 
 
 def _lean(drawing: Drawing, faults: Geometry) -> tuple[Array, Array]:
-    """Rails turned exactly: positive radial leans the upper end outward, positive tangential counter-clockwise."""
+    """Rails turned exactly: positive radial leans the upper end outward, positive tangential counter-clockwise.
+
+    Both turns are at right angles to the rail; a turn about the rail itself moves no slider.
+    """
     outward = MILLI * np.asarray(faults.lean_radial_mrad)[:, None] * drawing.sideways
-    across = -MILLI * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.outward
+    across = -MILLI * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.across
     turn = rotation_matrix(outward + across)
     return np.einsum("lij,lj->li", turn, drawing.rail), turn
 

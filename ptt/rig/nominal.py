@@ -18,6 +18,8 @@ class Drawing:
         outward: (3, 3), horizontal unit vector from the centre to each slider.
         sideways: (3, 3), horizontal unit vector across it, counter-clockwise.
         rail: (3, 3), unit vector of each rail, upwards.
+        across: (3, 3), unit vector at right angles to rail and sideways: outward where the rail is upright.
+        foot_way: (3, 3), in which a rail stands off beside sideways: outward, or across a rail flatter than 45 degrees.
         pivot: (3, 3) mm, joint on each slider when the tool is at p = 0; leaning rails turn about it.
         home: (3,) mm, slider heights at p = 0.
         base_radius: mm.
@@ -30,6 +32,8 @@ class Drawing:
     outward: Array
     sideways: Array
     rail: Array
+    across: Array
+    foot_way: Array
     pivot: Array
     home: Array
     base_radius: float
@@ -54,10 +58,13 @@ def draw_machine(spec: ThreePttSpec) -> Drawing:
     up = np.array([0.0, 0.0, 1.0])
     side = 1.0 if spec.sliders == "above" else -1.0
     rise = side * math.sqrt(spec.link_length_mm**2 - (spec.base_radius_mm - spec.platform_radius_mm) ** 2)
+    across = np.cos(lean)[:, None] * outward - np.sin(lean)[:, None] * up
     return Drawing(
         outward=outward,
         sideways=sideways,
         rail=np.sin(lean)[:, None] * outward + np.cos(lean)[:, None] * up,
+        across=across,
+        foot_way=np.where((np.abs(np.sin(lean)) > np.abs(np.cos(lean)))[:, None], across, outward),
         pivot=spec.base_radius_mm * outward + rise * up,
         home=np.full(3, spec.joint_height_mm + rise),
         base_radius=spec.base_radius_mm,

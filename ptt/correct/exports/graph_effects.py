@@ -84,13 +84,14 @@ def _axis(s: Place, t: np.ndarray, effect: Effect) -> None:
 
 
 def _position(s: Place, t: np.ndarray, effect: Effect) -> None:
-    shift = t[:3, None] * s.outward + t[3:, None] * s.aside
+    foot = np.where(s.mechanism.flat.numpy()[:, None], s.across, s.outward)
+    shift = t[:3, None] * foot + t[3:, None] * s.aside
     s.move_centre([shift[None, :, x] for x in range(3)])
 
 
 def _tilt(s: Place, t: np.ndarray, effect: Effect) -> None:
     rail = s.mechanism.rail.numpy()
-    turn = t[:3, None] * s.aside - t[3:, None] * s.outward
+    turn = t[:3, None] * s.aside - t[3:, None] * s.across
     once = np.cross(turn, rail)
     lean = once + 0.5 * np.cross(turn, once)
     s.move_centre([(s.a - s.home) * lean[None, :, x] for x in range(3)])
@@ -101,7 +102,7 @@ def _guide(s: Place, t: np.ndarray, effect: Effect) -> None:
     lines, ends = straight.reshape(3, 2, 2), np.stack([low, high], axis=1)
     out = _curve(s, _pieces(radial, lines[:, 0]), ends, s.a)
     along = _curve(s, _pieces(tangential, lines[:, 1]), ends, s.a)
-    s.move_centre([out * s.outward[None, :, x] + along * s.aside[None, :, x] for x in range(3)])
+    s.move_centre([out * s.across[None, :, x] + along * s.aside[None, :, x] for x in range(3)])
 
 
 def _length(s: Place, t: np.ndarray, effect: Effect) -> None:

@@ -60,7 +60,12 @@ class Place:
     @property
     def outward(self) -> np.ndarray:
         """Radial directions, (3, 3)."""
-        return np.cross(self.aside, [0.0, 0.0, 1.0])
+        return np.asarray(self.mechanism.outward.numpy())
+
+    @property
+    def across(self) -> np.ndarray:
+        """Directions at right angles to the rails, as their upper ends lean outward, (3, 3)."""
+        return np.asarray(self.mechanism.across.numpy())
 
     @property
     def aside(self) -> np.ndarray:

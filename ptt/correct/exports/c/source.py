@@ -136,13 +136,15 @@ def _family(file: MachineFile, parts: Parts) -> str:
 def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
     spec = file.machine
     assert spec.kind == "three-ptt"
-    upward = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64).expand(3, 3)
+    foot = torch.where(mechanism.flat[:, None], mechanism.across, mechanism.outward)
     tables = {
         "ptt_foot": (mechanism.foot, "virtual joint centre of each leg at slider height 0, mm"),
         "ptt_rail": (mechanism.rail, "direction of each rail"),
         "ptt_link": (mechanism.link, "link lengths, mm"),
         "ptt_outer": (mechanism.outer_axis, "outer axis of the universal joints, tangential"),
-        "ptt_radial": (torch.linalg.cross(mechanism.outer_axis, upward), "outward"),
+        "ptt_radial": (mechanism.outward, "outward"),
+        "ptt_across": (mechanism.across, "across each rail, as its upper end leans outward"),
+        "ptt_stand": (foot, "outward, of a flat rail across it"),
         "ptt_azimuth": (_azimuth(spec.slider_azimuth_deg), "cosine and sine of each slider's azimuth"),
         "ptt_reflector": (spec.reflector_mm, "mm from the platform's centre"),
     }
@@ -158,7 +160,11 @@ def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
 
 
 def _used(parts: Parts) -> tuple[str, ...]:
-    return tuple(name for name in ("ptt_radial", "ptt_azimuth", "ptt_reflector") if name in parts.functions)
+    return tuple(
+        name
+        for name in ("ptt_radial", "ptt_across", "ptt_stand", "ptt_azimuth", "ptt_reflector")
+        if name in parts.functions
+    )
 
 
 def _azimuth(degrees: tuple[float, float, float]) -> np.ndarray:
