@@ -126,6 +126,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--level", choices=("single", "multi", "unknown", "none", "dense"), default="single")
     parser.add_argument("--foreign", action="store_true", help="geometry, path, length and noise by the seed")
+    parser.add_argument("--steep", action="store_true", help="rails of --foreign lean by 15 to 75 deg or lie flat")
     parser.add_argument("--noise", choices=tuple(NOISES), help="one kind for all; else all kinds in turn")
     parser.add_argument("--kinds", choices=("shown", "unseen", "all"), default="shown", help="outside the library")
     parser.add_argument("--count", type=int, default=200)
@@ -141,7 +142,12 @@ def _options() -> argparse.Namespace:
 def main() -> None:
     """Command line."""
     args = _options()
-    shared = {"bench": None if args.foreign else bench(), "rows": args.rows, "visible": not args.any_size}
+    shared = {
+        "bench": None if args.foreign else bench(),
+        "rows": args.rows,
+        "visible": not args.any_size,
+        "steep": args.steep,
+    }
     cases = plan(args.level, args.count, args.start, kinds=args.kinds, noise=args.noise, **shared)
     if args.fault:
         cases = [replace(case) for case in cases if args.fault in case.faults]

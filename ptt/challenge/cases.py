@@ -12,6 +12,7 @@ from ptt.machine import MachineFile
 from ptt.rig import RunResult, simulate
 from ptt.rig.draw import PROTOCOLS, DrawnRig, Protocol, draw_rig
 from ptt.rig.draw_foreign import draw_foreign
+from ptt.rig.draw_machine import draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise
 from ptt.rig.schedule import TARGET
 
@@ -43,6 +44,7 @@ class Case:
         bench: a drawing to be run on the paths of the sample data; None draws machine, path and length by the seed.
         rows: about how many, None lets the seed choose.
         visible: draw sizes anew until every fault is of a size in VISIBLE.
+        steep: of a drawn machine, whether its rails lean far or lie flat.
     """
 
     seed: int
@@ -53,6 +55,7 @@ class Case:
     bench: MachineFile | None = None
     rows: int | None = None
     visible: bool = True
+    steep: bool = False
 
 
 def names_of(level: str, kinds: str = "all") -> tuple[str, ...]:
@@ -80,7 +83,7 @@ def plan(
         start: first seed.
         kinds: shown, unseen or all, of the faults outside the library.
         noise: kind of noise for all of them, None goes through all kinds where machines are drawn.
-        **shared: bench, rows, visible of every case.
+        **shared: bench, rows, visible, steep of every case.
 
     Returns:
         The cases.
@@ -195,7 +198,8 @@ def _size(drawn: DrawnRig, still: RunResult) -> float:
 
 def _sound(case: Case, seed: int) -> DrawnRig:
     if case.bench is None:
-        return draw_foreign(seed, case.protocol, noise=case.noise, rows=case.rows)
+        foreign = draw_machine_file(seed, steep=True) if case.steep else None
+        return draw_foreign(seed, case.protocol, noise=case.noise, rows=case.rows, foreign=foreign)
     drawn = draw_rig("none", seed, case.bench, case.protocol, rows=case.rows or 300)
     if case.noise is None:
         return drawn

@@ -35,18 +35,19 @@ class Foreign:
     room: Array
 
 
-def draw_machine_file(seed: int) -> Foreign:
+def draw_machine_file(seed: int, *, steep: bool = False) -> Foreign:
     """Draw a machine: links of 150 to 900 mm, sliders above or below, rails uneven or leaning.
 
     Args:
         seed: of everything.
+        steep: let rails lean by 15 to 75 degrees, or lie flat as in a star.
 
     Returns:
         The drawing and its workspace.
     """
-    random = np.random.default_rng([seed, 71])
+    random, leaning = np.random.default_rng([seed, 71]), np.random.default_rng([seed, 73])
     for _ in range(1000):
-        values = _draw_lengths(random)
+        values = _draw_lengths(random) | (_draw_leans(leaning) if steep else {})
         spec = ThreePttSpec(kind="three-ptt", slider_travel_mm=(0.0, 1e5), **values)
         room = _draw_room(random, spec.link_length_mm)
         room = _shrink(draw_machine(spec), room)
@@ -115,6 +116,13 @@ def _draw_lengths(random: np.random.Generator) -> dict[str, Any]:
         "reflector_mm": tuple(np.round(offset, 1).tolist()),
         "platform_mass_kg": round(float(random.uniform(0.5, 8.0)), 2) * float(random.random() < 0.6),
     }
+
+
+def _draw_leans(random: np.random.Generator) -> dict[str, Any]:
+    """Rails that lean far, all alike or each by its own, or a star."""
+    common = random.choice([-1.0, 1.0]) * random.uniform(15.0, 75.0)
+    leans = {"common": np.full(3, common), "own": common + random.uniform(-8.0, 8.0, 3), "star": np.full(3, 90.0)}
+    return {"slider_lean_deg": tuple(np.round(leans[str(random.choice(list(leans)))], 1).tolist())}
 
 
 def _draw_room(random: np.random.Generator, link: float) -> Array:
