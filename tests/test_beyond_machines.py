@@ -91,7 +91,7 @@ def test_friction_takes_no_more_than_half_the_travel_that_it_takes() -> None:
     usual = library()["windup"].parameters[0].usual
     for atom in atoms.values():
         assert atom.shape is not None and atom.largest is not None
-        assert atom.largest == pytest.approx(0.5 * float(atom.shape["length"]) / usual)
-    short = min(atoms, key=lambda key: float((atoms[key].shape or {})["length"]))
+        assert atom.largest == pytest.approx(0.5 * float(atom.shape["length"][0]) / usual)
+    short = min(atoms, key=lambda key: float((atoms[key].shape or {})["length"][0]))
     state = found.scorer.score((short,), found.state.memory)
     assert beyond_machines(state, found.system.atoms, found.system.scale) == (short,)

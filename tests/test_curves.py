@@ -111,6 +111,6 @@ def test_a_wide_play_of_one_slider_is_found_beside_a_wind_up(seed):
         begin, end = random.uniform(-20.0, 20.0, (2, 3))
         line = begin + share * (end - begin)
         poses += [line, line[::-1]] if number % 2 else [line]
-    hidden = [term("backlash", [0.0, 0.0, 0.6, 1.0]), term("windup", [0.01, 0.06, 0.016, 1.7])]
+    hidden = [term("backlash", [0.0, 0.0, 0.6, 1.0]), term("windup", [0.01, 0.06, 0.016, 1.7, 1.7, 1.7])]
     found = diagnose(Model(file), read(file, np.concatenate(poses), hidden, random))
     assert found.verdict == "missing" and {names[0] for names in found.suggested} == {"backlash", "windup"}

@@ -576,7 +576,7 @@ def wound_over(length: float) -> Problem:
     place = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 20.0 * np.sin(14.45 * time)])
     file = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"sigma_mm": 0.003}))
     table = make_table(place, measured=place)
-    windup = library()["windup"](), torch.tensor([0.1, 0.11, 0.05, length], dtype=torch.float64)
+    windup = library()["windup"](), torch.tensor([0.1, 0.11, 0.05, *[length] * 3], dtype=torch.float64)
     reading = predict([windup], build_problem(file, table).view).reading.numpy()
     noisy = reading + np.random.default_rng(6).normal(0.0, 0.003, reading.shape)
     return build_problem(file, replace(table, measured=noisy))
@@ -592,7 +592,7 @@ def test_windup_over_a_short_travel_is_no_play():
 def test_without_play_a_windup_is_looked_for_as_if_nothing_were_known():
     """Beside play it had what that left, over a length from which its fit leads to none at all."""
     problem = wound_over(0.3)
-    beside = torch.tensor([0.01, 0.005, 0.01, 0.001], dtype=torch.float64)
+    beside = torch.tensor([0.01, 0.005, 0.01, *[0.001] * 3], dtype=torch.float64)
     play = torch.tensor([0.08, 0.09, 0.06, 1.0], dtype=torch.float64)
     both = Model(problem.file) + Term(library()["backlash"](), play) + Term(library()["windup"](), beside)
     noise = Noise(9e-6 * np.eye(3), "machine file")

@@ -83,7 +83,7 @@ def predict_text(file: MachineFile, targets: Table) -> str:
 @pytest.mark.parametrize("clock", ["time_s", "feed_mm_s"])
 def test_blocks_know_the_speed_and_the_turns_before_and_behind_them(bench: MachineFile, monkeypatch, clock) -> None:
     lag = Term(FollowingError(), late(0.02))
-    turn = Term(Windup(), torch.tensor([0.01, 0.02, 0.03, 2.0], dtype=torch.float64))
+    turn = Term(Windup(), torch.tensor([0.01, 0.02, 0.03, 2.0, 1.0, 3.0], dtype=torch.float64))
     columns = {"time_s": np.arange(260.0)}
     if clock == "feed_mm_s":  # tells the speeds of all rows once it tells one
         columns["feed_mm_s"] = np.where(np.arange(260) < 160, 30.0, 0.0)

@@ -19,8 +19,8 @@ from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
-PLAY, WOUND = ("backlash", [0.09, 0.12, 0.1, 1.0]), ("windup", [0.045, 0.06, 0.05, 0.2])
-PART = ("backlash", [0.04, 0.02, -0.02, 1.0]), ("windup", [0.025, 0.05, 0.06, 0.1])
+PLAY, WOUND = ("backlash", [0.09, 0.12, 0.1, 1.0]), ("windup", [0.045, 0.06, 0.05, 0.2, 0.2, 0.2])
+PART = ("backlash", [0.04, 0.02, -0.02, 1.0]), ("windup", [0.025, 0.05, 0.06, 0.1, 0.1, 0.1])
 NOISE, MACHINE = Noise(9e-6 * np.eye(3), "machine file"), bench_machine()
 
 

@@ -23,7 +23,7 @@ NOISE = Noise(SIGMA**2 * np.eye(3), "machine file")
 
 
 def wound_up(height: float = HEIGHT) -> Term:
-    return Term(library()["windup"](), torch.tensor([height] * 3 + [LENGTH], dtype=torch.float64))
+    return Term(library()["windup"](), torch.tensor([height] * 3 + [LENGTH] * 3, dtype=torch.float64))
 
 
 def fine_path(height: float = HEIGHT) -> Problem:

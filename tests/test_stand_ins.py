@@ -391,7 +391,7 @@ def test_what_does_nothing_at_its_fitted_values_is_idle(monkeypatch: pytest.Monk
     """A tangent may ask for a wind-up over no travel; play of a quarter of the noise is seen on so many rows."""
     file, target = stated(), np.random.default_rng(4).uniform(-60.0, 60.0, (400, 3))
     problem = run_of(file, target, np.zeros((400, 3)), 4)
-    values = {"windup": [1e-4, 0.0, 0.0, 1e-3], "backlash": [0.25 * NOISE] * 3 + [1.0]}
+    values = {"windup": [1e-4, 0.0, 0.0, *[1e-3] * 3], "backlash": [0.25 * NOISE] * 3 + [1.0]}
     terms = tuple(Term(library()[name](), torch.tensor(each, dtype=torch.float64)) for name, each in values.items())
     monkeypatch.setattr(verdict, "noise_after", lambda *_: Noise(NOISE**2 * np.eye(3), "machine file"))
     atoms = {f"{name}#1": SimpleNamespace(name=name) for name in values}

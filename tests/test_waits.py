@@ -254,7 +254,9 @@ def test_exported_c_sends_what_predict_sends(moves: str, size: float, tmp_path: 
     file = replace(FILE, machine=FILE.machine.model_copy(update={"moves": moves}))
     model = Model(file) + play(size * np.array([0.4, 0.3, 0.5]), False)
     if moves == "sliders":  # a joint that turns within a straight move leaves of wind-up what no command takes
-        model = model + Term(library()["windup"](), torch.tensor([0.02, 0.01, 0.015, 2.0], dtype=torch.float64))
+        model = model + Term(
+            library()["windup"](), torch.tensor([0.02, 0.01, 0.015, 2.0, 1.0, 3.0], dtype=torch.float64)
+        )
     sent = compensate(model, make_table(targets, payload_kg=1.3, temp_c=26.0))
     code, q = Built(Compensator(model, None, {}), tmp_path).commands(targets, Context(1.3, 26.0, 0.0, 0.0))
     reached = predict([(term.effect, term.theta) for term in model.terms], build_view(file, make_table(None, sent.q))).p

@@ -39,7 +39,7 @@ def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> M
     for way in ways:
         # What a prior pulls at is counted while a fit is under way, and sizes are learned in between.
         other = fit_dated(way, problem, found, 2.0 * most)
-        dearer = 2.0 * phi * UNUSUAL if Windup.name in way.keys else 0.0  # its length is one more that is free
+        dearer = 2.0 * phi * UNUSUAL if Windup.name in way.keys else 0.0  # its lengths are free besides
         if other.status != HOPELESS and other.chi2 < most - dearer:
             best, most = other, other.chi2
     return best.model
@@ -63,4 +63,4 @@ def _lost(term: Term | None) -> Tensor | None:
     """What each joint loses on reversal, (k,) mm or rad."""
     if term is None:
         return None
-    return gap_of(term.theta)[0] if term.effect.key == Backlash.name else 2.0 * term.theta[:-1]
+    return gap_of(term.theta)[0] if term.effect.key == Backlash.name else 2.0 * term.theta[: len(term.theta) // 2]

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import torch
 from torch import Tensor
 
 FINER = 8  # values that are tried between the neighbours of a trial
@@ -20,10 +19,15 @@ def finer(trials: Sequence[Mapping[str, Tensor]], shape: Mapping[str, Tensor], s
     Returns:
         The shape itself first, then `FINER` values up to its neighbours.
     """
-    own = float(shape[stem])
-    tried = sorted({float(trial[stem]) for trial in trials})
+    own = _mean(shape[stem])
+    tried = sorted({_mean(trial[stem]) for trial in trials})
     low = max((value for value in tried if value < own), default=own)
     high = min((value for value in tried if value > own), default=own)
     inner = [*np.geomspace(low, own, FINER // 2 + 2)[1:-1], *np.geomspace(own, high, FINER // 2 + 2)[1:-1]]
     values = (value for value in inner if value != own)
-    return [shape, *({**shape, stem: torch.tensor([value], dtype=torch.float64)} for value in values)]
+    return [shape, *({**shape, stem: shape[stem] * (value / own)} for value in values)]
+
+
+def _mean(constants: Tensor) -> float:
+    """Of joints that have each their own, the geometric mean."""
+    return float(constants.log().mean().exp()) if len(constants) > 1 else float(constants)

@@ -13,7 +13,7 @@ from ptt.effects.card import Card
 from ptt.effects.constants import finer
 from ptt.effects.layout import family, per_joint
 from ptt.effects.memory import gradual_reversal, keep_reversals, play, play_slope
-from ptt.effects.phrases import Phrase
+from ptt.effects.phrases import SMALL, Phrase
 from ptt.mechanisms.serial import Serial
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.view import View
@@ -149,7 +149,7 @@ def gap_of(theta: Tensor) -> tuple[Tensor, bool]:
 
 @dataclass(frozen=True)
 class Windup(Effect):
-    """Friction winds the drive up: the error changes over gradually after a reversal, -h_i F(travel / l)."""
+    """Friction winds the drive up: the error changes over gradually after a reversal, -h_i F(travel / l_i)."""
 
     name: ClassVar[str] = "windup"
     stage: ClassVar[Stage] = "drive"
@@ -162,6 +162,7 @@ class Windup(Effect):
             "mm",
             2.0,
             "travel over which it changes",
+            True,
             lower=1e-3,
             most=LONGEST,
             role="searched",
@@ -182,7 +183,7 @@ class Windup(Effect):
     )
     card: ClassVar[Card] = Card(
         cause="Friction in guide and nut twists screw and coupling until it is overcome, at each reversal.",
-        equation="dq_i = -h_i F, dF/dx = (sign(dx) - F)/l along the travel x; fully turned before a run's first row",
+        equation="dq_i = -h_i F, dF/dx = (sign(dx) - F)/l_i along the travel x; fully turned before a run's first row",
         source="Dahl, A Solid Friction Model, The Aerospace Corporation, 1968",
         size="1 to 10 um over 1 to 10 mm of travel",
         fingerprint="Two branches by direction that grow into each other over the first millimetres after a reversal.",
@@ -203,7 +204,9 @@ class Windup(Effect):
     def cause(self, theta: Tensor, view: View) -> str:
         """With the travel that it takes."""
         unit = "rad" if isinstance(view.mechanism, Serial) else "mm"
-        return f"wind-up, over {float(theta[-1]):.2g} {unit} of travel"
+        heights, lengths = theta.view(2, -1)
+        low, high = (f"{float(each):.2g}" for each in torch.aminmax(lengths[heights > SMALL * heights.max()]))
+        return f"wind-up, over {low if low == high else f'{low} to {high}'} {unit} of travel"
 
     def needs(self, view: View) -> str | None:
         """Readings soon and long after reversals."""
@@ -213,16 +216,17 @@ class Windup(Effect):
         return "readings at different travel since reversal (some within a few mm of it)"
 
     def _lengths(self, view: View) -> list[Tensor]:
-        """Travel constants that the data can see, (1,) each: some readings change over, some are done."""
+        """Travel constants that the data can see, (k,) alike each: some readings change over, some are done."""
         if not view.kept:
             scale = 1.0 if family(view) == "three-ptt" else 0.01
-            keep_reversals(view, [torch.tensor([length * scale], dtype=torch.float64) for length in WINDUP_LENGTHS])
+            alike = view.q.new_ones(view.joints) * scale
+            keep_reversals(view, [length * alike for length in WINDUP_LENGTHS])
         return [length for length, turned in view.kept.values() if float((turned - view.direction).abs().mean()) > 0.02]
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """A geometric ladder of travel constants, the one next to the usual first."""
         usual, lengths = self.parameters[-1].on(family(view)).usual, self._lengths(view)
-        first = min(lengths, key=lambda length: abs(math.log(float(length) / usual)), default=None)
+        first = min(lengths, key=lambda length: abs(math.log(float(length[0]) / usual)), default=None)
         return tuple({"length": length} for length in sorted(lengths, key=lambda length: length is not first))
 
     def usual_trial(self, view: View) -> Mapping[str, Tensor]:
@@ -238,7 +242,7 @@ class Windup(Effect):
 
         The error changes by 2 h / l of the travel at first.
         """
-        return {"height": 0.5 * float(shape["length"])}
+        return {"height": 0.5 * float(shape["length"].max())}
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Normalised friction of each axis, against the travel."""

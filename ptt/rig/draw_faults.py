@@ -110,9 +110,11 @@ def _turn(random: Random) -> dict[str, Any]:
 
 
 def _windup(random: Random) -> dict[str, Any]:
+    sizes, common = some_legs(random, 2, 10, signed=False), log_uniform(random, 1, 4)
+    alike = random.random() < 0.5
     return {
-        "windup_um": some_legs(random, 2, 10, signed=False),
-        "windup_length_mm": [log_uniform(random, 1, 4)] * 3,
+        "windup_um": sizes,
+        "windup_length_mm": [common if alike else log_uniform(random, 1, 4) for _ in range(3)],
     }
 
 

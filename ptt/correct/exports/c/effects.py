@@ -42,7 +42,7 @@ class Parts:
         spline: whether curves are among them.
         gap: (k,) play of each joint.
         waits: whether a reversal waits until it is taken up.
-        windup: (k,) height of each joint's wind-up, and its length; None without.
+        windup: (2, k) height and length of each joint's wind-up; None without.
         chain: (k, 5) errors of an arm's links; None without.
         cannot: key -> why.
     """
@@ -53,7 +53,7 @@ class Parts:
     needs: frozenset[str] = frozenset()
     gap: np.ndarray | None = None
     waits: bool = True
-    windup: tuple[np.ndarray, float] | None = None
+    windup: np.ndarray | None = None
     chain: np.ndarray | None = None
     cannot: dict[str, str] | None = None
 
@@ -184,7 +184,7 @@ def _turning(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile)
         return replace(parts, cannot=parts.cannot | {effect.key: SECOND})
     if effect.name == "windup":
         if parts.windup is None:
-            return replace(parts, windup=(theta[:-1], float(theta[-1])))
+            return replace(parts, windup=theta.reshape(2, -1))
         return replace(parts, cannot=parts.cannot | {effect.key: SECOND})
     return replace(parts, cannot=parts.cannot | {effect.key: OWN})
 

@@ -216,11 +216,11 @@ def _effects(parts: Parts, arm: bool) -> str:
 def _reversal(parts: Parts, joints: int, three: bool) -> str:
     if not parts.reverses:
         return kernel("steady.c.in") + ("" if three else "\n" + kernel("held.c.in"))
-    height, length = (np.zeros(joints), 1.0) if parts.windup is None else parts.windup
+    height, length = (np.zeros(joints), np.ones(joints)) if parts.windup is None else parts.windup
     text = table("ptt_gap", np.zeros(joints) if parts.gap is None else parts.gap, note="backlash gap_mm or gap_rad")
-    text += table("ptt_windup", height, note="windup height") + define("PTT_WINDUP_LENGTH", length)
+    text += table("ptt_windup", height, note="windup height")
     if parts.windup is not None:
-        text += define("PTT_WINDS", 1)
+        text += table("ptt_windup_length", length, note="travel over which it changes") + define("PTT_WINDS", 1)
     if not parts.waits:
         text += define("PTT_AT_ONCE", 1)
     return text + "\n" + kernel("reversal.c.in") + ("\n" + kernel("ahead.c.in") if three else "")

@@ -1,0 +1,70 @@
+"""Wind-up of drives that differ: each joint changes over along a travel of its own."""
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.diagnosis.verdict import diagnose
+from ptt.effects import library
+from ptt.fitting.solve import fit
+from ptt.machine import MachineFile, format_machine, parse_machine
+from ptt.model.entries import read_model, write_model
+from ptt.model.model import Model
+from ptt.rig.rig import parse_rig
+from ptt.rig.simulate import simulate, write_run
+from ptt.run.problem import Problem, build_problem
+from ptt.run.reading import read_table
+
+LENGTHS, HEIGHTS = (1.2, 3.0, 5.5), (0.02, 0.016, 0.024)
+OLD = """
+[[effect]]
+name = "windup"
+[effect.parameters]
+height_mm = { value = [0.01, 0.02, 0.03] }
+length_mm = { value = 2.5, std = 0.1 }
+"""
+
+
+def machine() -> MachineFile:
+    file = bench_machine()
+    return replace(file, tracker=file.tracker.model_copy(update={"frame": "trusted", "sigma_mm": None}))
+
+
+@pytest.fixture
+def measured(tmp_path) -> Problem:
+    """Short strokes forth and back about places at random."""
+    drive = {"windup_um": [1e3 * each for each in HEIGHTS], "windup_length_mm": LENGTHS}
+    rig = parse_rig({"machine": tomllib.loads(format_machine(machine())), "drive": drive, "conditions": {}})
+    random = np.random.default_rng(8)
+    targets = np.cumsum(random.normal(size=(260, 3)) * random.choice([0.5, 2.0, 12.0], (260, 1)), axis=0)
+    targets = 50.0 * np.sin(targets / 50.0)
+    frame = pd.DataFrame(targets, columns=["x_cmd", "y_cmd", "z_cmd"])
+    write_run(simulate(rig, frame, seed=3).frame, tmp_path / "run.csv")
+    return build_problem(machine(), read_table(tmp_path / "run.csv"))
+
+
+def test_no_play_is_told_beside_drives_that_wind_up_over_unlike_travel(measured):
+    found = diagnose(Model(measured.file), measured)
+    assert (found.verdict, found.suggested) == ("missing", (("windup",),)), found.words
+    assert "mm of travel" in found.words and " to " in found.words.split("wind-up, over ")[1].split(" mm")[0]
+
+
+def test_each_joint_has_its_own_length(measured):
+    fitted = fit(Model(measured.file) + library()["windup"](), measured)
+    (term,) = fitted.model.terms
+    assert term.std is not None
+    theta, std = term.theta.numpy(), term.std.numpy()
+    assert (np.abs(theta - np.array([*HEIGHTS, *LENGTHS])) < 4.0 * std).all(), (theta, std)
+    assert (std[3:] < 1.0).all()
+
+
+def test_one_length_in_a_file_is_that_of_all_joints():
+    model = read_model(parse_machine(format_machine(replace(machine(), effect=())) + OLD, "old.toml"))
+    (term,) = model.terms
+    assert term.theta.tolist() == [0.01, 0.02, 0.03, 2.5, 2.5, 2.5]
+    again = read_model(parse_machine(format_machine(write_model(model)), "new.toml"))
+    assert again.terms[0].theta.tolist() == term.theta.tolist()
