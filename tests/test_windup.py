@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
+from ptt.effects.base import Effect
+from ptt.effects.bench import sample_view
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.model.entries import read_model, write_model
@@ -60,6 +63,18 @@ def test_each_joint_has_its_own_length(measured):
     theta, std = term.theta.numpy(), term.std.numpy()
     assert (np.abs(theta - np.array([*HEIGHTS, *LENGTHS])) < 4.0 * std).all(), (theta, std)
     assert (std[3:] < 1.0).all()
+
+
+@pytest.mark.parametrize("family", ["three-ptt", "serial"])
+def test_the_slope_by_the_lengths_is_the_derivative(family):
+    view, windup = sample_view(family), library()["windup"]()
+    random = np.random.default_rng(2)
+    linear, length = (
+        torch.as_tensor(random.uniform(low, high, view.joints)) for low, high in ((0.01, 0.02), (0.2, 3.0))
+    )
+    own, plain = (kind.slope_by(windup, "length", linear, view, {"length": length}) for kind in (type(windup), Effect))
+    assert float(plain.abs().max()) > 1e-3
+    torch.testing.assert_close(own, plain, rtol=0.0, atol=1e-12)
 
 
 def test_one_length_in_a_file_is_that_of_all_joints():

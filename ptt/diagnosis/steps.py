@@ -225,12 +225,17 @@ def _less(scorer: Scorer, state: State, key: str) -> State:
 def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
     """Each step is the one after which hidden readings are foretold best, so that their error falls as far as it can.
 
-    What explains most of those that are read may do so by values that are far off until others stand beside it.
+    What explains most of those that are read may do so by values that are far off until others stand beside it; what
+    would need values that cannot be waits until they do.
     """
     order: list[str] = []
     rest = list(keys)
+
+    def after(key: str) -> tuple[bool, float]:
+        return not np.isfinite(scorer.score((*order, key), WHITE).total), held_out(scorer, (*order, key))
+
     while rest:
-        best = min(rest, key=lambda key: held_out(scorer, (*order, key)))
+        best = min(rest, key=after)
         order.append(best)
         rest.remove(best)
     return order

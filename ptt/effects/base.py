@@ -225,6 +225,20 @@ class Effect:
         """
         return self.shift(theta, view)
 
+    def slope_by(self, stem: str, linear: Tensor, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """Derivative of the shift by one searched parameter.
+
+        Args:
+            stem: of the parameter.
+            linear: values of the linear parameters, flat.
+            view: n rows at the stage's input.
+            shape: values of the searched and given parameters by stem.
+
+        Returns:
+            (n, out, size of the parameter).
+        """
+        return by_parameters(lambda values: weigh(self.basis(view, {**shape, stem: values}), linear), shape[stem])
+
     def slope(self, theta: Tensor, view: View) -> Tensor:
         """Derivative of a shift that is not linear in its parameters by these.
 

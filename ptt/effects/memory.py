@@ -226,12 +226,8 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, pl
     known = view.kept.get(id(length))
     if entry is None and known is not None and known[0] is length:
         return known[1]
-    way = waypoints(view)
-    q = way.q
-    move = torch.diff(q, dim=0, prepend=q[:1])
-    sign = torch.sign(move)
-    decay = torch.where(move == 0.0, torch.ones_like(move), torch.exp(-move.abs() / length))
-    gain = sign * (1.0 - decay)
+    way, move, decay = _decays(view, length)
+    q, gain = way.q, torch.sign(move) * (1.0 - decay)
     reset = way.starts[:, None]
     first = way.direction.to(gain.dtype)
     decay, gain = torch.where(reset, torch.zeros_like(decay), decay), torch.where(reset, first, gain)
@@ -240,6 +236,34 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, pl
         kept = torch.exp(-moved.abs() / length)
         gain = torch.cat([(entry * kept + torch.sign(moved) * (1.0 - kept))[None], gain[1:]])
     return _followed(decay, gain)[way.rows]
+
+
+def gradual_slope(view: View, length: Tensor) -> Tensor:
+    """Derivative of the normalised friction by the travel constant of each joint.
+
+    F_i = s_i + d_i (F_(i-1) - s_i), d_i = exp(-x_i/l), so F'_i = d_i F'_(i-1) + d_i x_i/l^2 (F_(i-1) - s_i): the same
+    scan once more.
+
+    Args:
+        view: n rows.
+        length: travel constants, (k,) mm or rad.
+
+    Returns:
+        dF/dl, (n, k) per mm or rad.
+    """
+    way, move, decay = _decays(view, length)
+    reset, sign = way.starts[:, None], torch.sign(move)
+    own = torch.where(reset, torch.zeros_like(decay), decay)
+    friction = _followed(own, torch.where(reset, way.direction.to(own.dtype), sign * (1.0 - decay)))
+    before = torch.cat([friction[:1], friction[:-1]])
+    return _followed(own, own * move.abs() / length.square() * (before - sign))[way.rows]
+
+
+def _decays(view: View, length: Tensor) -> tuple[Way, Tensor, Tensor]:
+    """The travel, the moves from waypoint to waypoint, and what each leaves of the friction before it, (m, k)."""
+    way = waypoints(view)
+    move = torch.diff(way.q, dim=0, prepend=way.q[:1])
+    return way, move, torch.where(move == 0.0, torch.ones_like(move), torch.exp(-move.abs() / length))
 
 
 def _followed(decay: Tensor, gain: Tensor) -> Tensor:

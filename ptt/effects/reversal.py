@@ -12,7 +12,7 @@ from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
 from ptt.effects.constants import finer
 from ptt.effects.layout import family, per_joint
-from ptt.effects.memory import gradual_reversal, keep_reversals, play, play_slope
+from ptt.effects.memory import gradual_reversal, gradual_slope, keep_reversals, play, play_slope
 from ptt.effects.phrases import SMALL, Phrase
 from ptt.mechanisms.serial import Serial
 from ptt.run.backlash.reversal import STANDSTILL
@@ -243,6 +243,10 @@ class Windup(Effect):
         The error changes by 2 h / l of the travel at first.
         """
         return {"height": 0.5 * float(shape["length"].max())}
+
+    def slope_by(self, stem: str, linear: Tensor, view: View, shape: Mapping[str, Tensor]) -> Tensor:
+        """By the lengths, each joint by its own, for which autograd would need a pass a joint."""
+        return per_joint(-linear * gradual_slope(view, shape[stem]))
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Normalised friction of each axis, against the travel."""

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.effects import Effect
 from ptt.effects.layout import linear_size, shape_of, weigh
-from ptt.mechanisms.derivatives import by_input, by_parameters
+from ptt.mechanisms.derivatives import by_input
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
@@ -216,11 +216,7 @@ def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Te
         if parameter.role == "given":
             columns.append(basis.new_zeros(*basis.shape[:2], size))
             continue
-
-        def along(values: Tensor, stem: str = parameter.stem) -> Tensor:
-            return weigh(effect.basis(view, {**shape, stem: values}), theta[:linear])
-
-        columns.append(by_parameters(along, shape[parameter.stem]))
+        columns.append(effect.slope_by(parameter.stem, theta[:linear], view, shape))
     return weigh(basis, theta[:linear]), columns[0] if len(columns) == 1 else torch.cat(columns, dim=-1)
 
 
