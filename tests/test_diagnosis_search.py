@@ -184,7 +184,7 @@ class Sums:
 
     def score(self, keys, memory, scales=None, least=None):
         named = tuple(sorted(keys))
-        return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, scales={}, forms={})
+        return SimpleNamespace(keys=named, total=self.totals.get("".join(named), 0.0), memory=memory, scales={}, forms={})
 
     def screen(self, state, allowed):
         gain = SimpleNamespace(key="v", scales=None)
@@ -278,6 +278,8 @@ def test_the_first_step_is_the_one_that_foretells_hidden_readings_best_whatever_
     errors = {"": 150.0, "e": 600.0, "f": 60.0, "g": 90.0, "ef": 20.0, "fg": 30.0, "eg": 300.0, "efg": 6.0}
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
     assert steps._in_order(Sums({"e": 100.0, "f": 30.0, "g": 20.0}), ["e", "f", "g"]) == ["f", "e", "g"]
+    alone = Sums({"f": -np.inf})  # alone it would need values that cannot be
+    assert steps._in_order(alone, ["e", "f", "g"]) == ["g", "f", "e"]
 
 
 def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_well(monkeypatch):
