@@ -161,7 +161,10 @@ def _judge_all(starts: list[tuple[Judged, list[Hypothesis]]]) -> list[Judged]:
     setups: list[Setup] = []
     for start, hypotheses in starts:
         thin = thinned(start.setup, FEW_ROWS)
+        scaled = any(step.mistake == "unit-scale" for step in start.steps)
         for hypothesis in hypotheses:
+            if scaled and hypothesis.mistake == "unit-scale":
+                continue  # a unit of a unit is none, and shrinks what is off until ordinary faults explain it
             other = hypothesis.undo(thin)
             if other is not thin:
                 cases.append((start, hypothesis))
