@@ -75,8 +75,8 @@ def held_to_base(error_um: float) -> str:
         error_um: of the model as given, as `ptt compare` and `ptt add` print it.
     """
     return (
-        " (Here the tracker's frame is free to move. Held to the base reflectors, as compare and add hold it, the "
-        f"error of the model as given is {error_um:.1f} um.)"
+        " (Here the tracker's frame is free, as it stands beside all that explains the readings. Held to the base "
+        f"reflectors, as compare and add hold it, the error of the model as given is {error_um:.1f} um.)"
     )
 
 
