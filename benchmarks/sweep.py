@@ -136,7 +136,10 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--fault", help="only cases that hide this one")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/sweep"))
-    return parser.parse_args()
+    args = parser.parse_args()
+    if args.steep and not args.foreign:
+        parser.error("--steep leans the rails of drawn machines: say --foreign as well")
+    return args
 
 
 def main() -> None:

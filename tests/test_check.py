@@ -158,6 +158,17 @@ def test_sixty_readings_of_one_pose_are_no_unit_mistake(sound: tuple[MachineFile
     assert check_setup(sound[0], table).findings == ()
 
 
+def test_readings_a_constant_aside_are_no_two_units_at_once(sound: tuple[MachineFile, Table]) -> None:
+    """Shrunk a hundredfold, what is off by two centimetres would be a matter of ordinary faults."""
+    file, table = sound
+    trusted = replace(file, tracker=file.tracker.model_copy(update={"frame": "trusted"}))
+    place = np.where(np.isfinite(table.target), table.target, np.nan)
+    moved = replace(table, measured=place + (-15.5, 6.6, 8.5), command=None)
+    found = check_setup(trusted, moved)
+    assert "unit-scale" not in [finding.mistake for finding in found.findings]
+    assert "18," in (found.unexplained or "") or "no machine is built so far off" in (found.unexplained or "")
+
+
 def test_compensated_commands_are_no_mistake(sound: tuple[MachineFile, Table]) -> None:
     """Commands that a compensation moved by up to a millimetre lie beside the targets' own."""
     file, table = sound

@@ -184,7 +184,7 @@ class Sums:
 
     def score(self, keys, memory, scales=None, least=None):
         named = tuple(sorted(keys))
-        return SimpleNamespace(keys=named, total=self.totals.get("".join(named), 0.0), memory=memory, scales={}, forms={})
+        return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, scales={}, forms={})
 
     def screen(self, state, allowed):
         gain = SimpleNamespace(key="v", scales=None)
@@ -234,7 +234,7 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
 )
 def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypatch, place, varies, there, named):
     """Of 85 nats with the mean at the same place instead of it, which is no further unknown: 99."""
-    scorer = Sums({"eu": 100.0, "u": 30.0, "uv": 85.0})
+    scorer = Sums({"eu": 100.0, "e": 90.0, "u": 30.0, "uv": 85.0})
     atoms = scorer.system.atoms
     atoms["e"].effect.parameters = (SimpleNamespace(lent=("lead-scale",)),)
     for key, on, curve, where in (("u", "time", False, "slider 2"), ("v", "b2", True, place)):
@@ -264,7 +264,7 @@ def test_what_comes_back_with_its_pose_is_an_unknown_beside_which_a_name_takes_m
 
 @pytest.mark.parametrize(("beside", "named"), [(8.0, ["e"]), (9.5, [])])
 def test_beside_an_unknown_what_the_tracker_does_is_named_if_hidden_readings_gain_by_it(monkeypatch, beside, named):
-    scorer = Sums({"eu": 100.0, "u": 30.0, "uv": 40.0})
+    scorer = Sums({"eu": 100.0, "e": 90.0, "u": 30.0, "uv": 40.0})
     scorer.system.atoms["e"].effect.stage = "metrology"
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: beside if "e" in keys else 9.0)
     monkeypatch.setattr(steps, "hide", lambda *_: gaining(9.0))
@@ -277,8 +277,9 @@ def test_the_first_step_is_the_one_that_foretells_hidden_readings_best_whatever_
     """A curve may take most of the readings by values that are far off until others stand beside it."""
     errors = {"": 150.0, "e": 600.0, "f": 60.0, "g": 90.0, "ef": 20.0, "fg": 30.0, "eg": 300.0, "efg": 6.0}
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
-    assert steps._in_order(Sums({"e": 100.0, "f": 30.0, "g": 20.0}), ["e", "f", "g"]) == ["f", "e", "g"]
-    alone = Sums({"f": -np.inf})  # alone it would need values that cannot be
+    totals = dict.fromkeys(errors, 50.0)
+    assert steps._in_order(Sums(totals), ["e", "f", "g"]) == ["f", "e", "g"]
+    alone = Sums(totals | {"f": -np.inf})  # it would need values that cannot be
     assert steps._in_order(alone, ["e", "f", "g"]) == ["g", "f", "e"]
 
 

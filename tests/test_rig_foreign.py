@@ -277,3 +277,11 @@ def test_what_a_file_states_is_the_scatter_from_where_the_tracker_stands(kind: s
             poses = drawn.targets[list(TARGET)].dropna().to_numpy(float)
             assert 0.75 < sigma / (reading_noise(drawn.rig, poses).total / np.sqrt(3.0)) < 1.35
     assert told > 3
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_steep_machines_lean_far_or_lie_flat_and_have_room(seed: int) -> None:
+    steep, plain = (draw_machine_file(seed, steep=steep) for steep in (True, False))
+    leans = np.abs(steep.file.machine.slider_lean_deg)
+    assert (leans > 7.0).all() and leans.max() >= 15.0 and np.abs(plain.file.machine.slider_lean_deg).max() <= 12.0
+    assert steep.room.min() > 0.05 * steep.file.machine.link_length_mm

@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,9 @@ from ptt.diagnosis.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.base import Effect
 from ptt.effects.bench import sample_view
+from ptt.fitting import kept as kept_module
+from ptt.fitting.kept import keep, keep_covariance, kept_covariance, why_not_kept
+from ptt.fitting.packed import pack
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.model.entries import read_model, write_model
@@ -39,8 +43,12 @@ def machine() -> MachineFile:
 
 @pytest.fixture
 def measured(tmp_path) -> Problem:
+    return strokes(tmp_path, HEIGHTS, LENGTHS)
+
+
+def strokes(tmp_path: Path, heights: tuple[float, ...], lengths: tuple[float, ...]) -> Problem:
     """Short strokes forth and back about places at random."""
-    drive = {"windup_um": [1e3 * each for each in HEIGHTS], "windup_length_mm": LENGTHS}
+    drive = {"windup_um": [1e3 * each for each in heights], "windup_length_mm": lengths}
     rig = parse_rig({"machine": tomllib.loads(format_machine(machine())), "drive": drive, "conditions": {}})
     random = np.random.default_rng(8)
     targets = np.cumsum(random.normal(size=(260, 3)) * random.choice([0.5, 2.0, 12.0], (260, 1)), axis=0)
@@ -75,6 +83,48 @@ def test_the_slope_by_the_lengths_is_the_derivative(family):
     own, plain = (kind.slope_by(windup, "length", linear, view, {"length": length}) for kind in (type(windup), Effect))
     assert float(plain.abs().max()) > 1e-3
     torch.testing.assert_close(own, plain, rtol=0.0, atol=1e-12)
+
+
+def test_a_joint_that_does_not_wind_up_has_about_the_length_of_the_others_and_says_how_little_is_known(tmp_path):
+    problem = strokes(tmp_path, (0.0, 0.016, 0.024), (3.0, 3.0, 3.0))
+    fitted = fit(Model(problem.file) + library()["windup"](), problem)
+    (term,) = fitted.model.terms
+    assert term.std is not None and float(term.theta[0]) < 4.0 * float(term.std[0])
+    assert 0.3 < float(term.theta[3]) < 10.0 and float(term.std[3]) > 5.0 * float(term.std[4:].max()), term.std
+
+
+@pytest.mark.parametrize("heights", [[0.0] * 3, [-0.01, -0.02, 0.0]])
+def test_the_cause_is_said_whatever_the_heights(heights):
+    theta = torch.tensor([*heights, 1.0, 2.0, 3.0], dtype=torch.float64)
+    assert library()["windup"]().cause(theta, sample_view("three-ptt")).startswith("wind-up, over 1 to ")
+
+
+def test_what_an_older_file_keeps_of_one_length_is_that_of_each(measured):
+    """Older files keep one length of all joints, and a digest of their form."""
+    fitted = fit(Model(measured.file) + library()["windup"](), measured)
+    (term,) = fitted.model.terms
+    theta = term.theta.clone()
+    theta[3:] = theta[3]
+    alike = replace(fitted.model, terms=(replace(term, theta=theta),))
+    spec = keep_covariance(fitted)
+    assert spec is not None
+    names = [name for name in spec.of if name not in ("windup length_mm 2", "windup length_mm 3")]
+    rows = [spec.of.index(name) for name in names]
+    root = np.tril(keep(fitted).root[np.ix_(rows, rows)])
+    older = spec.model_copy(
+        update={
+            "of": tuple("windup length_mm" if name == "windup length_mm 1" else name for name in names),
+            "root": pack(root), "values": kept_module._digests(alike)[1], "unnamed": None,
+        }
+    )  # fmt: skip
+    model = replace(alike, file=replace(alike.file, covariance=older))
+    kept = kept_covariance(model)
+    assert kept is not None and not why_not_kept(model)
+    lengths = kept.rows([f"windup length_mm {joint}" for joint in (1, 2, 3)])
+    np.testing.assert_array_equal(lengths, np.tile(lengths[0], (3, 1)))
+    assert np.abs(lengths).max() > 0.0
+    edited = replace(model, terms=(replace(term, theta=theta * 1.01),))
+    assert kept_covariance(edited) is None
 
 
 def test_one_length_in_a_file_is_that_of_all_joints():

@@ -54,8 +54,7 @@ class Before:
         """(w,) bool, values of the effects that are gone now."""
         layout, width = self.layout, self.width
         own = [index for index, term in enumerate(layout.terms) if term.effect.key in self.cured]
-        searched = np.array([kind == "searched" for kind in layout.kinds] + [False])[layout.group[:width]]
-        return np.isin(layout.owner[:width], own) & ~searched
+        return np.isin(layout.owner[:width], own) & ~layout.searched[:width]
 
     @property
     def start(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from ptt.again.atoms import side_by_side
 from ptt.diagnosis.atoms import EFFECT_ODDS, Atom
 from ptt.effects import Effect, library
 from ptt.effects.layout import linear_size
-from ptt.fitting.kept import Kept
+from ptt.fitting.kept import Kept, rows_by_name
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.linear import Place
 from ptt.fitting.masked import read_masked
@@ -96,8 +96,7 @@ def rooms_of(kept: Kept | None, names: Sequence[str], view: View) -> Rooms:
     sizes = [linear_size(effect, view.joints) for effect in effects]
     if len(effects) < len(masked.keys) or sum(sizes) != len(masked.said):  # of another program's library
         return Rooms()
-    place = {name: number for number, name in enumerate(own)}
-    rows = np.array([place.get(name, -1) for name in names])
+    rows = rows_by_name(own, names)
     absorbed = np.where(rows[:, None] >= 0, masked.absorbed[rows], 0.0)
     for effect, size in zip(effects, sizes, strict=True):
         if not effect.needs(view):

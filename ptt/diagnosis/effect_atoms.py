@@ -69,8 +69,11 @@ def _in_shape(atom: Atom, shape: Mapping[str, Tensor], problem: Problem, chosen:
     if not largest:
         return atom
     kind, joints = problem.file.machine.kind, problem.view.joints
-    each = [(p.size(joints), largest.get(p.stem, np.inf) / p.on(kind).usual) for p in atom.effect.parameters]
-    return replace(atom, largest=np.concatenate([np.full(size, most) for size, most in each])[chosen])
+    each = [
+        np.broadcast_to(np.asarray(largest.get(p.stem, np.inf)) / p.on(kind).usual, p.size(joints))
+        for p in atom.effect.parameters
+    ]
+    return replace(atom, largest=np.concatenate(each)[chosen])
 
 
 def _is_tested(atom: Atom, problem: Problem) -> bool:

@@ -59,7 +59,7 @@ def without_needless(found: Found, problem: Problem) -> Model:
 def _spared(found: Found, whole: FitResult, problem: Problem, key: str) -> FitResult | None:
     """The fit without an effect; None where that says too little."""
     most = whole.chi2 + 2.0 * found.state.posterior.phi * found.system.atoms[key].odds
-    pull = float(np.square(whole.unknowns) @ whole.prior.weight)  # which a fit counts while it is under way
+    pull = whole.prior.cost(whole.unknowns)  # which a fit counts while it is under way
     less = _searched_anew(whole.model, key)
     fewer = fit_less(less, problem, found.carried, found.gross, found.noise, most + pull)
     return fewer if fewer.chi2 < most and fewer.status != HOPELESS else None

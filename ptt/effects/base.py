@@ -90,14 +90,14 @@ class Effect:
         """
         return None
 
-    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float]:
+    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float | Tensor]:
         """Up to which size, either way, linear values can be what they are called, with these searched parameters.
 
         Args:
             shape: the searched and given parameters.
 
         Returns:
-            Stem -> size of those that have one, in its unit.
+            Stem -> size of those that have one, in its unit, one for all its values or one for each.
         """
         return {}
 

@@ -16,7 +16,7 @@ from ptt.run.view import View
 
 LEGS = 3
 SLOTS = 15  # of ThreePtt: centre x, y, z and link length of each leg, then tool x, y, z
-ACROSS = ("outward", "sideways")  # what the two horizontal axes of a leg are called
+ACROSS = ("outward", "sideways")  # what the two ways across a rail are called
 UPWARD = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
 CLOSURE = "first-order geometry: derivative of |p - c_i| = L_i"
 
@@ -37,12 +37,8 @@ def across_axes(view: View) -> tuple[Tensor, Tensor]:
 
 
 def foot_axes(view: View) -> tuple[Tensor, Tensor]:
-    """Unit vectors in which a rail may stand off, each (3, 3): horizontal ones, of a flat rail across it.
-
-    What lies outward lies along a flat rail, where it is a homing offset.
-    """
-    there = machine(view)
-    return torch.where(there.flat[:, None], there.across, there.outward), there.outer_axis
+    """Unit vectors in which a rail may stand off, each (3, 3): outward, of a flat rail across it, and tangential."""
+    return machine(view).foot_way, machine(view).outer_axis
 
 
 def upright(said: Iterable[Said], view: View) -> tuple[Said, ...]:

@@ -108,7 +108,7 @@ class TrackerScale(MetrologyEffect):
         telling="x",
     )
 
-    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float]:
+    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float | Tensor]:
         """What a tracker reads wrong that knows nothing of the air, whose refractive index is 1.00027."""
         return {"scale": WITHOUT_AIR}
 

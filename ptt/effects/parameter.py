@@ -65,6 +65,11 @@ class Parameter:
         """Whether a search has to find out what it is before there is an effect at all."""
         return self.role != "linear" and self.default is None
 
+    @property
+    def apart(self) -> bool:
+        """Whether a search begins with one value for all joints, of which each then has its own."""
+        return self.role == "searched" and self.per_joint
+
     def size(self, joints: int) -> int:
         """Number of values on a mechanism with k joints."""
         if self.onward:

@@ -205,7 +205,8 @@ class Windup(Effect):
         """With the travel that it takes."""
         unit = "rad" if isinstance(view.mechanism, Serial) else "mm"
         heights, lengths = theta.view(2, -1)
-        low, high = (f"{float(each):.2g}" for each in torch.aminmax(lengths[heights > SMALL * heights.max()]))
+        size = heights.abs()
+        low, high = (f"{float(each):.2g}" for each in torch.aminmax(lengths[size >= SMALL * size.max()]))
         return f"wind-up, over {low if low == high else f'{low} to {high}'} {unit} of travel"
 
     def needs(self, view: View) -> str | None:
@@ -237,12 +238,12 @@ class Windup(Effect):
         """Constants between the trials on either side; the fit itself goes on from there."""
         return finer(self.search(view), shape, "length")
 
-    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float]:
+    def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float | Tensor]:
         """Half the travel: a slider cannot go back while its drive goes on, and one that stands still has play.
 
         The error changes by 2 h / l of the travel at first.
         """
-        return {"height": 0.5 * float(shape["length"].max())}
+        return {"height": 0.5 * shape["length"]}
 
     def slope_by(self, stem: str, linear: Tensor, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """By the lengths, each joint by its own, for which autograd would need a pass a joint."""

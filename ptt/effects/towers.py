@@ -34,7 +34,7 @@ class TowerPosition(ThreePttEffect):
     name: ClassVar[str] = "tower-position"
     of_drawing: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("radial", "mm", 0.2, "joint too far out", True),
+        Parameter("radial", "mm", 0.2, "joint too far out; of a flat rail, across it", True),
         Parameter("tangential", "mm", 0.2, "joint shifted along increasing azimuth", True),
     )
     noun: ClassVar[str] = "tower"

@@ -68,7 +68,7 @@ def sparsest(
     linear = assemble(layout, values, few, noise)
     times = problem.table.rows / few.table.rows / widen**2
     mine = layout.owner < len(terms)
-    own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held)
+    own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held & ~layout.searched)
     held = layout.held.astype(float)
     gram = _gram(linear)
     information, motions = _without(gram, own, np.setdiff1d(np.flatnonzero(mine), own), held)
@@ -120,7 +120,7 @@ def _all_over(terms: Sequence[Term], beside: Sequence[Term], file: MachineFile, 
     problem = build_problem(file, replace(make_table(place, command), measured=place))
     layout = lay_out(Model(file), problem, (*terms, *beside))
     mine = layout.owner < len(terms)
-    own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held)
+    own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held & ~layout.searched)
     gram = _gram(assemble(layout, layout.start(), problem, noise))
     rest = np.setdiff1d(np.flatnonzero(mine), own)
     return _without(gram, own, rest, layout.held.astype(float))[0] / len(place)

@@ -54,9 +54,22 @@ class Kept:
         return Unnamed(self.unnamed.effects, np.concatenate([self._by_name(root, names), root[len(self.names) :]]))
 
     def _by_name(self, root: np.ndarray, names: Sequence[str]) -> np.ndarray:
-        place = {name: number for number, name in enumerate(self.names)}
-        blank = np.zeros(root.shape[1])
-        return np.array([root[place[name]] if name in place else blank for name in names]).reshape(-1, len(blank))
+        rows, blank = rows_by_name(self.names, names), np.zeros(root.shape[1])
+        return np.array([blank if row < 0 else root[row] for row in rows]).reshape(-1, len(blank))
+
+
+def rows_by_name(kept: Sequence[str], names: Sequence[str]) -> np.ndarray:
+    """Where values are kept.
+
+    Args:
+        kept: names as a file has them.
+        names: of values, (w,).
+
+    Returns:
+        (w,) int, -1 where nothing is kept. Of a length that is each joint's own an older file knows one of all joints.
+    """
+    place = {name: number for number, name in enumerate(kept)}
+    return np.array([place.get(name, place.get(name.rpartition(" ")[0], -1)) for name in names], dtype=int)
 
 
 def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = None) -> Kept:
@@ -92,7 +105,7 @@ def keep_covariance(
         return None
     kept = keep(fitted, heldout, helped)
     unnamed = kept.unnamed.spec() if kept.unnamed is not None and kept.unnamed.effects else None
-    values, root = _digest(fitted.model), pack(kept.root)
+    values, root = _digests(fitted.model)[0], pack(kept.root)
     return CovarianceSpec(of=kept.names, root=root, values=values, heldout_mm=heldout, helped=helped, unnamed=unnamed)
 
 
@@ -106,7 +119,7 @@ def kept_covariance(model: Model) -> Kept | None:
         The covariance; None where there is none, or where its parameters are no longer those of the model.
     """
     spec = model.file.covariance
-    if spec is None or spec.values != _digest(model):
+    if spec is None or spec.values not in _digests(model):
         return None
     count, flat = len(spec.of), unpack(spec.root)
     if flat is None or len(flat) != count**2 or len(set(spec.of)) != count:
@@ -128,7 +141,7 @@ def why_not_kept(model: Model) -> str:
     if spec is None or not model.terms:
         return ""
     mend = "`ptt fit` on the run makes it anew"
-    if spec.values != _digest(model):
+    if spec.values not in _digests(model):
         what = "belongs to other values than the effects have: was one edited? Nothing tells how sure the commands are"
         return f"{model.file.source} [covariance] {what}; {mend}"
     kept = kept_covariance(model)
@@ -140,7 +153,21 @@ def why_not_kept(model: Model) -> str:
     return ""
 
 
-def _digest(model: Model) -> str:
-    """Of which parameters a covariance is: a value that a person changed has another."""
-    entries = [(e.name, e.label, {k: v.value for k, v in e.parameters.items()}) for e in write_model(model).effect]
-    return hashlib.sha256(repr(entries).encode()).hexdigest()[:16]
+def _digests(model: Model) -> tuple[str, ...]:
+    """Of which parameters a covariance is: a value that a person changed has another.
+
+    The second one is that of older files, which had one figure for all joints where each has a length of its own now.
+    """
+    written = [(e.name, e.label, {k: v.value for k, v in e.parameters.items()}) for e in write_model(model).effect]
+    kind = model.file.machine.kind
+    apart = {(t.effect.name, p.on(kind).name) for t in model.terms for p in t.effect.parameters if p.apart}
+    older = [
+        (name, label, {key: _one(value) if (name, key) in apart else value for key, value in values.items()})
+        for name, label, values in written
+    ]
+    return tuple(hashlib.sha256(repr(each).encode()).hexdigest()[:16] for each in (written, older))
+
+
+def _one(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
+    """One figure for several that are alike."""
+    return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value

@@ -35,7 +35,8 @@ class Layout:
         owner: (u,) int, index of the term; FRAME or MOUNT for those.
         group: (u,) int, unknowns of one parameter (slopes and levels apart) and of those joined to it, which share how
             large they may be; -1 for frames and mounts.
-        kinds: of each group: 'free', 'held' as above, or 'searched'.
+        kinds: of each group: 'free', 'held' as above, 'searched', or 'apart' where each joint has its own of what was
+            searched for all of them as one.
         names: one for each unknown.
         frames: number of frames.
         mounts: number of reflector mounts.
@@ -53,6 +54,11 @@ class Layout:
     names: tuple[str, ...]
     frames: int
     mounts: int = 0
+
+    @property
+    def searched(self) -> np.ndarray:
+        """(u,) bool, what shapes effects and began where a search left it."""
+        return np.array([kind in ("searched", "apart") for kind in self.kinds] + [False])[self.group]
 
     def thetas(self, unknowns: np.ndarray) -> list[Tensor]:
         """Full flat parameters of every term at these unknowns."""
@@ -178,7 +184,8 @@ def _of_term(
 
 def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
     """Of each value: its kind, and whose cause it is where it is lent; values alike in both share one size."""
-    kind = "searched" if parameter.role == "searched" else "held" if parameter.held else "free"
+    found = "apart" if parameter.apart else "searched"
+    kind = found if parameter.role == "searched" else "held" if parameter.held else "free"
     if not parameter.lent:
         return [(kind, "")] * size
     # Slope and level are told apart: where a frame takes the level, a large slope must not make it uncertain.

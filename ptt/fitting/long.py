@@ -189,7 +189,7 @@ def hidden_residual(fitted: FitResult, problem: Problem, parts: Sequence[np.ndar
     total, steps = reduce(add_totals, own), np.zeros((len(parts), len(fitted.unknowns)))
     for index in range(len(parts)):
         normal = total[0] - own[index][0] + np.diag(prior.weight)
-        side = total[1] - own[index][1] - prior.weight * fitted.unknowns
+        side = total[1] - own[index][1] - prior.pull(fitted.unknowns)
         steps[index] = bounded_step(
             normal,
             side,

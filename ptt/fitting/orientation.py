@@ -107,10 +107,10 @@ def fit_poses(model: Model, problem: Problem, *, length_mm: float | None = None)
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         residual, jacobian = build_system(layout, problem, noise.whitener, unknowns).stacked(kept)
         angle, by_angle = _angles(layout, problem, measured, unknowns, turned)
-        pull = first.prior.weight * unknowns
+        pull = first.prior.pull(unknowns)
         normal = jacobian.T @ jacobian + weight**2 * by_angle.T @ by_angle + np.diag(first.prior.weight)
         side = jacobian.T @ residual + weight**2 * by_angle.T @ angle - pull
-        return normal, side, float(residual @ residual + weight**2 * angle @ angle + unknowns @ pull)
+        return normal, side, float(residual @ residual + weight**2 * angle @ angle + first.prior.cost(unknowns))
 
     ended = descend(equations, first.unknowns, layout.lower, layout.upper)
     system = build_system(layout, problem, noise.whitener, ended.unknowns)

@@ -16,6 +16,8 @@ SAME = 0.05  # change of a log variance below which the scatter counts as settle
 PLENTY = 100.0  # degrees of freedom that a stated noise counts for at most: a model may miss more than noise
 SURE = 3.0  # standard deviations from which rows are no longer taken for independent
 SEARCHED = 100.0  # prior variance of what is searched: ten usual sizes hold it where the rows see nothing of it
+APART = 1.0  # the same of what is searched for all joints as one: one that shows nothing of its own stays by the others
+WIDTHS = {"searched": SEARCHED, "apart": APART}
 
 
 class Summed(Protocol):
@@ -35,10 +37,12 @@ class Prior:
         scales: (g,) the same for each group of the layout.
         widening: variance of the rows over that of the noise that whitened them, at least one.
         crowding: rows that say the same as one row, as `crowding_of` tells.
+        centre: (u,) where each unknown is before the rows: what is searched where the search left it, all else zero.
     """
 
     variance: np.ndarray
     scales: np.ndarray
+    centre: np.ndarray
     widening: float = 1.0
     crowding: float = 1.0
 
@@ -46,6 +50,14 @@ class Prior:
     def weight(self) -> np.ndarray:
         """What the prior adds to the diagonal of the normal equations, (u,)."""
         return self.widening * self.crowding / self.variance
+
+    def pull(self, unknowns: np.ndarray) -> np.ndarray:
+        """What the prior holds against unknowns, (u,): half the gradient of `cost`."""
+        return self.weight * (unknowns - self.centre)
+
+    def cost(self, unknowns: np.ndarray) -> float:
+        """The prior's part of the sum of squares."""
+        return float((unknowns - self.centre) @ self.pull(unknowns))
 
     def sizes(self, layout: Layout) -> np.ndarray:
         """How large each unknown may be, (u,) in usual sizes: the usual size, more where the rows ask for it."""
@@ -62,7 +74,8 @@ def usual_prior(layout: Layout) -> Prior:
     Returns:
         The prior.
     """
-    return _prior(layout, np.array([SEARCHED if kind == "searched" else 1.0 for kind in layout.kinds]), 1.0)
+    centre = np.where(layout.searched, layout.start(), 0.0)
+    return _prior(layout, np.array([WIDTHS.get(kind, 1.0) for kind in layout.kinds]), centre)
 
 
 def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> float:
@@ -143,8 +156,10 @@ def learn_prior(
         before, wider, scales = wider, max(wider * found.phi, 1.0), np.where(fixed, scales, found.scales)
         if abs(np.log(wider / before)) < SAME:
             break
-    return _prior(layout, scales, wider, crowding)
+    return _prior(layout, scales, start.centre, wider, crowding)
 
 
-def _prior(layout: Layout, scales: np.ndarray, widening: float, crowding: float = 1.0) -> Prior:
-    return Prior(np.append(scales, FRAME)[layout.group], scales, widening, crowding)
+def _prior(
+    layout: Layout, scales: np.ndarray, centre: np.ndarray, widening: float = 1.0, crowding: float = 1.0
+) -> Prior:
+    return Prior(np.append(scales, FRAME)[layout.group], scales, centre, widening, crowding)

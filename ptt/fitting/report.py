@@ -243,7 +243,7 @@ def _words(value: Value) -> str:
     if value.std is None:
         return f"{value.value:.6g}  ({value.measured})"
     if value.measured == "no":
-        return "not measured: held near zero by its usual size"
+        return "not measured: held by its usual size"
     share = f" ({abs(value.std / value.value):.1%})" if value.value else ""
     text = f"{value.value:.6g} +- {value.std:.2g}{share}"
     return f"{text}  in part: only combinations are measured" if value.measured == "in part" else text

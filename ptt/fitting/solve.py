@@ -163,8 +163,7 @@ def _equations(evaluate: Evaluator | LongEvaluator, kept: np.ndarray, prior: Pri
 
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         gram, side, square, _ = evaluate(unknowns).sums(kept)
-        pull = prior.weight * unknowns
-        return gram + np.diag(prior.weight), side - pull, float(square + unknowns @ pull)
+        return gram + np.diag(prior.weight), side - prior.pull(unknowns), float(square + prior.cost(unknowns))
 
     return equations
 

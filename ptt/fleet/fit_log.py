@@ -225,8 +225,7 @@ def start_of(model: Model, log: Log, noise: Noise) -> list[Term]:
 def _equations(at: Callable[[np.ndarray], Share], prior: Prior) -> Callable[[np.ndarray], Any]:
     def equations(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         gram, side, square, _ = at(point).total
-        pull = prior.weight * point
-        return gram + np.diag(prior.weight), side - pull, float(square + point @ pull)
+        return gram + np.diag(prior.weight), side - prior.pull(point), float(square + prior.cost(point))
 
     return equations
 

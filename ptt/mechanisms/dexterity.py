@@ -105,7 +105,7 @@ def determinant(mechanism: ThreePtt, p: Tensor) -> Determinant:
     radius = _common_radius(mechanism)
     if radius is None:
         return Determinant(value, None)
-    weight = radius + 2.0 * p @ _radial(mechanism).T  # shape: (n, leg)
+    weight = radius + 2.0 * p @ mechanism.outward.T  # shape: (n, leg)
     return Determinant(value, DeterminantFactors(radius, (weight * along).sum(-1), along.prod(-1)))
 
 
@@ -215,15 +215,9 @@ def _volume(rows: Tensor) -> Tensor:
     return (rows[..., 0, :] * torch.linalg.cross(rows[..., 1, :], rows[..., 2, :])).sum(-1)
 
 
-def _radial(mechanism: ThreePtt) -> Tensor:
-    """Unit vectors u_i (3, 3) from the centre to each slider, square to the outer axes."""
-    upward = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64).expand(3, 3)
-    return torch.linalg.cross(mechanism.outer_axis, upward)
-
-
 def _common_radius(mechanism: ThreePtt) -> float | None:
     """R - r in mm where the rails are upright, 120 degrees apart anticlockwise and equally far out; else None."""
-    radial = _radial(mechanism)
+    radial = mechanism.outward
     radius = (mechanism.foot * radial).sum(-1)
     turn = radial[:, 0] * radial.roll(-1, 0)[:, 1] - radial[:, 1] * radial.roll(-1, 0)[:, 0]
     gaps = (

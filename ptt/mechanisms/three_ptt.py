@@ -144,6 +144,14 @@ class ThreePtt:
         """Rails nearer to the horizontal than to the vertical, (3,) bool: what lies outward lies along them."""
         return (self.rail * self.outward).sum(dim=-1).abs() > self.rail[:, 2].abs()
 
+    @property
+    def foot_way(self) -> Tensor:
+        """Unit vectors in which a rail may stand off beside sideways, (3, 3): outward, across where it is flat.
+
+        What lies outward lies along a flat rail, where it is a homing offset.
+        """
+        return torch.where(self.flat[:, None], self.across, self.outward)
+
     def forward(self, q: Tensor, geometry: Tensor | None = None) -> Tensor:
         """Tool position of slider heights: three spheres, closed form.
 

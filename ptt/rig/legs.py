@@ -74,7 +74,7 @@ def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
         slider: (n, 3) mm.
 
     Returns:
-        (n, 3, 2) mm, radial and tangential.
+        (n, 3, 2) mm, across the rail outward and tangential.
     """
     shift = np.zeros((*slider.shape, 2))
     tables = (faults.straightness_radial_um, faults.straightness_tangential_um)

@@ -21,7 +21,7 @@ class Strange:
     """Shifts by odd faults.
 
     Attributes:
-        slider: (n, 3, 3) mm, each slider along its rail, radially, tangentially.
+        slider: (n, 3, 3) mm, each slider along its rail, across it outward, tangentially.
         link: (n, 3) mm, what is added to each link.
         tool: (n, 3) mm, the whole machine under the tool.
         sight: (n, 3) mm, the tracker's view of it alone.

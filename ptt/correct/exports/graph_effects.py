@@ -84,8 +84,7 @@ def _axis(s: Place, t: np.ndarray, effect: Effect) -> None:
 
 
 def _position(s: Place, t: np.ndarray, effect: Effect) -> None:
-    foot = np.where(s.mechanism.flat.numpy()[:, None], s.across, s.outward)
-    shift = t[:3, None] * foot + t[3:, None] * s.aside
+    shift = t[:3, None] * s.mechanism.foot_way.numpy() + t[3:, None] * s.aside
     s.move_centre([shift[None, :, x] for x in range(3)])
 
 

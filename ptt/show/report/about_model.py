@@ -14,7 +14,7 @@ from ptt.show.report.numbers import AXES, NONE, axes, percent, plus_minus, um
 MEASURED = {
     "yes": "yes",
     "in part": "in part: only combinations with others are",
-    "no": "no: held near zero by its usual size",
+    "no": "no: held by its usual size",
     "fixed": "fixed by the user",
     "searched": "searched, not fitted",
 }

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from nets import GaussianRbf
 from ptt.correct.compensate import LIMIT_MM
@@ -136,7 +135,6 @@ def _family(file: MachineFile, parts: Parts) -> str:
 def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
     spec = file.machine
     assert spec.kind == "three-ptt"
-    foot = torch.where(mechanism.flat[:, None], mechanism.across, mechanism.outward)
     tables = {
         "ptt_foot": (mechanism.foot, "virtual joint centre of each leg at slider height 0, mm"),
         "ptt_rail": (mechanism.rail, "direction of each rail"),
@@ -144,7 +142,7 @@ def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
         "ptt_outer": (mechanism.outer_axis, "outer axis of the universal joints, tangential"),
         "ptt_radial": (mechanism.outward, "outward"),
         "ptt_across": (mechanism.across, "across each rail, as its upper end leans outward"),
-        "ptt_stand": (foot, "outward, of a flat rail across it"),
+        "ptt_stand": (mechanism.foot_way, "outward, of a flat rail across it"),
         "ptt_azimuth": (_azimuth(spec.slider_azimuth_deg), "cosine and sine of each slider's azimuth"),
         "ptt_reflector": (spec.reflector_mm, "mm from the platform's centre"),
     }
