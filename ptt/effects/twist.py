@@ -59,7 +59,7 @@ class PlatformTwist(ThreePttEffect):
         size="0.1 to 2 mrad",
         fingerprint="A smooth field that grows with the reflector's distance from the platform's centre.",
         confused_with=(
-            ("reflector_mm", "a wrong offset is constant in the base frame: three reflectors on the platform at once"),
+            ("reflector_mm", "a wrong offset is constant in the base frame: a second run with the reflector elsewhere"),
             ("tower-position", "does not grow with the reflector's offset: repeat with the reflector elsewhere"),
         ),
         remedy="Ream or shim the joint seats parallel; put the reflector and the tool at the platform's centre.",
