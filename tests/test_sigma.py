@@ -14,7 +14,7 @@ from ptt.correct.doubt import doubtful
 from ptt.door.predicting import predict
 from ptt.door.tally import Tally
 from ptt.effects.registry import library, make_effect
-from ptt.fitting.kept import _digest, kept_covariance, why_not_kept
+from ptt.fitting.kept import _digests, kept_covariance, why_not_kept
 from ptt.fitting.packed import pack
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
@@ -242,7 +242,7 @@ def test_why_commands_are_uncertain_is_said_as_far_as_it_is_known(unsure, missed
 def test_a_damaged_covariance_is_said(part, tmp_path):
     effect = EffectEntry(name="homing-offset", parameters={"offset_mm": ParameterEntry(value=0.2)})
     model, names = read_model(replace(FILE, effect=(effect,))), tuple(f"homing-offset offset_mm {i}" for i in (1, 2, 3))
-    spec = CovarianceSpec(of=names, root=pack(np.eye(3)), values=_digest(model))
+    spec = CovarianceSpec(of=names, root=pack(np.eye(3)), values=_digests(model)[0])
     model = replace(model, file=replace(model.file, covariance=spec))
     assert why_not_kept(model) == ""
     damaged = replace(model, file=replace(model.file, covariance=spec.model_copy(update=part)))
