@@ -16,6 +16,7 @@ from ptt.effects.base import Effect
 from ptt.effects.bench import sample_view
 from ptt.fitting import kept as kept_module
 from ptt.fitting.kept import keep, keep_covariance, kept_covariance, why_not_kept
+from ptt.fitting.layout import UNLIKE
 from ptt.fitting.packed import pack
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, format_machine, parse_machine
@@ -46,9 +47,11 @@ def measured(tmp_path) -> Problem:
     return strokes(tmp_path, HEIGHTS, LENGTHS)
 
 
-def strokes(tmp_path: Path, heights: tuple[float, ...], lengths: tuple[float, ...]) -> Problem:
+def strokes(
+    tmp_path: Path, heights: tuple[float, ...], lengths: tuple[float, ...], play: tuple[float, ...] = (0.0, 0.0, 0.0)
+) -> Problem:
     """Short strokes forth and back about places at random."""
-    drive = {"windup_um": [1e3 * each for each in heights], "windup_length_mm": lengths}
+    drive = {"windup_um": [1e3 * each for each in heights], "windup_length_mm": lengths, "backlash_mm": play}
     rig = parse_rig({"machine": tomllib.loads(format_machine(machine())), "drive": drive, "conditions": {}})
     random = np.random.default_rng(8)
     targets = np.cumsum(random.normal(size=(260, 3)) * random.choice([0.5, 2.0, 12.0], (260, 1)), axis=0)
@@ -91,6 +94,16 @@ def test_a_joint_that_does_not_wind_up_has_about_the_length_of_the_others_and_sa
     (term,) = fitted.model.terms
     assert term.std is not None and float(term.theta[0]) < 4.0 * float(term.std[0])
     assert 0.3 < float(term.theta[3]) < 10.0 and float(term.std[3]) > 5.0 * float(term.std[4:].max()), term.std
+
+
+def test_no_length_is_so_far_from_the_others_that_it_is_play(tmp_path):
+    """Beside two drives that wind up, a third that has play looks like one that winds up over no travel."""
+    problem = strokes(tmp_path, (0.02, 0.016, 0.0), (3.0, 3.0, 3.0), play=(0.0, 0.0, 0.1))
+    fitted = fit(Model(problem.file) + library()["windup"](), problem)
+    lengths = fitted.model.terms[0].theta[3:]
+    assert float(lengths.max() / lengths.min()) < UNLIKE**2 + 1e-9
+    found = diagnose(Model(problem.file), problem)
+    assert found.verdict == "missing" and {step[0] for step in found.suggested} == {"backlash", "windup"}, found.words
 
 
 @pytest.mark.parametrize("heights", [[0.0] * 3, [-0.01, -0.02, 0.0]])

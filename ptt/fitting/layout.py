@@ -18,6 +18,7 @@ from ptt.run.view import View
 FRAME_NAMES = ("tracker x", "tracker y", "tracker z", "tracker rotation about x", "tracker rotation about y",
                "tracker rotation about z")  # fmt: skip
 MOUNT_NAMES = ("reflector mount x", "reflector mount y", "reflector mount z")
+UNLIKE = 4.0  # times their mean that lengths of joints of one make differ by: a far shorter one is play by another name
 FRAME, MOUNT = -1, -2  # owners of unknowns that are no effect's
 
 
@@ -171,15 +172,25 @@ def _of_term(
         parts = _kinds(parameter, size, fitted)
         groups = list(dict.fromkeys(parts))
         first = len(kinds) - parameter.joined
+        low, high = _bounds(parameter, term.theta[len(flags) - size : len(flags)].numpy())
         unknowns += [
             _Unknown(
-                f"{term.effect.key} {name}", own, index, first + groups.index(part),
-                parameter.lower / own, min(parameter.upper, parameter.most) / own, part[0] == "held",
+                f"{term.effect.key} {name}", own, index, first + groups.index(part), low / own, high / own,
+                part[0] == "held",
             )
             for name, own, part in zip(names, sizes, parts, strict=True)
         ]  # fmt: skip
         kinds += [own for own, _ in groups[len(kinds) - first :]]
     return unknowns, np.array(flags, dtype=bool)
+
+
+def _bounds(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
+    """Between which values a fit may move those of one parameter, which lie there at present."""
+    low, high = parameter.lower, min(parameter.upper, parameter.most)
+    if not parameter.apart or not len(present):
+        return low, high
+    mean = float(np.exp(np.log(np.maximum(present, low)).mean()))
+    return max(low, min(mean / UNLIKE, present.min())), min(high, max(mean * UNLIKE, present.max()))
 
 
 def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
