@@ -162,11 +162,10 @@ def test_readings_a_constant_aside_are_no_two_units_at_once(sound: tuple[Machine
     """Shrunk a hundredfold, what is off by two centimetres would be a matter of ordinary faults."""
     file, table = sound
     trusted = replace(file, tracker=file.tracker.model_copy(update={"frame": "trusted"}))
-    place = np.where(np.isfinite(table.target), table.target, np.nan)
-    moved = replace(table, measured=place + np.array([-15.5, 6.6, 8.5]), command=None)
+    moved = replace(table, measured=table.target + np.array([-15.5, 6.6, 8.5]), command=None)
     found = check_setup(trusted, moved)
     assert "unit-scale" not in [finding.mistake for finding in found.findings]
-    assert "18," in (found.unexplained or "") or "no machine is built so far off" in (found.unexplained or "")
+    assert "no machine is built so far off" in found.unexplained
 
 
 def test_compensated_commands_are_no_mistake(sound: tuple[MachineFile, Table]) -> None:

@@ -15,7 +15,6 @@ from ptt.run.problem import Problem
 
 LARGEST_EFFECT = 1e5  # three hundred usual sizes: drawings are off by that much
 LARGEST_HELD = 1e2  # ten usual sizes: no encoder or gear is off by more, and larger waves could imitate whole links
-LARGEST_TANGENT = 1.0  # a usual size: beyond it the tangent of a searched value is no longer what the value does
 LEGS = 3  # joints up to which the odds against some of them eat what leaving the sound ones out gains
 
 
@@ -105,10 +104,10 @@ def effect_atom(
         free: of all its values those that have a column, bool; None for as many of the first as there are columns.
     """
     chosen = slice(0, len(columns)) if free is None else free
-    group, bounded, held, joint, detail, within, found = _kinds_of_values(effect, problem, chosen)
+    group, bounded, held, joint, detail, within = _kinds_of_values(effect, problem, chosen)
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
-    most[group[held]], most[group[found]] = LARGEST_HELD, LARGEST_TANGENT
+    most[group[held]] = LARGEST_HELD
     alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
     fine = np.isin(np.arange(len(most)), group[detail])
     return Atom(
@@ -119,7 +118,7 @@ def effect_atom(
 
 
 def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slice) -> tuple[np.ndarray, ...]:
-    """Of each value: variance, whether it cannot be negative, is held near zero, whose, detail, how large, found.
+    """Of each value: variance, whether it cannot be negative, is near zero by definition, whose, if detail, how large.
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
@@ -129,7 +128,7 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
     """
     joints, first, curves = problem.view.joints, 1, 0
     bands = 1 + max((number for parameter in effect.parameters for number in parameter.bands), default=0)
-    group, bounded, held, joint, detail, within, searched = list[np.ndarray](), [], [], [], [], [], []
+    group, bounded, held, joint, detail, within = list[np.ndarray](), [], [], [], [], []
     for parameter in effect.parameters:
         size = parameter.size(joints)
         if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 and not parameter.fine:
@@ -146,8 +145,7 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
         joint.append(np.arange(joints) if parameter.per_joint and size == joints else np.full(size, -1))
         detail.append(np.full(size, parameter.fine))
         within.append(np.tile(parameter.within or (-np.inf, np.inf), (size, 1)))
-        searched.append(np.full(size, parameter.role != "linear"))
-    return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail, within, searched))
+    return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail, within))
 
 
 def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:

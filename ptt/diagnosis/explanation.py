@@ -21,6 +21,7 @@ from ptt.diagnosis.steps import Named, Step, share_of
 from ptt.diagnosis.witness import own_drift, unwitnessed
 from ptt.diagnosis.words import explain_step
 from ptt.effects import Effect
+from ptt.fitting.layout import bounds_of
 from ptt.fitting.linear import tried_sizes
 from ptt.model.model import Model, Term, parameter_names, told_values
 from ptt.record import Record
@@ -152,11 +153,12 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
 
 def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
     """Values with lengths where their law holds: far from where it was linearised a tangent may ask for any."""
-    bounds = [
-        (p.lower, min(p.upper, p.most)) if p.role == "searched" else (-np.inf, np.inf)
-        for p in (each.on(model.file.machine.kind) for each in term.effect.parameters)
-        for _ in range(p.size(model.joints))
-    ]
+    bounds, place = list[tuple[float, float]](), 0
+    for parameter in (each.on(model.file.machine.kind) for each in term.effect.parameters):
+        size = parameter.size(model.joints)
+        own = term.theta[place : place + size].numpy()
+        bounds += [bounds_of(parameter, own) if parameter.role == "searched" else (-np.inf, np.inf)] * size
+        place += size
     low, high = torch.tensor(bounds, dtype=theta.dtype).T
     return torch.clamp(theta, low, high)
 

@@ -172,7 +172,7 @@ def _of_term(
         parts = _kinds(parameter, size, fitted)
         groups = list(dict.fromkeys(parts))
         first = len(kinds) - parameter.joined
-        low, high = _bounds(parameter, term.theta[len(flags) - size : len(flags)].numpy())
+        low, high = bounds_of(parameter, term.theta[len(flags) - size : len(flags)].numpy())
         unknowns += [
             _Unknown(
                 f"{term.effect.key} {name}", own, index, first + groups.index(part), low / own, high / own,
@@ -184,8 +184,16 @@ def _of_term(
     return unknowns, np.array(flags, dtype=bool)
 
 
-def _bounds(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
-    """Between which values a fit may move those of one parameter, which lie there at present."""
+def bounds_of(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
+    """Between which values those of one parameter may be moved.
+
+    Args:
+        parameter: as on its mechanism family.
+        present: its values now, which lie there, in its unit; empty where there are none.
+
+    Returns:
+        The least and the largest, in its unit.
+    """
     low, high = parameter.lower, min(parameter.upper, parameter.most)
     if not parameter.apart or not len(present):
         return low, high

@@ -120,8 +120,8 @@ def _lean(drawing: Drawing, faults: Geometry) -> tuple[Array, Array]:
     Both turns are at right angles to the rail; a turn about the rail itself moves no slider.
     """
     outward = MILLI * np.asarray(faults.lean_radial_mrad)[:, None] * drawing.sideways
-    across = -MILLI * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.across
-    turn = rotation_matrix(outward + across)
+    aside = -MILLI * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.across
+    turn = rotation_matrix(outward + aside)
     return np.einsum("lij,lj->li", turn, drawing.rail), turn
 
 
