@@ -158,6 +158,16 @@ def test_what_is_no_place_is_kept_in_its_place() -> None:
     assert sum("F300" in line for line in lines) == 1 and lines[-1] == "M48"
 
 
+def test_settings_of_a_printer_are_no_moves() -> None:
+    """Axis words of an M-code of its own are what it sets: as a move they would drive the tool."""
+    lines = ["M205 X8 Y8 Z0.4 E5", "M203 X500 Z12", "M92 E93", "M117 Layer X5 of 60, 50 % {", "G11", "G10", "M84 X E"]
+    text = "\n".join(["G21 G90", "G0 X0 Y0 Z10", "G1 X40 F300", *lines, "G1 Y10 M64 P1", "X20 M8", "M30", ""])
+    written = corrected(text, WORN)
+    assert [line for line in written.splitlines() if line in lines] == lines
+    left = [line for line in written.splitlines() if line not in lines]
+    assert left == corrected("\n".join(line for line in text.splitlines() if line not in lines), WORN).splitlines()
+
+
 def test_further_axes_are_shared_out() -> None:
     text = "G21 M82\nG92 E0\nG0 X-40 Y0 Z0\nG3 I20 E8 F600\nG1 E6\nG91 M83\nG1 X80 E8\nG1 E-1\n"
     written = corrected(text, WORN)
@@ -234,6 +244,17 @@ REFUSED = {
     "G55 G1 X5": "second work coordinate",
     "G91 G53 G0 X1": "G53 needs",
     "G123 X5": "is not known",
+    "G154 P3": "is not known",
+    "G54.1 P1": "is not known",
+    "G66 P9010": "is not known",
+    "G12 I4": "is not known",
+    "G234 I0": "is not known",
+    "G92.3": "is not known",
+    "M92 X80 Y80": "makes of places",
+    "M206 Z-0.2": "makes of places",
+    "M665 L250": "makes of places",
+    "M777 X5": "what M777 does with X is not known",
+    "G1 X5 M205 Y3": "M205 and a move",
 }
 
 

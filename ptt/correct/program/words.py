@@ -24,6 +24,7 @@ FOREIGN = {
     "^": ("a polar coordinate", ALONE),
     "(": ("a comment without end", "is not closed"),
 }
+TEXT = (23, 32, 117, 118)  # M-codes behind which the rest of the line is a file's name or a message
 EXPAND = "let the post-processor or the controller's interpreter write the program out, and correct that"
 
 
@@ -129,6 +130,9 @@ def _read(number: int, line: str, source: str) -> Block:
                 where = f"{at_line(source, number)}, column {place + 1}"
                 raise InputError(f"'{found[0].strip()}' is beyond any machine", where=where, fix="correct the line")
             parts.append(Word(found["letter"].upper(), value, found[0].strip()))
+            if parts[-1].letter == "M" and parts[-1].code // 10 in TEXT and line[found.end() :].strip():
+                parts.append(line[found.end() :])
+                break
         elif not found["space"]:
             parts.append(found[0])
         place = found.end()
