@@ -158,7 +158,14 @@ def test_a_folder_that_holds_something_else_is_not_made_a_store(tmp_path):
 def test_dates_are_read_from_a_name_or_said(tmp_path):
     path = tmp_path / "run_20260315_b.csv"
     path.write_text("x")
-    assert date_of(path)[0].isoformat() == "2026-03-15T00:00:00"
+    for name in ("run_20260315_b.csv", "run_2026_03_15.csv", "run_2026.03.15.csv", "SN12345678_2026-03-15.csv"):
+        named = path.with_name(name)
+        named.write_text("x")
+        assert date_of(named) == (datetime(2026, 3, 15), "by the file's name")
+    for name in ("run_2026-13-45.csv", "run_2026-0315.csv", "120260315.csv", "run.csv"):
+        named = path.with_name(name)
+        named.write_text("x")
+        assert date_of(named)[1] == "the file's own date"
     assert read_date("2026-03-15T10:00:00+02:00").isoformat() == "2026-03-15T08:00:00"
     with pytest.raises(InputError, match="--date"):
         read_date("15.3.")

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -13,6 +12,7 @@ from nicegui import events, ui
 
 from ptt.errors import PttError
 from ptt.files import write_text
+from ptt.run.dates import date_in_name
 from ptt.show.card.words import length, parameter_in_words, percent, pretty, together
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import WHEN, error_figure, pair_figure, value_figure
@@ -22,7 +22,6 @@ from ptt.show.studio.tables import table_html
 from ptt.show.studio.uploads import keep
 
 FOUND = "again.json"
-DATED = re.compile(r"(?<!\d)(20\d\d)[-_.]?(\d\d)[-_.]?(\d\d)(?!\d)")
 AXES = ("x", "y", "z", "total")
 EMPTY = (
     "Measure the machine again, with corrected commands or a month later, and drop the run here: errors before and "
@@ -181,11 +180,7 @@ class AgainView:
 
 def date_in(name: str) -> str:
     """The date that a file's name holds, else today, as '2026-03-15'."""
-    found = DATED.search(name)
-    if found:
-        with suppress(ValueError):
-            return date(*map(int, found.groups())).isoformat()
-    return date.today().isoformat()
+    return (date_in_name(name) or date.today()).isoformat()
 
 
 def change(fall: float) -> str:
