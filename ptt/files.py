@@ -15,6 +15,8 @@ from ptt.errors import HostError, InputError, shown
 
 LARGEST = 2 * 1024**3  # bytes; ten million rows of a tracker run are 1.5 GB
 LARGEST_TOML = 64 * 1024**2  # bytes; a model of every effect with a thousand steps of history is 2 MB
+MASK = os.umask(0)  # what new files leave out; read once, since to ask is to change it for every thread
+os.umask(MASK)
 FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
@@ -105,26 +107,49 @@ def write_parts(path: str | Path, parts: Iterable[bytes]) -> None:
         require_plain(target, path)
         target.parent.mkdir(parents=True, exist_ok=True)
         sweep(target)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=temporary(target))
     except (OSError, ValueError) as failed:
         raise cannot_write(path, failed) from None
+    try:
+        _put_in_place(put_beside(target, parts), target)
+    except OSError as failed:
+        raise cannot_write(path, failed) from None
+    note_written(path)
+    if is_kept(path):
+        put_digest(path)
+
+
+def put_beside(target: Path, parts: Iterable[bytes]) -> str:
+    """Write a temporary neighbour of a file, flushed to disk and as readable as any other file.
+
+    Args:
+        target: the file that a rename is to put in place, its folder there.
+        parts: the content, in order.
+
+    Returns:
+        The neighbour's name.
+
+    Raises:
+        OSError: it cannot be written; then nothing is left of it.
+    """
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=temporary(target))
     try:
         with os.fdopen(handle, "wb") as file:
             file.writelines(parts)
             file.flush()
             os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)  # mkstemp makes files private; a result is as readable as any other file
-        os.replace(name, target)
-    except BaseException as failed:
+        os.chmod(name, 0o666 & ~MASK)  # mkstemp makes files private
+    except BaseException:
         Path(name).unlink(missing_ok=True)
-        if isinstance(failed, OSError):
-            raise cannot_write(path, failed) from None
         raise
-    note_written(path)
-    if is_kept(path):
-        put_digest(path)
+    return name
+
+
+def _put_in_place(name: str, target: Path) -> None:
+    try:
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
 
 
 def put_digest(path: str | Path) -> None:

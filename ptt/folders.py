@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ptt.errors import InputError
-from ptt.files import cannot_write, left_behind, temporary
+from ptt.files import MASK, cannot_write, left_behind, temporary
 
 OLD = ".old"
 SWAP = {"Linux": ("renameat2", -100, 2), "Darwin": ("renameatx_np", -2, 2)}  # function, AT_FDCWD, flag of an exchange
@@ -45,9 +45,7 @@ def write_folder(path: str | Path, own: frozenset[str]) -> Iterator[Path]:
         yield new
         for each in [*new.iterdir(), new]:
             _flush(each)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(new, 0o777 & ~mask)  # mkdtemp makes folders private
+        os.chmod(new, 0o777 & ~MASK)  # mkdtemp makes folders private
         require_own(target, own)
         _put_in_place(new, target)
         _flush(target.parent)

@@ -1,23 +1,23 @@
 """A fleet's store: one folder with a DuckDB file, the run files as they came, and Parquet of their readings."""
 
 import hashlib
-import re
-import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ptt.errors import InputError
-from ptt.files import sha256
+from ptt.files import sha256, write_parts
 from ptt.fleet.database import duckdb, insert, now, rows, transaction
 from ptt.fleet.readings import write_readings
 from ptt.fleet.schema import TABLES, VERSION
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
+from ptt.run.dates import date_in_name
 from ptt.run.table import Table
 
 FILE = "fleet.duckdb"
-DATED = re.compile(r"(?<!\d)(\d{4})-?(\d{2})-?(\d{2})(?!\d)")
+PART = 2**20  # bytes of a run that are copied at a time
 
 
 @dataclass(frozen=True)
@@ -202,12 +202,9 @@ def add_run(
 
 def date_of(path: Path) -> tuple[datetime, str]:
     """When a file was measured, as far as it tells, and what told it."""
-    found = DATED.search(path.name)
-    if found:
-        try:
-            return datetime(*(int(part) for part in found.groups())), "by the file's name"  # type: ignore[arg-type]
-        except ValueError:
-            pass
+    named = date_in_name(path.name)
+    if named is not None:
+        return datetime(named.year, named.month, named.day), "by the file's name"
     changed = datetime.fromtimestamp(path.stat().st_mtime, UTC).replace(tzinfo=None)
     return changed.replace(microsecond=0), "the file's own date"
 
@@ -251,7 +248,5 @@ def _drawing(file: MachineFile) -> str:
 
 def _copy(path: Path, to: Path) -> None:
     """Copy a file whole or not at all, whatever its size."""
-    to.parent.mkdir(parents=True, exist_ok=True)
-    part = to.with_name(f".{to.name}.part")
-    shutil.copyfile(path, part)
-    part.replace(to)
+    with path.open("rb") as file:
+        write_parts(to, iter(partial(file.read, PART), b""))

@@ -1,12 +1,11 @@
 """Several files that appear together or not at all."""
 
 import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from ptt.digests import beside, is_kept, note_written
-from ptt.files import cannot_write, put_digest, require_plain, sweep, temporary
+from ptt.files import cannot_write, put_beside, put_digest, require_plain, sweep
 from ptt.folders import recover_folder, write_folder
 
 
@@ -68,7 +67,9 @@ def _rename(data: Mapping[Path, bytes]) -> None:
         for path, content in data.items():
             target = Path(os.path.realpath(path))
             require_plain(target, path)
-            ready[target] = _put_beside(target, content)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            sweep(target)
+            ready[target] = put_beside(target, (content,))
         for path, name in list(ready.items()):
             os.replace(name, path)
             del ready[path]
@@ -77,21 +78,3 @@ def _rename(data: Mapping[Path, bytes]) -> None:
     finally:
         for name in ready.values():
             Path(name).unlink(missing_ok=True)
-
-
-def _put_beside(path: Path, data: bytes) -> str:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sweep(path)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=temporary(path))
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(handle)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)  # mkstemp makes files private
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-    return name
