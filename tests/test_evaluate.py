@@ -253,6 +253,26 @@ def test_readings_under_other_conditions_are_said_to_be_so(tmp_path):
     assert "WARNING" not in words_of(tmp_path, before, run(0.1, name=NAMES, temp_c=warm + 0.3, payload_kg=load))
 
 
+def test_an_arm_without_a_machine_file_has_the_noise_of_its_readings(tmp_path):
+    """An arm moves through poses a milliradian apart: what its command moves is no scatter of repeats."""
+    command = np.repeat(np.linspace(0.0, 0.02, 60), 2)[:, None] * np.ones(6)
+    place = 1000.0 * command[:, :3]
+    before, after = (
+        make_table(place, command, joint_prefix="q", measured=place + error + 0.01 * RANDOM.normal(size=(120, 3)))
+        for error in (0.5, 0.02)
+    )
+    noise = evaluate_pair(before, after, frame="trusted").to_dict()["noise_um"]
+    assert noise["x"] == pytest.approx(10.0, rel=0.2)
+    for table, name in ((before, "b.csv"), (after, "a.csv")):
+        write_table(table, tmp_path / name)
+    told = CliRunner().invoke(app, ["evaluate", str(tmp_path / "b.csv"), str(tmp_path / "a.csv"), "--json"])
+    assert told.exit_code == 0 and json.loads(told.stdout)["noise_um"]["x"] < 12.0
+    bare = before.replace(target=np.full_like(place, np.nan))
+    write_table(bare, tmp_path / "bare.csv")
+    refused = CliRunner().invoke(app, ["evaluate", str(tmp_path / "bare.csv"), str(tmp_path / "a.csv")])
+    assert refused.exit_code == 2 and "no targets" in refused.output and "--model" in refused.output
+
+
 def test_poses_that_one_run_visits_more_often_are_said_to_be_so(tmp_path):
     thrice = run(0.1, np.tile(PLACES, (3, 1)))
     text = words_of(tmp_path, run(0.2), thrice)

@@ -69,7 +69,7 @@ def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple
     from ptt.run.reading import read_table
 
     if model is None:
-        return read_table(run, **reading), False
+        return read_table(run, None, **reading), False
     from ptt.correct.training.machine_of import machine_of
     from ptt.mechanisms import build_mechanism
 

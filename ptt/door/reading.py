@@ -49,7 +49,7 @@ def read_rows(
     """
     table = read_table(
         path,
-        3 if file is None else file.machine.joints,
+        None if file is None else file.machine.joints,
         joint_prefix="b" if file is None else file.machine.letter,
         also=tuple(reading.also or ()),
         targets=reading.targets,

@@ -134,6 +134,9 @@ def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) 
     policy = frame or (file.tracker.frame if file is not None else "fitted")
     target = targets_of(table, file)
     pose = (table.role != "base") & np.isfinite(target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
+    if file is None and not np.isfinite(target).any():
+        fix = "add x_cmd, y_cmd, z_cmd, or name with --model the machine that says where its commands go"
+        raise TableError("no targets", where=table.source, fix=fix)
     if not pose.any():
         raise TableError("no row has both a target and a reading", where=table.source, fix="check columns and roles")
     raw = np.where(pose[:, None], table.measured - target, np.nan)
@@ -243,8 +246,7 @@ def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: Machine
     held = np.where(np.isfinite(asked), asked, 0.0)
     sigma = None if file is None else file.tracker.sigma_mm
     # As in a problem: encoders that report where an arm stands differ from repeat to repeat, and so does its place.
-    arm = file is not None and file.machine.kind == "serial"
-    scatter = measured - target if arm else measured
+    scatter = measured - target if table.joint_prefix == "q" else measured
     return given_noise(table, scatter, arrival_direction(held, held, run_starts(table.run)), sigma)
 
 

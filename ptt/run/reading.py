@@ -14,7 +14,7 @@ from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.export import Export
 from ptt.run.readers.order import in_travel_order, refuse_order
 from ptt.run.readers.parts import read_parts
-from ptt.run.readers.required import refuse_scale_log
+from ptt.run.readers.required import joints_told, refuse_scale_log
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.table import Table, concat_tables
 
@@ -23,7 +23,7 @@ CONTENT = ("target", "command", "measured", "time_s", "payload_kg", "temp_c", "f
 
 def read_table(
     path: str | Path,
-    joints: int = 3,
+    joints: int | None = 3,
     *,
     joint_prefix: str = "b",
     also: Sequence[str | Path] = (),
@@ -39,7 +39,7 @@ def read_table(
 
     Args:
         path: the file.
-        joints: number k of joints of the machine.
+        joints: number k of joints of the machine; None where no machine is known, and the columns tell.
         joint_prefix: 'b' (sliders, mm) or 'q' (joint angles, rad).
         also: further runs; runs of different files stay different runs, and none may be there twice.
         targets: file with the targets or commands of an export that holds readings only.
@@ -127,7 +127,7 @@ def _answers(mapping: Mapping | str | Path | None) -> Mapping:
 def _table_of(
     path: str | Path,
     export: Export,
-    joints: int,
+    joints: int | None,
     prefix: str,
     targets: str | Path | None,
     set_values: Dictionary[str, float | str],
@@ -136,6 +136,8 @@ def _table_of(
     judge_order: bool,
     digest: str = "",
 ) -> Table:
+    if joints is None:
+        joints, prefix = joints_told(export)
     if targets is not None:
         wanted = Request("beside", request.mapping.targets or Mapping(), request.ask)
         poses = read_any(targets, wanted)

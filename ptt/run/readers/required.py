@@ -127,6 +127,12 @@ def place(export: Export, row: int, title: str) -> str:
     return f"{export.source} row {export.line[row]}, column {title}"
 
 
+def joints_told(export: Export) -> tuple[int, str]:
+    """How many joints the columns are of, and their letter, where no machine file says so: sliders or an arm's."""
+    angles = foreign_to(export, "b")
+    return (len(angles), "q") if angles else (3, "b")
+
+
 def foreign_to(export: Export, prefix: str) -> list[str]:
     """Titles of joint commands of the other kind of machine."""
     other = "q" if prefix == "b" else "b"
