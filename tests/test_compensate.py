@@ -19,7 +19,7 @@ from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
-from ptt.machine import load_machine, save_machine
+from ptt.machine import load_machine, parse_machine, save_machine
 from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
@@ -202,6 +202,17 @@ def test_the_limit_counts_physics_and_network_together():
     both = compensate(physics, TARGETS, correction=lifted, limit=0.59)
     assert both.counts["too large"] == TARGETS.rows and both.shift == pytest.approx(0.6)
     assert compensate(physics, TARGETS, correction=lifted, limit=0.61).counts["ok"] == TARGETS.rows
+
+
+def test_an_arm_whose_joints_state_no_limits_goes_as_far_as_its_targets_ask():
+    text = (DATA / "arm" / "machine.toml").read_text()
+    file = parse_machine("".join(line for line in text.splitlines(True) if "limits_deg" not in line))
+    mechanism = build_mechanism(file.machine)
+    q = np.radians([[200.0, -70.0, 85.0, -100.0, -85.0, 17.0]])
+    place = mechanism.forward(torch.as_tensor(q)).numpy()
+    sent = compensate(Model(file), make_table(place, q, joint_prefix="q"))
+    assert sent.status.tolist() == ["ok"]
+    np.testing.assert_allclose(sent.q, q, atol=1e-6)
 
 
 def test_a_list_that_cannot_be_sent_at_all_comes_back_with_its_status():

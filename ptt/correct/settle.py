@@ -18,7 +18,6 @@ from ptt.mechanisms.workspace import near_singular
 from ptt.model.chain import Shifts
 from ptt.run.table import take_rows
 from ptt.run.view import View
-from ptt.run.viewing import joint_limits
 
 SPARES = (1e-3, 1e-2, 0.1, 0.4, 1.0)  # shares of the way to a row that is not sent, left unused one after the other
 PASSES = 4  # rows that are not sent change the travel of those behind them
@@ -194,7 +193,7 @@ def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
 
 def _after(task: Task, solved: Solved) -> np.ndarray:
     """What becomes of each row once the model has been asked; the gravest last."""
-    limits = joint_limits(task.model.file)
+    limits = task.mechanism.limits().T
     status = np.full(len(solved.q), OK, dtype=object)
     status[((solved.q < limits[:, 0]) | (solved.q > limits[:, 1])).any(dim=1).numpy()] = OUT_OF_TRAVEL
     shift = torch.maximum(task.shift(solved.height), task.shift(solved.q))

@@ -137,7 +137,9 @@ def elapsed(table: "Table") -> Tensor:
 
 
 def joint_limits(file: "MachineFile") -> Tensor:
-    """Limits of each joint by the drawing.
+    """The range of each joint: its limits by the drawing, half a turn either way where an arm states none.
+
+    It is what to measure, plan and draw over; which commands may be sent, `Mechanism.limits` says.
 
     Args:
         file: the machine.

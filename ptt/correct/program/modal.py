@@ -40,8 +40,35 @@ CALLS = (970, 980, 990)  # M97, M98, M99
 # M-codes beside which axis words are a move: those of RS274. Further ones have axis words of their own.
 BESIDE_MOVES = (*range(0, 10), 19, 30, *range(48, 54), *range(60, 67))
 SETTINGS = (
-    17, 18, 67, 68, 84, 125, 201, 202, 203, 204, 205, 208, 211, 350, 425, 566, 569, 584, 593, 600, 851, 906, 907, 911,
-    913, 914, 915, 916, 917,
+    17,
+    18,
+    67,
+    68,
+    84,
+    125,
+    201,
+    202,
+    203,
+    204,
+    205,
+    208,
+    211,
+    350,
+    425,
+    566,
+    569,
+    584,
+    593,
+    600,
+    851,
+    906,
+    907,
+    911,
+    913,
+    914,
+    915,
+    916,
+    917,
 )  # of motors, speeds, limits and outputs: where the tool goes stays
 MOVES_ORIGIN = (92, 206, 218, 290, 428, 579, 665, 666, 669)  # counts per mm, offsets, the controller's own geometry
 NO_MOTION = -1
@@ -286,7 +313,9 @@ def _carried(state: State, stated: dict[str, float]) -> dict[str, tuple[float, f
 def _notes(codes: list[int]) -> list[str]:
     notes = []
     if any(code in LENGTHS[:-1] for code in codes):
-        notes.append("tool lengths (G43) are left to the controller: the correction is that of the tool point at --offset")
+        notes.append(
+            "tool lengths (G43) are left to the controller: the correction is that of the tool point at --offset"
+        )
     if any(code in (290, 320) for code in codes):
         notes.append("what the controller corrects by itself after probing (G29, G32) comes on top of this correction")
     return notes

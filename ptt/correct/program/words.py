@@ -129,8 +129,9 @@ def _read(number: int, line: str, source: str) -> Block:
             if value is not None and not abs(value) <= GREATEST:
                 where = f"{at_line(source, number)}, column {place + 1}"
                 raise InputError(f"'{found[0].strip()}' is beyond any machine", where=where, fix="correct the line")
-            parts.append(Word(found["letter"].upper(), value, found[0].strip()))
-            if parts[-1].letter == "M" and parts[-1].code // 10 in TEXT and line[found.end() :].strip():
+            word = Word(found["letter"].upper(), value, found[0].strip())
+            parts.append(word)
+            if word.letter == "M" and word.code // 10 in TEXT and line[found.end() :].strip():
                 parts.append(line[found.end() :])
                 break
         elif not found["space"]:

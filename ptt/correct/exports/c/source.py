@@ -23,7 +23,6 @@ from ptt.mechanisms.workspace import NEAR_CONDITION, joint_ways
 from ptt.run.table import make_table
 from ptt.run.target_frame import target_frames
 from ptt.run.travel import TRANSIT_STEPS
-from ptt.run.viewing import joint_limits
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -124,8 +123,7 @@ def _macros(compensator: "Compensator", parts: Parts) -> str:
 def _family(file: MachineFile, parts: Parts) -> str:
     mechanism = build_mechanism(file.machine)
     home = table("ptt_home", mechanism.home()) if "ptt_home" in parts.functions else ""
-    limits = joint_limits(file).numpy()
-    text = home + table("ptt_travel", limits, note="ends of travel, mm or rad")
+    text = home + table("ptt_travel", mechanism.limits().T.numpy(), note="ends of travel, mm or rad")
     if isinstance(mechanism, ThreePtt):
         return text + _three_ptt(mechanism, file, parts) + "\n" + kernel("three_ptt.c.in")
     assert isinstance(mechanism, Serial)
