@@ -280,6 +280,18 @@ def test_own_file_that_does_not_run_is_refused(tmp_path, text, said):
         load_effects(path)
 
 
+@pytest.mark.parametrize("method", ["undecided(self, view)", "usual_trial(self, view)", "summed(self, theta, view)"])
+def test_an_own_method_that_fails_says_where(tmp_path, method):
+    """Whichever the fit calls: all that an effect may define is guarded, by no list that could fall behind."""
+    path = tmp_path / "own.py"
+    text = OWN.replace("NAME", "own").replace("STAGE", "drive").replace("PARAMETERS", LINEAR)
+    path.write_text(f"{text}\n    def {method}:\n        return 1 / 0\n")
+    name, _, rest = method.partition("(self, ")
+    own = library(path)["own"]()
+    with pytest.raises(InputError, match=rf"own\.py line 14.*{name} of own fails: ZeroDivisionError"):
+        getattr(own, name)(*rest.rstrip(")").split(", "))
+
+
 def test_own_file_with_a_name_twice_is_refused(tmp_path):
     path = tmp_path / "own.py"
     path.write_text(template("drag") + template("drag").replace("class Drag", "class Other"))

@@ -140,6 +140,13 @@ def test_what_an_older_file_keeps_of_one_length_is_that_of_each(measured):
     assert kept_covariance(edited) is None
 
 
+def test_bounds_of_an_arm_are_as_far_from_the_usual_as_those_of_a_slider():
+    length = next(each for each in library()["windup"].parameters if each.stem == "length")
+    arm = length.on("serial")
+    assert arm.lower / arm.usual == pytest.approx(length.lower / length.usual)
+    assert arm.most / arm.usual == pytest.approx(length.most / length.usual)
+
+
 def test_one_length_in_a_file_is_that_of_all_joints():
     model = read_model(parse_machine(format_machine(replace(machine(), effect=())) + OLD, "old.toml"))
     (term,) = model.terms

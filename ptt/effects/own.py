@@ -27,7 +27,7 @@ STEM = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 MOST = 10_000  # values of one effect; a joint error map of seven joints has 84
 KINDS = ("three-ptt", "serial")
 ROLES = ("linear", "searched", "given")
-METHODS = ("needs", "largest", "search", "refine", "meant_by", "renew", "basis", "shift", "slope", "say", "cause")
+METHODS = tuple(name for name, own in vars(Effect).items() if inspect.isfunction(own) and not name.startswith("_"))
 
 
 def load_effects(path: str | Path) -> dict[str, type[Effect]]:

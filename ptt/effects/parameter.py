@@ -83,7 +83,7 @@ class Parameter:
             kind: 'three-ptt' or 'serial'.
 
         Returns:
-            The same parameter with the unit and usual size of that family.
+            The same parameter with the unit and usual size of that family, and bounds as far from it as they were.
         """
         if kind == "three-ptt" or not self.axis:
             return self
@@ -92,7 +92,8 @@ class Parameter:
         )
         values = {**self.__dict__, "unit": unit, "axis": False}
         usual = self.usual if self.usual_rad is None else self.usual_rad
-        return Parameter(**(values | {"usual": usual, "most": self.most * usual / self.usual}))
+        bounds = {name: values[name] * usual / self.usual for name in ("lower", "upper", "most")}
+        return Parameter(**(values | bounds | {"usual": usual}))
 
     @property
     def name(self) -> str:
