@@ -17,7 +17,7 @@ from ptt.correct.training.machine_of import machine_of
 from ptt.errors import InputError, TableError
 from ptt.machine import load_machine
 from ptt.run.backlash.dead_travel import measure_reversal
-from ptt.run.backlash.measure import as_reversal_amount, measure_backlash, reversal_compensation, travel_direction
+from ptt.run.backlash.measure import measure_backlash, travel_direction
 from ptt.run.backlash.scale import read_scale_log
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -58,7 +58,7 @@ def test_play_of_the_compensated_commands_is_the_command(runs, gap):
     paths = [np.cumsum(steps) for steps in runs]
     starts = np.cumsum([0] + [len(path) for path in paths[:-1]])
     q = np.concatenate(paths)[:, None]
-    sent = q + reversal_compensation(q, [gap], starts)
+    sent = q + 0.5 * gap * travel_direction(q, starts)
     for start, path in zip(starts, paths, strict=True):
         moves = np.diff(path)[np.abs(np.diff(path)) > 1e-6]
         came_from = path[0] - (np.sign(moves[0]) if len(moves) else 1.0)
@@ -118,18 +118,6 @@ def test_first_row_standstill_and_a_joint_that_never_moves():
     np.testing.assert_array_equal(travel_direction(q)[:, 1], 1)
     np.testing.assert_array_equal(travel_direction(q, [3])[:, 0], [-1, -1, -1, 1, 1])
     assert travel_direction(np.zeros((0, 3))).shape == (0, 3)
-
-
-def test_reversal_amount_is_the_whole_gap_after_a_reversal():
-    q = np.array([[0.0], [1.0], [2.0], [1.0], [3.0], [2.0], [1.0], [2.0]])
-    amount = as_reversal_amount(reversal_compensation(q, 0.04, [5]), [5])
-    np.testing.assert_allclose(amount[:, 0], [0.0, 0.0, 0.0, -0.04, 0.0, 0.0, 0.0, 0.04], atol=1e-15)
-
-
-@pytest.mark.parametrize("gap", [[0.1, 0.2], [-0.1], [np.nan]])
-def test_gaps_that_cannot_be_are_refused(gap):
-    with pytest.raises(TableError, match="give 3 figures"):
-        reversal_compensation(np.zeros((4, 3)), gap)
 
 
 @given(

@@ -29,7 +29,7 @@ class LeadScale(Effect):
     of_drawing: ClassVar[bool] = True
     stage: ClassVar[Stage] = "drive"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("scale", "1", 1e-4, "share by which the axis travels too far", True, usual_rad=1e-4),
+        Parameter("scale", "1", 1e-4, "share by which the axis travels too far", True),
     )
     called: ClassVar[str] = "screw lead"
     arm_called: ClassVar[str] = "gear or encoder scale"
@@ -85,8 +85,6 @@ class ScrewErrorMap(Effect):
             "heights of bow, double bow, ... along the range, each in its usual share",
             True,
             SHAPES,
-            axis=True,
-            usual_rad=2e-4,
         ),
         Parameter(
             "straight",
@@ -95,8 +93,6 @@ class ScrewErrorMap(Effect):
             "slope and level that belong to the curve",
             True,
             2,
-            axis=True,
-            usual_rad=4e-5,
             held=True,
             lent=("lead-scale", "homing-offset"),
         ),
@@ -107,12 +103,10 @@ class ScrewErrorMap(Effect):
             "heights beside the curve halfway between two knots, upward",
             True,
             WAVES,
-            axis=True,
-            usual_rad=5e-6,
             fine=True,
         ),
-        Parameter("from", "mm", 1.0, "lower end of the range", True, role="given", axis=True),
-        Parameter("to", "mm", 1.0, "upper end of the range", True, role="given", axis=True),
+        Parameter("from", "mm", 1.0, "lower end of the range", True, role="given"),
+        Parameter("to", "mm", 1.0, "upper end of the range", True, role="given"),
     )
     called: ClassVar[str] = "screw error"
     card: ClassVar[Card] = Card(

@@ -1,4 +1,4 @@
-"""Backlash of each slider from a linear-scale log; `backlash.reversal` compensates it in a sequence of commands.
+"""Backlash of each slider from a linear-scale log.
 
 Equations 19 and 20: Chen et al., Trans. CSAM 54(2), 2023. The log's columns are described in `ptt.run.backlash.scale`.
 """
@@ -12,16 +12,14 @@ from numpy.typing import NDArray
 from ptt.errors import TableError
 from ptt.record import Record
 from ptt.run.backlash.dead_travel import Reversal, measure_reversal, turning_row
-from ptt.run.backlash.reversal import as_reversal_amount, reversal_compensation, travel_direction
+from ptt.run.backlash.reversal import travel_direction
 from ptt.run.backlash.scale import ScaleLog
 
 __all__ = [
     "BacklashResult",
     "Reversal",
     "SliderBacklash",
-    "as_reversal_amount",
     "measure_backlash",
-    "reversal_compensation",
     "travel_direction",
 ]
 

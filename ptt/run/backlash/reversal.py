@@ -9,8 +9,6 @@ Control of Systems with Actuator and Sensor Nonlinearities, 1996: the backlash i
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ptt.errors import TableError
-
 Array = NDArray[np.float64]
 
 STANDSTILL = 1e-6  # mm or rad; a smaller move of a command is rounding
@@ -62,49 +60,6 @@ def hold_direction(move: Array, starts: ArrayLike | None = None, begun: Array | 
     arrived = np.take_along_axis(move, np.maximum(last, 0), axis=0)
     sets_off = np.where(upcoming <= end, np.take_along_axis(move if begun is None else begun, onward, axis=0), 0.0)
     return np.where(np.where(last >= first, arrived, sets_off) < 0.0, -1, 1).astype(np.int8)
-
-
-def reversal_compensation(
-    q: Array, gap: ArrayLike, starts: ArrayLike | None = None, tolerance: float = STANDSTILL
-) -> Array:
-    """What to add to the commands so that joints with play end at q: +(gap/2) dir.
-
-    Exact from the first row on where each run is entered as its first move goes on, else from the row by which the gap
-    has been taken up.
-
-    Args:
-        q: (n, k) joint commands in travel order, already corrected for everything else, mm or rad.
-        gap: (k,) or one figure for all, play of each joint, unit of q, at least 0.
-        starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
-        tolerance: a move of at most this size is standstill, unit of q.
-
-    Returns:
-        (n, k) shift, unit of q.
-
-    Raises:
-        TableError: a gap that is negative, not a number, or not one per joint.
-    """
-    width = np.asarray(gap, dtype=np.float64)
-    if width.size not in (1, np.shape(q)[1]) or not np.all(width >= 0.0):
-        raise TableError(f"backlash gaps {width.tolist()}", fix=f"give {np.shape(q)[1]} figures of 0 or more")
-    return 0.5 * width.reshape(1, -1) * travel_direction(q, starts, tolerance)
-
-
-def as_reversal_amount(compensation: Array, starts: ArrayLike | None = None) -> Array:
-    """The same compensation as a controller counts it: 0 in a run's first direction, the whole -+gap after a reversal.
-
-    It differs from `reversal_compensation` by one constant per run and joint, as from a zero taken in that direction.
-
-    Args:
-        compensation: (n, k) from `reversal_compensation`.
-        starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
-
-    Returns:
-        (n, k) shift, same unit.
-    """
-    if not len(compensation):
-        return compensation.copy()
-    return compensation - compensation[_run_bounds(len(compensation), starts)[0][:, 0]]
 
 
 def _run_bounds(rows: int, starts: ArrayLike | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
