@@ -10,7 +10,6 @@ import torch
 from ptt.diagnosis import instead, steps
 from ptt.diagnosis.find import find
 from ptt.diagnosis.found import Found
-from ptt.diagnosis.hidden import Trial
 from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.moves import LEAST
 from ptt.diagnosis.turn import still_missed
@@ -97,7 +96,6 @@ def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_foretel
         return trial if "guide-straightness" in keys else unfaithful
 
     monkeypatch.setattr(steps, "hide", hide)
-    assert isinstance(hide(found.scorer, ["tower-tilt"], "tower-tilt"), Trial)
     assert not hide(found.scorer, ["tower-tilt"], "tower-tilt").faithful
     assert steps.name_steps(found.scorer, found.state).faithful
 

@@ -5,13 +5,12 @@ from dataclasses import replace
 from ptt.diagnosis.find import find, names_say_all
 from ptt.diagnosis.fits import fit_less
 from ptt.diagnosis.found import Found, says_more
-from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.system import holds_unknown
 from ptt.effects import Library
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
-from ptt.run.smooth import smoothly
+from ptt.run.smooth import LIKELIER, smoothly
 
 
 def on_smooth_way(
@@ -40,7 +39,7 @@ def on_smooth_way(
     if not likely and not (unknown and names_say_all(smooth, other, known, tell, steps)):
         return found, model, problem
     again = find(smooth, other, known, tell, steps)
-    return (again, smooth, other) if says_more(again, found, PLAIN) else (found, model, problem)
+    return (again, smooth, other) if says_more(again, found, LIKELIER) else (found, model, problem)
 
 
 def _gross_elsewhere(found: Found, problem: Problem, other: Problem) -> bool:
@@ -60,4 +59,4 @@ def _turns_say_more(found: Found, problem: Problem, other: Problem) -> bool:
         fit_less(replace(found.fitted.model, file=one.file), one, found.carried, aside, found.noise)
         for one in (problem, other)
     )
-    return here.chi2 - there.chi2 > 2.0 * found.state.posterior.phi * PLAIN
+    return here.chi2 - there.chi2 > 2.0 * found.state.posterior.phi * LIKELIER

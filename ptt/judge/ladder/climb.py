@@ -27,12 +27,11 @@ from ptt.run.holdout import blocks_beside, folds, pose_groups
 from ptt.run.noise import Noise, given_noise
 from ptt.run.problem import Problem
 from ptt.run.ranges import ranges_of
-from ptt.run.smooth import SMOOTHLY, smoothly
+from ptt.run.smooth import LIKELIER, SMOOTHLY, smoothly
 
 FOLDS = 5
 FRAME_ROWS = 4  # readings of a frame that must stay visible for its hidden ones to be judged
 QUIETER = 0.8  # of what repeats scatter by, below which a model has explained a part of that
-CLEARLY = 10.0  # nats by which a smooth way has to do better than what the machine file says
 GIVEN, REFIT = "as given", "refit"
 
 
@@ -111,7 +110,7 @@ def _as_it_turns(model: Model, effects: Sequence[Effect], problem: Problem) -> t
         fit(reduce(add, effects, given), rows, lean=True, coarse=True)
         for given, rows in ((model, problem), (smooth, other))
     )
-    return (smooth, other) if log_density(after, other) > log_density(before, problem) + CLEARLY else (model, problem)
+    return (smooth, other) if log_density(after, other) > log_density(before, problem) + LIKELIER else (model, problem)
 
 
 def _require(effect: Effect, problem: Problem) -> None:
