@@ -5,9 +5,9 @@ import numpy as np
 from ptt.fitting.outliers import inside
 from ptt.run.same_pose import same_places
 from ptt.run.table import Table
+from ptt.setup.proof import BEYOND_FAULTS
 
 ALIKE = 0.3  # of its size: where a reading beside it is off by as much, what is off there is no single reading
-BEYOND_FAULTS = 2.0  # mm: what ordinary faults put into a reading is less, and no reading below is taken for gross
 
 
 def gross_rows(table: Table, error: np.ndarray) -> np.ndarray:

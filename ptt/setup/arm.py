@@ -13,13 +13,13 @@ from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.setup.arm_fit import arm_spec, judge_arm, linear, linear_many, pose_many
 from ptt.setup.candidates import UNITS, mirrors, units
+from ptt.setup.proof import FALL
 from ptt.setup.result import Finding
 from ptt.setup.rows import slipped
 from ptt.setup.setup import Hypothesis, Setup, Undo, used_rows
 
 FEWEST, MOST_ROWS = 12, 90  # rows: fewer leave the station, the reflector and link errors free to fit anything
 BROKEN = 0.004  # of the reach: what an arm misses by, out of the box, is less
-FALL = 5.0
 LEADERS = 4
 PLACES, MOST_PLACES = 12, 24  # rows at which a missed reading is tried, roughly and closely
 TURNS = {"90 deg": np.pi / 2.0, "-90 deg": -np.pi / 2.0, "180 deg": np.pi}

@@ -6,7 +6,8 @@ from ptt.machine import ThreePttSpec
 from ptt.setup.candidates import read_off, slider_formulas
 from ptt.setup.drawing import mistakes_in
 from ptt.setup.fitted import SLIP, fitted_mistakes
-from ptt.setup.judged import BEYOND, BROKEN, FALL, MOST_ROWS, STEEP, Judged, is_proof, judge, thinned, undo_all
+from ptt.setup.judged import BROKEN, MOST_ROWS, Judged, is_proof, judge, thinned, undo_all
+from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many
 from ptt.setup.score import FLOOR, agree, forward_many
@@ -85,7 +86,7 @@ def _partly_off(setup: Setup) -> list[str]:
 
 def is_off(setup: Setup) -> bool:
     """Whether the readings are off by more than ordinary faults do."""
-    return bool(np.nan_to_num(agree([thinned(setup, FEW_ROWS)])[0].rms[:2]).max() > BEYOND)
+    return bool(np.nan_to_num(agree([thinned(setup, FEW_ROWS)])[0].rms[:2]).max() > BEYOND_FAULTS)
 
 
 def is_steep(finding: Finding) -> bool:
@@ -132,7 +133,7 @@ def _search(plain: Judged) -> tuple[Judged | None, list[Judged]]:
     """The best one mistake, else the best two, and what does as well; None where nothing is a proof."""
     singles = _leaders([plain])
     best = _best(plain, singles)
-    if best is None and plain.worst > BEYOND:
+    if best is None and plain.worst > BEYOND_FAULTS:
         read = [judge(step.undo(plain.setup), (step,), plain) for step in read_off(plain.setup)]
         singles = _leaders([*read, *singles[:LEADERS]])
         best = _best(plain, singles)
@@ -173,7 +174,9 @@ def _judge_all(starts: list[tuple[Judged, list[Hypothesis]]]) -> list[Judged]:
         [item.total(start.width) for item, (start, _) in zip(agree(setups), cases, strict=True)], dtype=float
     )
     order = np.argsort(totals, kind="stable")
-    kept = [index for rank, index in enumerate(order) if rank < LEADERS or totals[index] < totals[order[0]] + FALL]
+    kept = [
+        index for rank, index in enumerate(order) if rank < LEADERS or totals[index] < totals[order[0]] + np.log(FALL)
+    ]
     leaders = [cases[index] for index in kept[: 2 * LEADERS]]
     return [judge(step.undo(start.setup), (*start.steps, step), start.plain or start) for start, step in leaders]
 

@@ -6,15 +6,13 @@ import numpy as np
 
 from ptt.run.table import take_rows
 from ptt.setup.faults import fault_columns, left_after_faults
+from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.rigid import rms
 from ptt.setup.score import FLOOR, Agreement, agree, forward_many
 from ptt.setup.setup import Hypothesis, Setup, drawn, used_rows
 
 MOST_ROWS = 120  # rows judged: more say nothing new about a mistake that touches all
 BROKEN = 0.5  # mm left beside ordinary faults: below it there is nothing to explain
-BEYOND = 2.0  # mm: twice the largest ordinary fault
-FALL = np.log(5.0)  # an error has to fall to a fifth
-STEEP = 20.0  # to a twentieth: then what stays is noise and play, and no fault of another kind does that
 RAW = 0.2
 SPECK, UNLIKELY = 2e-3, 5.0  # of a link: nobody measures a machine within that, and all errors are small there
 
@@ -111,16 +109,16 @@ def is_proof(plain: Judged | None, item: Judged) -> bool:
     fell = np.isfinite(before) & (before > after)
     steep = np.nanmax(before) > STEEP * np.nanmax(after)
     large = before[fell].max(initial=0.0) > (BROKEN * _size(item) if steep else _least(item))
-    deep = plain.total - item.total > len(item.steps) * FALL
+    deep = plain.total - item.total > len(item.steps) * np.log(FALL)
     rest = max(float(np.nanmax(after)), FLOOR)
-    each = np.nanmax(before) > np.exp(FALL) * rest and rest < BEYOND * _size(item)
+    each = np.nanmax(before) > FALL * rest and rest < BEYOND_FAULTS * _size(item)
     return bool(large and deep and each)
 
 
 def _least(item: Judged) -> float:
     """How large an error has to be before a mistake is looked for; lengths are seen between targets and commands."""
     length = any(step.mistake == "drawing-length" for step in item.steps)
-    return (BROKEN if length else BEYOND) * _size(item)
+    return (BROKEN if length else BEYOND_FAULTS) * _size(item)
 
 
 def _size(item: Judged) -> float:

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.setup.columns import Result, said
+from ptt.setup.proof import BEYOND_FAULTS
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, Undo
 
-BEYOND_FAULTS = 2.0  # mm: what a machine with ordinary faults never returns to a pose by
 STATED_TOO_LARGE, SCATTER_TOO_LARGE = 20.0, 10.0
 LARGE = 0.2  # mm: no noise below is called implausibly large
 BEYOND_ALL = 5.0  # times all that readings are off by, faults included: an accuracy stated at three sigma is within

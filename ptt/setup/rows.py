@@ -3,6 +3,7 @@
 import numpy as np
 
 from ptt.setup.faults import fault_columns, left_after_faults
+from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.result import Finding
 from ptt.setup.rigid import TRIM, align_many
 from ptt.setup.score import forward_many
@@ -11,13 +12,11 @@ from ptt.setup.setup import Setup
 SLIPS = (1, -1, 2, -2)
 FEWEST = 8  # rows
 LEAST_ROWS = 3  # a block of fewer rows is gross errors
-FALL, STEEP = 5.0, 20.0  # of the error by one slip, and by several, that fit more
 ALIKELY = 1.5  # where every row moves on by the same, a missed reading is a shift of all that follow
 MOST_SLIPS, HELPS = 3, 0.9  # of the mean distance: what each further slip has to leave at most
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
 MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
 SEEN = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
-BEYOND_FAULTS = 2.0  # mm: what is left by the right reflectors is less
 AT_ONCE = 200_000  # rows of all starts that are aligned together: 100 MB
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 

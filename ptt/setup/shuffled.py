@@ -4,6 +4,7 @@ from itertools import permutations, product
 
 import numpy as np
 
+from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many
 from ptt.setup.rows import places
@@ -12,8 +13,6 @@ from ptt.setup.setup import Setup, used_rows
 FEWEST, LEAST = 12, 6  # rows and different poses: fewer match anything
 MOST = 600  # rows that are matched: the pairing costs their cube
 ROUNDS = 25  # a matching settles within a dozen
-LEAVES = 2.0  # mm: twice the largest ordinary fault
-FALL, STEEP = 5.0, 20.0
 APART = 5.0  # times what is left that poses have to lie apart for a match to mean anything
 MOVED = 0.2  # of the rows that belong elsewhere: a few are gross errors, or a reading that was missed
 FAR = 2.0  # times the median distance beyond which a reading is not paired yet
@@ -36,14 +35,14 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     if not FEWEST <= len(read) <= len(poses) <= MOST or not len(both):
         return [], setup
     before = _root_mean_square(align_many(place[None, both], setup.table.measured[None, both], setup.free)[2][0])
-    if before < LEAVES:
+    if before < BEYOND_FAULTS:
         return [], setup
     if (back := _reversed(setup, before)) is not None:
         return back
     a, b = place[poses], setup.table.measured[read]
     matches = [_settle(a, b, turn, setup.free) for turn in _starts(a, b, setup.free)]
-    after, order, turn = min(matches, key=lambda match: (match[0] > LEAVES, _tilt(match[2]) > UPRIGHT, match[0]))
-    if after > min(LEAVES, before / FALL) or _crowded(a, after):
+    after, order, turn = min(matches, key=lambda match: (match[0] > BEYOND_FAULTS, _tilt(match[2]) > UPRIGHT, match[0]))
+    if after > min(BEYOND_FAULTS, before / FALL) or _crowded(a, after):
         return [], setup
     moved = np.linalg.norm(a[order] - place[read], axis=1) > APART * max(after, 1e-6)
     if moved.mean() < MOVED:
@@ -62,7 +61,7 @@ def _reversed(setup: Setup, before: float) -> tuple[list[Finding], Setup] | None
     reading[used] = reading[used[::-1]]
     distance = align_many(place[None], reading[None], setup.free)[2][0]
     after = _root_mean_square(distance[np.isfinite(distance)])
-    if after > min(LEAVES, before / STEEP):
+    if after > min(BEYOND_FAULTS, before / STEEP):
         return None
     words = (
         "the readings run from the last row to the first; turned round, the error falls "
@@ -109,7 +108,7 @@ def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple
         found, at, _ = align_many(a[nearest[near]][None], b[near][None], free)
         turn, shift = found[0], at[0]
     left = np.linalg.norm((b - shift) @ turn - a[nearest], axis=1)
-    if np.median(left) > LEAVES:
+    if np.median(left) > BEYOND_FAULTS:
         return np.inf, nearest, turn
     cost = np.linalg.norm(((b - shift) @ turn)[:, None] - a[None], axis=2)
     from scipy.optimize import linear_sum_assignment

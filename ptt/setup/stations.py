@@ -7,9 +7,10 @@ import numpy as np
 
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.setup.judged import thinned
+from ptt.setup.proof import BEYOND_FAULTS, FALL
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many, rms
-from ptt.setup.rows import BEYOND_FAULTS, FALL, FEWEST, places
+from ptt.setup.rows import FEWEST, places
 from ptt.setup.setup import Setup
 
 MOVED = 20.0  # mm: homing and links that all change by up to 4 mm from file to file move readings by 10 mm
