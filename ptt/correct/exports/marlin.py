@@ -14,7 +14,7 @@ from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, write_delta
 from ptt.correct.exports.format import Exported, Options
 from ptt.correct.exports.left import Ground
-from ptt.correct.exports.reprapfirmware import SCALE, TOWERS, corrections
+from ptt.correct.exports.reprapfirmware import SCALE, TOWERS, corrections, words_of
 from ptt.machine import ThreePttSpec
 
 if TYPE_CHECKING:
@@ -42,12 +42,8 @@ def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
     adjust = np.round(height - stop, DIGITS)
     shift = ends - (height - adjust) - printed.stops
     lines = [
-        f"M665 L{rod:.{DIGITS}f} R{plain.radius:.{DIGITS}f} H{height:.{DIGITS}f} {_named('XYZ', angle)}"
-        f" {_named('ABC', trim)}",
-        f"M666 {_named('XYZ', adjust)}",
+        f"M665 L{rod:.{DIGITS}f} R{plain.radius:.{DIGITS}f} H{height:.{DIGITS}f} {words_of('XYZ', angle, DIGITS)}"
+        f" {words_of('ABC', trim, DIGITS)}",
+        f"M666 {words_of('XYZ', adjust, DIGITS)}",
     ]
     return lines, Delta(plain.radius, printed.azimuth, printed.rod, shift, plain.tilt)
-
-
-def _named(letters: str, values: np.ndarray) -> str:
-    return " ".join(f"{letter}{value + 0.0:.{DIGITS}f}" for letter, value in zip(letters, values, strict=True))

@@ -52,11 +52,13 @@ def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
     wide, _ = reach_of(ground)
     rods = ":".join(f"{rod:.{DIGITS}f}" for rod in plain.rod)
     lines = [
-        f"M665 L{rods} R{plain.radius:.{DIGITS}f} H{height:.{DIGITS}f} B{wide:g} {_named('XYZ', angle)}",
-        f"M666 {_named('XYZ', adjust)} {_named('AB', tilt)}",
+        f"M665 L{rods} R{plain.radius:.{DIGITS}f} H{height:.{DIGITS}f} B{wide:g} {words_of('XYZ', angle, DIGITS)}",
+        f"M666 {words_of('XYZ', adjust, DIGITS)} {words_of('AB', tilt, DIGITS)}",
     ]
     return lines, Delta(plain.radius, TOWERS + angle, plain.rod, shift, 0.01 * tilt)
 
 
-def _named(letters: str, values: np.ndarray) -> str:
-    return " ".join(f"{letter}{value:.{DIGITS}f}" for letter, value in zip(letters, values, strict=True))
+def words_of(letters: str, values: np.ndarray, digits: int) -> str:
+    """Values as words of a line, each behind its letter; what rounds to zero has no sign."""
+    rounded_off = [round(float(value), digits) + 0.0 for value in values]
+    return " ".join(f"{letter}{value:.{digits}f}" for letter, value in zip(letters, rounded_off, strict=True))
