@@ -14,13 +14,12 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.gross import gross_errors, places_of
 from ptt.diagnosis.improve import improve
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import noise_again, starting_noise
 from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.search import search
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.steps import BESIDE
 from ptt.diagnosis.turn import best_moments, gross_beside, shapes_of
 from ptt.effects import Effect, Library

@@ -7,8 +7,8 @@ from ptt.diagnosis.found import Found
 from ptt.diagnosis.gross import stand_out
 from ptt.diagnosis.jumps import BROKEN
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem
+from ptt.diagnosis.state import without
 from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.turn import robustly_left
 

@@ -11,10 +11,9 @@ from ptt.diagnosis.candidates import present_candidates
 from ptt.diagnosis.found import Found, moved, settled
 from ptt.diagnosis.improve import improve
 from ptt.diagnosis.moments import find_moments, place_moments
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import starting_noise
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.summed import sum_up
 from ptt.diagnosis.summed_system import SummedSystem
 from ptt.effects import Library

@@ -12,10 +12,10 @@ from ptt.diagnosis.found import Found, is_better, moved, scorer_at
 from ptt.diagnosis.improve import HOPEFUL, improve
 from ptt.diagnosis.instead import is_plain, refilled
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import SEEN, TRIED, added, loose, without
+from ptt.diagnosis.moves import SEEN, TRIED, added, loose
 from ptt.diagnosis.plainest import plainest
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.fitting.result import FitResult

@@ -9,12 +9,12 @@ from torch import Tensor
 
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.candidates import first_of, present_candidates
-from ptt.diagnosis.moves import LEAST, without
+from ptt.diagnosis.moves import LEAST
 from ptt.diagnosis.row_system import RowSystem, build_system
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.shapes import shape_key, with_shapes
 from ptt.diagnosis.span import Span
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.system import System
 from ptt.effects import Library
 from ptt.effects.layout import flatten

@@ -9,14 +9,14 @@ from ptt.diagnosis.effect_atoms import effect_atom, odds_of_effect
 from ptt.diagnosis.improve import HOPEFUL, SLOW_BELOW, climb, improve
 from ptt.diagnosis.instead import FEW
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import loose, without
+from ptt.diagnosis.moves import loose
 from ptt.diagnosis.periods import FEWEST
 from ptt.diagnosis.plainest import PLAIN, plainest
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.shapes import shape_key
 from ptt.diagnosis.spectrum import WIDE, Along, left_along
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import tried_sizes
 from ptt.run.problem import Problem

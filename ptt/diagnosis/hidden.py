@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.memory import WHITE, Hidden
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.fitting.posterior import Posterior
 
 FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them

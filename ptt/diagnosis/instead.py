@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from ptt.diagnosis.atoms import Atom, holds_sizes, is_drawn, is_effect, is_field, is_metrology
 from ptt.diagnosis.improve import improve
 from ptt.diagnosis.memory import Memory
-from ptt.diagnosis.moves import LEAST, NEAR, SEEN, TRIED, added, loose, without, worth_a_try
+from ptt.diagnosis.moves import LEAST, NEAR, SEEN, TRIED, added, loose, worth_a_try
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 

@@ -18,13 +18,13 @@ from ptt.diagnosis.blocks import STILL, Block, Place, places_of_chain, stand_of
 from ptt.diagnosis.improve import HOPEFUL, improve
 from ptt.diagnosis.instead import FEW
 from ptt.diagnosis.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
-from ptt.diagnosis.moves import LEAST, loose, without
+from ptt.diagnosis.moves import LEAST, loose
 from ptt.diagnosis.plainest import plainest
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed
 from ptt.diagnosis.smooth import cosines, ends_of, reined, scaled
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.system import whitened
 from ptt.diagnosis.witness import drifts
 from ptt.effects.geometry import ACROSS

@@ -13,11 +13,11 @@ from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.given import as_free_as, at_its_word
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.other_setups import other_setups
 from ptt.diagnosis.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.sampled import share_of_rows
 from ptt.diagnosis.span import Span, span_of
+from ptt.diagnosis.state import without
 from ptt.diagnosis.verdict import conclude, diagnose
 from ptt.effects import Library, library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take

@@ -10,10 +10,9 @@ import numpy as np
 from ptt.diagnosis.atoms import Atom
 from ptt.diagnosis.instead import FEW, commoner
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.system import System
 from ptt.fitting.sums import Projected, gain, project
 

@@ -10,7 +10,7 @@ from ptt.diagnosis.memory import WHITE
 from ptt.diagnosis.probability import TEMPER
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.screen import Allowed, Gain
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 
 SEEN = 1.0  # nats by the screen from which an atom is worth an exact score
 TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and effects beside them
@@ -23,11 +23,6 @@ UNDERSTATED = 1.5  # times what the screen says that an atom may bring: in 93 ch
 LEAST = 0.3  # nats that a move has to gain
 FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside it: its score need not be exact
 PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
-
-
-def without(state: State, *keys: str) -> tuple[str, ...]:
-    """The keys of a state less some."""
-    return tuple(key for key in state.keys if key not in keys)
 
 
 def loose(scorer: Scorer, state: State) -> tuple[str, ...]:

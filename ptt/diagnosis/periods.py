@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.atoms import odds_of_block
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.score import Scorer
 from ptt.diagnosis.spectrum import STEP, WIDE, Along, hides_waves, left_along
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.system import System
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem

@@ -7,10 +7,9 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.atoms import Atom, is_sudden
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.effects.layout import shape_of
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult

@@ -112,3 +112,8 @@ class State:
         unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
         after = np.einsum("ij,jk,ik->i", ways, phi * self.inverse[np.ix_(own, own)], ways, optimize=True) + unseen
         return np.sqrt(after) * size, np.sqrt(before) * size
+
+
+def without(state: State, *keys: str) -> tuple[str, ...]:
+    """The keys of a state less some."""
+    return tuple(key for key in state.keys if key not in keys)

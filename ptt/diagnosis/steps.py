@@ -10,10 +10,10 @@ from ptt.diagnosis.doubt import tool_doubt
 from ptt.diagnosis.hidden import Trial, held_out, hide, left_of
 from ptt.diagnosis.laws import is_broad
 from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import added, loose, without
+from ptt.diagnosis.moves import added, loose
 from ptt.diagnosis.plainest import PLAIN
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.system import holds_unknown
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate

@@ -10,10 +10,9 @@ from ptt.diagnosis.found import Found
 from ptt.diagnosis.gross import CHANCE, alone, are_exceptions, places_of, stand_out
 from ptt.diagnosis.memory import WHITE, Memory
 from ptt.diagnosis.moment import best_moment
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.row_system import RowSystem
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.effects import Effect
 from ptt.effects.screw import OncePerRev
 from ptt.effects.sudden import Sudden

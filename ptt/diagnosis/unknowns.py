@@ -7,9 +7,8 @@ import numpy as np
 
 from ptt.diagnosis.blocks import Block
 from ptt.diagnosis.found import parts_of
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.state import State
+from ptt.diagnosis.state import State, without
 from ptt.diagnosis.system import System
 
 

@@ -18,7 +18,6 @@ from ptt.diagnosis.find import STEPS, find
 from ptt.diagnosis.fits import stands, without_carried
 from ptt.diagnosis.found import Found
 from ptt.diagnosis.given import as_free_as, at_its_word
-from ptt.diagnosis.moves import without
 from ptt.diagnosis.noise import (
     LEAST_FREEDOM,
     noise_after,
@@ -34,6 +33,7 @@ from ptt.diagnosis.rest import Rest, look_for_rest, too_much_for_nothing, with_o
 from ptt.diagnosis.sizes import sized
 from ptt.diagnosis.slow import SECONDS, Slow
 from ptt.diagnosis.smooth_way import on_smooth_way
+from ptt.diagnosis.state import without
 from ptt.diagnosis.steps import Named, name_steps
 from ptt.diagnosis.system import holds_unknown
 from ptt.diagnosis.unknowns import Unknown, unknowns_of
