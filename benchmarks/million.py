@@ -100,7 +100,7 @@ def print_pulls(told: dict[str, Any]) -> None:
 def time_parts(run: Path) -> None:
     """Print when each part of the diagnosis begins."""
     from ptt.commands.common import Reading, open_run
-    from ptt.diagnosis.long import diagnose_long
+    from ptt.diagnosis.telling.long import diagnose_long
 
     start = time.perf_counter()
 

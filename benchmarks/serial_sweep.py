@@ -17,7 +17,7 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.rig.draw_arm import ARM_FAULTS, NAMES, ArmFault, draw_arm

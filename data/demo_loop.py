@@ -13,8 +13,8 @@ from ptt.challenge.score import Score, score
 from ptt.challenge.truth import find_truth
 from ptt.correct.compensate import compensate
 from ptt.correct.training.train import Training, correction_of, train
-from ptt.diagnosis.floor import noise_floor
-from ptt.diagnosis.verdict import Diagnosis, diagnose
+from ptt.diagnosis.telling.floor import noise_floor
+from ptt.diagnosis.telling.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect, parse_key
 from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.evaluate import errors_of

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ptt.challenge.challenge import bench as bench_machine
-from ptt.diagnosis.system import clock_of
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.evidence.system import clock_of
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.linear import assemble
 from ptt.fitting.solve import fit

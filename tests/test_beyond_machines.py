@@ -6,10 +6,10 @@ import pytest
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import find as finding
-from ptt.diagnosis.find import find
-from ptt.diagnosis.found import Found
-from ptt.diagnosis.possible import beyond_machines
+from ptt.diagnosis.evidence.possible import beyond_machines
+from ptt.diagnosis.search import find as finding
+from ptt.diagnosis.search.find import find
+from ptt.diagnosis.search.found import Found
 from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig

@@ -10,21 +10,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.diagnosis.ansatz import Ansatz, open_run
-from ptt.diagnosis.blocks import unknown_blocks
-from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.hidden import held_out
-from ptt.diagnosis.long import STRETCH, diagnose_long
-from ptt.diagnosis.memory import WHITE, Memory, block_sums
-from ptt.diagnosis.row_system import RowSystem, build_system
-from ptt.diagnosis.sampled import spread
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.span import span_of
-from ptt.diagnosis.summed import sum_up
-from ptt.diagnosis.summed_system import SummedSystem
-from ptt.diagnosis.system import clock_of
-from ptt.diagnosis.verdict import diagnose
-from ptt.diagnosis.wander import Wander
+from ptt.diagnosis.evidence.ansatz import Ansatz, open_run
+from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.hidden import held_out
+from ptt.diagnosis.evidence.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.sampled import spread
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.summed import sum_up
+from ptt.diagnosis.evidence.summed_system import SummedSystem
+from ptt.diagnosis.evidence.system import clock_of
+from ptt.diagnosis.noise.memory import WHITE, Memory, block_sums
+from ptt.diagnosis.noise.wander import Wander
+from ptt.diagnosis.telling.long import STRETCH, diagnose_long
+from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.unknown.blocks import unknown_blocks
+from ptt.diagnosis.unknown.span import span_of
 from ptt.effects import library
 from ptt.fitting.chunks import cut, numbers, sample_stretches, take
 from ptt.fitting.linear import assemble
@@ -83,8 +83,8 @@ def _both(problem: Problem, size: int, memory: Memory) -> tuple[RowSystem, Summe
     shapes = {key: shapes for key, (_, shapes) in trials.items()}
     periods = ((0, 7.0),)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ptt.diagnosis.narrow.WIDE", np.inf)  # sums keep every column as it is
-        patch.setattr("ptt.diagnosis.narrow.MAP", np.inf)
+        patch.setattr("ptt.diagnosis.evidence.narrow.WIDE", np.inf)  # sums keep every column as it is
+        patch.setattr("ptt.diagnosis.evidence.narrow.MAP", np.inf)
         whole = build_system(fitted, problem, candidates, noise, 0.0, problem.used, periods, shapes)
     blocks = [atom for atom in whole.atoms.values() if atom.name in BLOCKS]
     levers = {atom.block.place.residual: atom.block.place.lever for atom in blocks if atom.block is not None}
@@ -118,7 +118,7 @@ def test_sums_of_a_stretch_are_those_of_its_rows_in_noise_and_in_mm() -> None:
 def test_sums_over_chunks_are_those_of_the_whole(
     problem: Problem, size: int, slab: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ptt.diagnosis.summed.SLAB", slab)
+    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", slab)
     whole, summed, places = _both(problem, size, WHITE)
     mine, theirs = summed.sums(WHITE), whole.sums_of(places, WHITE)
     scale = np.sqrt(np.diag(theirs.gram))
@@ -141,11 +141,11 @@ def test_sums_over_chunks_are_those_of_the_whole(
 def test_candidates_of_a_share_of_the_rows_say_about_what_all_rows_say(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ptt.diagnosis.summed.SLAB", 60)
+    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", 60)
     monkeypatch.setattr(sys.modules[__name__], "BLOCKS", ())  # a share of so few rows tells no curves
     clean = problem.masked(np.isin(np.arange(ROWS), [777, 2100]))
     every = _both(clean, ROWS, WHITE)[1]
-    monkeypatch.setattr("ptt.diagnosis.sampled.ENOUGH", ROWS // 3)
+    monkeypatch.setattr("ptt.diagnosis.evidence.sampled.ENOUGH", ROWS // 3)
     share = _both(clean, ROWS, WHITE)[1]
     own = [key for key, atom in every.atoms.items() if atom.shape is None]
     places = np.concatenate([every.frame, *(every.atoms[key].columns for key in own)])
@@ -201,7 +201,7 @@ def test_a_wander_costs_next_to_nothing_at_the_seams(problem: Problem, monkeypat
     assert mine.log_noise == pytest.approx(theirs.log_noise, rel=0.01) and theirs.log_noise > 100.0
     assert mine.square == pytest.approx(theirs.square, rel=0.02)
     assert theirs.square < 0.9 * white.square
-    monkeypatch.setattr("ptt.diagnosis.summed.SLAB", 900)  # the rows of one chunk have no seams
+    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", 900)  # the rows of one chunk have no seams
     one = _both(problem, ROWS, WANDERING)[1].sums(WANDERING)
     assert one.square == pytest.approx(theirs.square, rel=1e-9) and one.log_noise == pytest.approx(theirs.log_noise)
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
-from ptt.diagnosis.coincidence import coincidences, parting
+from ptt.diagnosis.telling.coincidence import coincidences, parting
 from ptt.effects import library
 from ptt.model.model import Term
 from ptt.run.problem import Problem, build_problem

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.diagnosis import instead, steps
-from ptt.diagnosis.find import find
-from ptt.diagnosis.found import Found
-from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import LEAST
-from ptt.diagnosis.turn import still_missed
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search import instead
+from ptt.diagnosis.search.find import find
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.search.moves import LEAST
+from ptt.diagnosis.search.turn import still_missed
+from ptt.diagnosis.telling import steps
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.commands.plan import format_plan
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.errors import InputError, WorkspaceError
 from ptt.fitting.chunks import view_chunks

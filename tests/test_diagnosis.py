@@ -14,14 +14,14 @@ from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.commands.main import app
-from ptt.diagnosis import noise
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.enough import enough
-from ptt.diagnosis.explanation import Candidate
-from ptt.diagnosis.floor import noise_floor
-from ptt.diagnosis.rest import Rest, with_objections
-from ptt.diagnosis.verdict import diagnose
-from ptt.diagnosis.wander import Clock, Wander, innovations
+from ptt.diagnosis.evidence import noise_level as noise
+from ptt.diagnosis.noise.wander import Clock, Wander, innovations
+from ptt.diagnosis.search.rest import Rest, with_objections
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.enough import enough
+from ptt.diagnosis.telling.explanation import Candidate
+from ptt.diagnosis.telling.floor import noise_floor
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
 from ptt.errors import TableError
@@ -357,7 +357,7 @@ def test_projected_gain_is_what_a_fit_gains():
 
 def test_innovations_of_no_columns_are_none_and_lapack_is_not_asked(monkeypatch):
     """Of zero columns LAPACK solves for the first one all the same, in memory that belongs to somebody else."""
-    monkeypatch.setattr("ptt.diagnosis.gains.lapack.dgtsv", lambda *args, **options: pytest.fail("asked"))
+    monkeypatch.setattr("ptt.diagnosis.noise.gains.lapack.dgtsv", lambda *args, **options: pytest.fail("asked"))
     clock = Clock(np.arange(40.0), np.arange(40) == 0)
     assert innovations(np.zeros((40, 3, 0)), Wander(0.5, 10.0), clock)[0].shape == (40, 3, 0)
 

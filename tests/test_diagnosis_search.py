@@ -14,20 +14,22 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import exact, first, follow, score, steps
-from ptt.diagnosis import find as finding
-from ptt.diagnosis import search as searching
-from ptt.diagnosis.candidates import first_of
-from ptt.diagnosis.find import find
-from ptt.diagnosis.gross import alone, stand_out
-from ptt.diagnosis.hidden import Trial
-from ptt.diagnosis.improve import ROUNDS, SCREENS, climb, improve
-from ptt.diagnosis.memory import WHITE, Memory
-from ptt.diagnosis.plainest import PLAIN, plainest
-from ptt.diagnosis.product import nats_of_none, nats_of_product
-from ptt.diagnosis.screen import Gain
-from ptt.diagnosis.search import best_of
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.evidence import score
+from ptt.diagnosis.evidence.candidates import first_of
+from ptt.diagnosis.evidence.hidden import Trial
+from ptt.diagnosis.evidence.product import nats_of_none, nats_of_product
+from ptt.diagnosis.evidence.screen import Gain
+from ptt.diagnosis.noise.gross import alone, stand_out
+from ptt.diagnosis.noise.memory import WHITE, Memory
+from ptt.diagnosis.search import exact, first, follow
+from ptt.diagnosis.search import find as finding
+from ptt.diagnosis.search import search as searching
+from ptt.diagnosis.search.find import find
+from ptt.diagnosis.search.improve import ROUNDS, SCREENS, climb, improve
+from ptt.diagnosis.search.plainest import PLAIN, plainest
+from ptt.diagnosis.search.search import best_of
+from ptt.diagnosis.telling import steps
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.fitting.moment import place_own_moments

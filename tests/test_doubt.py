@@ -10,13 +10,13 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import verdict
-from ptt.diagnosis.doubt import tool_doubt
-from ptt.diagnosis.exchange import Exchange, exchanged_doubt
-from ptt.diagnosis.find import find
-from ptt.diagnosis.hidden import held_out
-from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.evidence.hidden import held_out
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.find import find
+from ptt.diagnosis.telling import verdict
+from ptt.diagnosis.telling.doubt import tool_doubt
+from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
 from ptt.effects.sudden import ALWAYS
@@ -34,7 +34,7 @@ def test_towers_that_one_run_tells_leave_no_doubt_where_the_tool_is(monkeypatch)
     found = find(Model(file), problem, library(), lambda what: None)
     # A tracker's scale, which no reading asks for and towers would in part make good for, may be there.
     assert tool_doubt(found.scorer, found.state) < 0.2 * truth.noise.total
-    monkeypatch.setattr("ptt.diagnosis.doubt.absent_effects", lambda scorer, state: ())
+    monkeypatch.setattr("ptt.diagnosis.telling.doubt.absent_effects", lambda scorer, state: ())
     assert tool_doubt(found.scorer, found.state) < 0.1 * truth.noise.total
 
 

@@ -8,15 +8,15 @@ import torch
 
 from ptt.challenge.cases import LITTLE, SIZES_OF_DRAWING, draw, plan
 from ptt.challenge.challenge import bench
-from ptt.diagnosis import drawing as drawing_module
-from ptt.diagnosis.atoms import is_field
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.drawing import by_drawing
-from ptt.diagnosis.effect_atoms import atoms_of
-from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.row_system import build_system
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.evidence.atoms import is_field
+from ptt.diagnosis.evidence.effect_atoms import atoms_of
+from ptt.diagnosis.evidence.row_system import build_system
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search import drawing as drawing_module
+from ptt.diagnosis.search.drawing import by_drawing
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.fitting.linear import linear_columns

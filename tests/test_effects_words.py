@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
-from ptt.diagnosis.at_tool import at_tool_um
-from ptt.diagnosis.slow import Slow
-from ptt.diagnosis.verdict_words import explain_verdict
-from ptt.diagnosis.wander import Wander
-from ptt.diagnosis.words import explain_step, sentence, sentences
+from ptt.diagnosis.evidence.at_tool import at_tool_um
+from ptt.diagnosis.noise.slow import Slow
+from ptt.diagnosis.noise.wander import Wander
+from ptt.diagnosis.telling.verdict_words import explain_verdict
+from ptt.diagnosis.telling.words import explain_step, sentence, sentences
 from ptt.effects import library
 from ptt.effects.layout import family
 from ptt.effects.phrases import compose, figure, listed, scaled

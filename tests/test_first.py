@@ -4,8 +4,8 @@ import numpy as np
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.smooth import reined
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.unknown.smooth import reined
 from ptt.model.model import Model
 from ptt.rig.simulate import simulate
 from ptt.run.problem import build_problem

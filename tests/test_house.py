@@ -64,4 +64,4 @@ def test_scripts_take_only_names_that_are_there() -> None:
     scripts = [*ROOT.glob("data/*.py"), *ROOT.glob("docs/**/*.py"), *ROOT.glob("benchmarks/**/*.py"), ROOT / "train.py"]
     lost = [(script.name, *what) for script in scripts for what in taken(script) if not holds(*what)]
     assert len(scripts) > 20 and lost == []
-    assert not holds("ptt.diagnosis.noise", "noise_floor")
+    assert not holds("ptt.diagnosis.evidence.noise_level", "noise_floor")

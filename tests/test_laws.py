@@ -10,15 +10,15 @@ import torch
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.jumps import _is_passed_again
-from ptt.diagnosis.laws import _arrivals, by_laws, laws_of
-from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.probability import near_sets, weigh_sets
-from ptt.diagnosis.row_system import RowSystem, build_system
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.probability import near_sets, weigh_sets
+from ptt.diagnosis.evidence.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.laws import _arrivals, by_laws, laws_of
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.unknown.jumps import _is_passed_again
 from ptt.effects import library
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.solve import fit

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench as bench_machine
-from ptt.diagnosis.lost import lost_by_one
-from ptt.diagnosis.memories import _ways
-from ptt.diagnosis.memory import WHITE
+from ptt.diagnosis.evidence.memories import _ways
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.lost import lost_by_one
 from ptt.effects import library
 from ptt.errors import PosesError
 from ptt.fitting.solve import fit

@@ -9,9 +9,9 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.explanation import UNNAMED
-from ptt.diagnosis.moment import Along, best_row, joined
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.telling.explanation import UNNAMED
+from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.unknown.moment import Along, best_row, joined
 from ptt.effects import HomingSlip
 from ptt.effects.sudden import EDGE
 from ptt.model.model import Model

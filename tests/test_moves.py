@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.moves import plain_moves
-from ptt.diagnosis.screen import Gain
+from ptt.diagnosis.evidence.screen import Gain
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.moves import plain_moves
 
 
 @dataclass

@@ -3,13 +3,13 @@
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from ptt.diagnosis.atoms import Atom, atoms_of_blocks
-from ptt.diagnosis.blocks import SIZE, Block, Place
-from ptt.diagnosis.memory import Memory
-from ptt.diagnosis.narrow import narrow
-from ptt.diagnosis.poses import poses_of
-from ptt.diagnosis.row_sums import FewSums
-from ptt.diagnosis.wander import Clock
+from ptt.diagnosis.evidence.atoms import Atom, atoms_of_blocks
+from ptt.diagnosis.evidence.narrow import narrow
+from ptt.diagnosis.evidence.row_sums import FewSums
+from ptt.diagnosis.noise.memory import Memory
+from ptt.diagnosis.noise.poses import poses_of
+from ptt.diagnosis.noise.wander import Clock
+from ptt.diagnosis.unknown.blocks import SIZE, Block, Place
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.evidence import learn
 

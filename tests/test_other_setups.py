@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.diagnosis.other_setups import other_setups
+from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model

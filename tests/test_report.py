@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from ptt.commands.main import app
 from ptt.correct.training.compensator import Compensator, load_compensator, save_compensator
 from ptt.correct.training.train import train
-from ptt.diagnosis.rest import LIGHT
+from ptt.diagnosis.search.rest import LIGHT
 from ptt.effects import library
 from ptt.effects.bench import sample_machine
 from ptt.effects.cards import card_of

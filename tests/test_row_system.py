@@ -6,19 +6,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ptt.diagnosis import hidden as hidden_module
-from ptt.diagnosis import memories
-from ptt.diagnosis.atoms import BLOCK_ODDS, MEMORY_ODDS, Atom
-from ptt.diagnosis.blocks import Block, Place
-from ptt.diagnosis.hidden import held_out, hide
-from ptt.diagnosis.memories import prior_of
-from ptt.diagnosis.memory import WHITE, Memory, entries
-from ptt.diagnosis.poses import poses_of
-from ptt.diagnosis.row_sums import SumsOfRows
-from ptt.diagnosis.row_system import RowSystem
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.system import whitened
-from ptt.diagnosis.wander import Clock, Wander
+from ptt.diagnosis.evidence import hidden as hidden_module
+from ptt.diagnosis.evidence import memories
+from ptt.diagnosis.evidence.atoms import BLOCK_ODDS, MEMORY_ODDS, Atom
+from ptt.diagnosis.evidence.hidden import held_out, hide
+from ptt.diagnosis.evidence.memories import prior_of
+from ptt.diagnosis.evidence.row_sums import SumsOfRows
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.system import whitened
+from ptt.diagnosis.noise.memory import WHITE, Memory, entries
+from ptt.diagnosis.noise.poses import poses_of
+from ptt.diagnosis.noise.wander import Clock, Wander
+from ptt.diagnosis.unknown.blocks import Block, Place
 from ptt.run.noise import Noise
 
 ROWS, WIDTH, POSES = 40, 36, 8  # columns enough that sums are only worked out as they are asked for

@@ -11,18 +11,18 @@ from scipy.stats import multivariate_normal
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.gains import MANY, STRETCH
-from ptt.diagnosis.memories import prior_of
-from ptt.diagnosis.memory import WHITE, Memory, Sums
-from ptt.diagnosis.periods import _spectrum
-from ptt.diagnosis.poses import poses_of
-from ptt.diagnosis.row_sums import FewSums, SumsOfRows, sums_of_poses, sums_of_rows
-from ptt.diagnosis.row_system import RowSystem
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.screen import BROAD, Basis, Screen
-from ptt.diagnosis.spectrum import Along, _telling
-from ptt.diagnosis.wander import Clock, Wander, filtered, innovations, likelihoods
+from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.memories import prior_of
+from ptt.diagnosis.evidence.row_sums import FewSums, SumsOfRows, sums_of_poses, sums_of_rows
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.screen import BROAD, Basis, Screen
+from ptt.diagnosis.noise.gains import MANY, STRETCH
+from ptt.diagnosis.noise.memory import WHITE, Memory, Sums
+from ptt.diagnosis.noise.poses import poses_of
+from ptt.diagnosis.noise.wander import Clock, Wander, filtered, innovations, likelihoods
+from ptt.diagnosis.search.periods import _spectrum
+from ptt.diagnosis.search.spectrum import Along, _telling
 from ptt.effects import library
 from ptt.fitting.evidence import learn
 from ptt.fitting.linear import linear_columns

@@ -11,13 +11,13 @@ import torch
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis import doubt, verdict
-from ptt.diagnosis.absent import Absent
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.find import find
-from ptt.diagnosis.floor import noise_floor
-from ptt.diagnosis.long import diagnose_long
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.search.find import find
+from ptt.diagnosis.telling import doubt, verdict
+from ptt.diagnosis.telling.absent import Absent
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.floor import noise_floor
+from ptt.diagnosis.telling.long import diagnose_long
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import Curve, library
 from ptt.effects.reversal import LONGEST
 from ptt.errors import TableError

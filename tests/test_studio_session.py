@@ -23,8 +23,8 @@ import torch
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.diagnosis.long import WHOLE, choose_diagnosis, diagnose_long
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.telling.long import WHOLE, choose_diagnosis, diagnose_long
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.opened import Opened
 from ptt.errors import InputError, ModelError, PttError
 from ptt.fitting.chunks import CHUNK
@@ -413,7 +413,7 @@ def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: 
         raise InputError(f"chunks of {size}")
 
     monkeypatch.setitem(WHOLE, "three-ptt", 200)
-    monkeypatch.setattr("ptt.diagnosis.long.diagnose_long", in_chunks)
+    monkeypatch.setattr("ptt.diagnosis.telling.long.diagnose_long", in_chunks)
     opened = opening.open_both(RUN, MACHINE)
     assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"
 

@@ -10,7 +10,7 @@ from test_sigma import SIGMA, path_of, went
 
 from ptt.again.recheck import recheck
 from ptt.correct.compensate import compensate
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.fitting import beside_unnamed as beside_unnamed_module
 from ptt.fitting.beside_unnamed import beside_unnamed, unnamed_sizes

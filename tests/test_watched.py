@@ -11,7 +11,7 @@ import torch
 import ptt
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.verdict import diagnose
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.errors import TableError
 from ptt.machine import save_machine
 from ptt.mechanisms import build_mechanism

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.effect_atoms import LARGEST_EFFECT
+from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.effect_atoms import LARGEST_EFFECT
 from ptt.effects import Effect
 
 

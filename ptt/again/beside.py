@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.again.before import ANYTHING, Before
 from ptt.again.weigh import Weighed, weigh
-from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects import Library
 from ptt.fitting.layout import lay_out
 from ptt.progress import Tell

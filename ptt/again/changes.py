@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.again.atoms import side_by_side
 from ptt.again.before import Before
-from ptt.diagnosis.atoms import Atom
+from ptt.diagnosis.evidence.atoms import Atom
 from ptt.effects import Effect
 from ptt.model.model import parameter_names
 

@@ -9,11 +9,11 @@ from ptt.again.changes import CHANGE_ODDS
 from ptt.again.figures import moved_of
 from ptt.again.supposed import stand_at, suppose
 from ptt.again.weigh import Weighed, weigh
-from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.noise import starting_noise
-from ptt.diagnosis.plainest import PLAIN
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.steps import BESIDE, TIE
+from ptt.diagnosis.evidence.noise_level import starting_noise
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.plainest import PLAIN
+from ptt.diagnosis.telling.steps import BESIDE, TIE
 from ptt.effects import Library
 from ptt.progress import Tell
 from ptt.run.problem import Problem

@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.again.changes import CURVE, Change
 from ptt.again.weigh import Weighed
-from ptt.diagnosis.slow import share_within
+from ptt.diagnosis.noise.slow import share_within
 from ptt.fitting.evidence import WIDE
 from ptt.fitting.factor import inverse
 from ptt.fitting.solve import rms

@@ -19,9 +19,9 @@ from ptt.again.supposed import model_at
 from ptt.again.then import THEN, Then
 from ptt.again.weigh import Weighed, moved_by, weigh
 from ptt.again.words import explain, say_change, say_whole
-from ptt.diagnosis.enough import enough
-from ptt.diagnosis.noise import noise_after
-from ptt.diagnosis.steps import name_steps, ties
+from ptt.diagnosis.evidence.noise_level import noise_after
+from ptt.diagnosis.telling.enough import enough
+from ptt.diagnosis.telling.steps import name_steps, ties
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
 from ptt.fitting.linear import tried_sizes

@@ -9,7 +9,7 @@ from ptt.again.before import Before
 from ptt.again.beyond import columns_beyond
 from ptt.again.changes import Change, atoms_of_changes
 from ptt.again.then import atoms_then
-from ptt.diagnosis.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.row_system import RowSystem, build_system
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Shape, linear_columns
 from ptt.fitting.solve import FitResult, fit, hold

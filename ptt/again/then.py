@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ptt.again.atoms import side_by_side
-from ptt.diagnosis.atoms import EFFECT_ODDS, Atom
+from ptt.diagnosis.evidence.atoms import EFFECT_ODDS, Atom
 from ptt.effects import Effect, library
 from ptt.effects.layout import linear_size
 from ptt.fitting.kept import Kept, rows_by_name

@@ -9,19 +9,19 @@ from ptt.again.before import Before
 from ptt.again.changes import PREFIX, Change, changes_of
 from ptt.again.supposed import At, stand_at, suppose
 from ptt.again.then import THEN, Then
-from ptt.diagnosis.atoms import Atom
-from ptt.diagnosis.candidates import present_candidates
-from ptt.diagnosis.gross import gross_errors, places_of
-from ptt.diagnosis.improve import improve
-from ptt.diagnosis.memory import WHITE
-from ptt.diagnosis.noise import noise_again, starting_noise
-from ptt.diagnosis.plainest import PLAIN
-from ptt.diagnosis.row_system import RowSystem
-from ptt.diagnosis.score import Scorer
-from ptt.diagnosis.search import search
-from ptt.diagnosis.state import State, without
-from ptt.diagnosis.steps import BESIDE
-from ptt.diagnosis.turn import best_moments, gross_beside, shapes_of
+from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.noise_level import noise_again, starting_noise
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.noise.gross import gross_errors, places_of
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.improve import improve
+from ptt.diagnosis.search.plainest import PLAIN
+from ptt.diagnosis.search.search import search
+from ptt.diagnosis.search.turn import best_moments, gross_beside, shapes_of
+from ptt.diagnosis.telling.steps import BESIDE
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Shape, few_shapes, linear_columns
 from ptt.progress import Tell

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ptt.diagnosis.words import sentences
+from ptt.diagnosis.telling.words import sentences
 from ptt.door.handed import RowsLike
 from ptt.door.model import EffectLike, Model, as_model, model_of
 from ptt.door.opened import Opened, meet

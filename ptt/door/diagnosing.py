@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.dependence.said import between, by_chance
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.find import STEPS
-from ptt.diagnosis.long import choose_diagnosis
-from ptt.diagnosis.verdict import diagnose as learn_whole
-from ptt.diagnosis.words import doubt_in_words
+from ptt.diagnosis.search.find import STEPS
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.long import choose_diagnosis
+from ptt.diagnosis.telling.verdict import diagnose as learn_whole
+from ptt.diagnosis.telling.words import doubt_in_words
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ptt.correct.training.compensator import Compensator
-from ptt.diagnosis.floor import noise_floor
+from ptt.diagnosis.telling.floor import noise_floor
 from ptt.door.model import Model, load
 from ptt.door.options import Reading
 from ptt.door.reading import require_commands

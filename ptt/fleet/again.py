@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptt.again.recheck import recheck
-from ptt.diagnosis.long import choose_diagnosis
+from ptt.diagnosis.telling.long import choose_diagnosis
 from ptt.effects import Library
 from ptt.model.model import Model
 from ptt.progress import Tell

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from ptt.diagnosis.floor import noise_floor
+from ptt.diagnosis.telling.floor import noise_floor
 from ptt.effects import Library, library
 from ptt.fleet.readings import columns_to_table
 from ptt.fleet.task import Task

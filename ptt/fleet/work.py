@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.diagnosis.long import choose_diagnosis
+from ptt.diagnosis.telling.long import choose_diagnosis
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import PttError
 from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ptt.dependence.contexts import context_views, level, residual_views
-from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects.cards import card_of
 from ptt.fitting.solve import residual_of
 from ptt.model.chain import Prediction, predict

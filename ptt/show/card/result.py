@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import torch
 
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.explanation import Candidate
-from ptt.diagnosis.verdict_words import acting
-from ptt.diagnosis.words import doubt_in_words, headline, remedy, sentence
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.explanation import Candidate
+from ptt.diagnosis.telling.verdict_words import acting
+from ptt.diagnosis.telling.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.cards import card_of
 from ptt.effects.layout import family
 from ptt.effects.phrases import Said, capital, sizes_in_words, worth_saying

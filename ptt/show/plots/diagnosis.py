@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
 SHOWN = 12  # candidates in a picture

@@ -1,7 +1,7 @@
 """What the report says is missing, why, and what could not be told."""
 
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.explanation import Candidate
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.explanation import Candidate
 from ptt.effects import Library
 from ptt.effects.cards import card_of
 from ptt.effects.registry import parse_key

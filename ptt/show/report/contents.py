@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects.registry import Library
 from ptt.judge.before_after import BeforeAfter
 from ptt.judge.compare.comparison import Comparison

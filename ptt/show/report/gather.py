@@ -14,9 +14,9 @@ import torch
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.heldout import evaluate_heldout
 from ptt.correct.training.protocols import PROTOCOLS
-from ptt.diagnosis.diagnosis import Diagnosis
-from ptt.diagnosis.floor import noise_floor
-from ptt.diagnosis.long import choose_diagnosis
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.floor import noise_floor
+from ptt.diagnosis.telling.long import choose_diagnosis
 from ptt.effects.registry import Library, library
 from ptt.errors import InputError, ModelError
 from ptt.judge.before_after import compare_pair

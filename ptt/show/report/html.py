@@ -7,7 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ptt.correct.training.compensator import Compensator
-from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects.registry import Library
 from ptt.files import write_text
 from ptt.machine import MachineFile

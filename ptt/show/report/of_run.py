@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ptt.correct.training.compensator import Compensator, load_compensator
-from ptt.diagnosis.diagnosis import Diagnosis
+from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.door.opened import Opened
 from ptt.door.options import Reading
 from ptt.progress import Progress, unwatched

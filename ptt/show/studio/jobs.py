@@ -18,7 +18,7 @@ from ptt.show.studio.results import SEAL, Changed, Compared, Learned, Predicted,
 MOST = 1200  # readings of an unknown that a picture shows
 
 if TYPE_CHECKING:
-    from ptt.diagnosis.diagnosis import Diagnosis
+    from ptt.diagnosis.telling.diagnosis import Diagnosis
 
 __all__ = [
     "again",
@@ -49,7 +49,7 @@ __all__ = [
 
 def prepare() -> None:
     """Load what every job needs before the first one comes."""
-    import ptt.diagnosis.verdict
+    import ptt.diagnosis.telling.verdict
     import ptt.door.opened
     import ptt.show.studio.looks  # noqa: F401
 
@@ -81,7 +81,7 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:
     """As `ptt diagnose`; long runs in chunks. Beside it the card, the data with the fits through it, and the ghosts."""
-    from ptt.diagnosis.long import choose_diagnosis
+    from ptt.diagnosis.telling.long import choose_diagnosis
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
     from ptt.effects.registry import library

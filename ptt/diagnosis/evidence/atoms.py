@@ -1,0 +1,182 @@
+"""Atoms: everything that may be part of an explanation, each with its columns and its price."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from ptt.dependence.contexts import COORDINATES
+from ptt.diagnosis.unknown.blocks import Block
+from ptt.effects import Effect
+from ptt.effects.sudden import Sudden
+
+EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise
+LARGEST_BLOCK = 1e4  # variance: 2 mm, more than a machine that runs is off by
+SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
+
+
+@dataclass(frozen=True)
+class Turn:
+    """How the values of an effect or a block follow from those of the fewer columns that its rows tell apart.
+
+    Attributes:
+        ways: (w, r) orthonormal columns.
+        group: which learned variance each value has, (w,).
+        scale: (w,) size of a unit of each value.
+    """
+
+    ways: np.ndarray
+    group: np.ndarray
+    scale: np.ndarray
+
+
+@dataclass(frozen=True)
+class Atom:
+    """A named effect in one shape, or a block of unknown physics.
+
+    Attributes:
+        key: its own among all atoms.
+        name: what is reported: the effect's key or the block's name.
+        columns: indices of its columns in the system.
+        group: which learned variance each of them has, (m,) int from 0; effects have one for each parameter kind.
+        most: largest variance of each group, (g,).
+        odds: nats of prior odds against it.
+        bounded: columns whose value cannot be negative, (m,) bool.
+        effect: the effect; None for a block.
+        shape: its searched and given parameters; None where the effect is in the model.
+        block: the block; None for an effect.
+        within: values below which the cause would be another, and above which much speaks for another, (m, 2) in units
+            of its columns; None where any may be.
+        largest: values beyond which no cause is what it is called, in this shape, (m,) in units of its columns; None
+            where any may be.
+        turn: from its columns to its values; None where each column is one.
+        joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
+            and where joints are few.
+        fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
+        tested: whether the readings hold what tells it from an offset: play that no reversal shows, or a spring that
+            always carries the same, is never plainest.
+        since: by the clock, from when on a sudden effect of the model is there; None of all others.
+        reach: how many times its first value a joint's second may well be, in their units; None where it may be any.
+    """
+
+    key: str
+    name: str
+    columns: np.ndarray
+    group: np.ndarray
+    most: np.ndarray
+    odds: float
+    bounded: np.ndarray
+    effect: Effect | None = None
+    shape: Mapping[str, Tensor] | None = None
+    block: Block | None = None
+    turn: Turn | None = None
+    joint: np.ndarray | None = None
+    fine: np.ndarray | None = None
+    tested: bool = True
+    since: float | None = None
+    reach: float | None = None
+    within: np.ndarray | None = None
+    largest: np.ndarray | None = None
+
+    @property
+    def moment(self) -> float | None:
+        """By the clock, from when on something sudden is there; None of what is not."""
+        return self.since if self.shape is None or not is_sudden(self) else float(self.shape["after"])
+
+    @property
+    def groups(self) -> int:
+        """Number of learned variances."""
+        return len(self.most)
+
+    def amplitudes(self, values: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Its linear values in their units from those of its columns, (w,).
+
+        Args:
+            values: of its columns.
+            scale: (P,) of all columns of the system.
+        """
+        return self.sizes(scale) * (values if self.turn is None else self.turn.ways @ values)
+
+    def sizes(self, scale: np.ndarray) -> np.ndarray:
+        """Units of its linear values, (w,); `scale` as in `amplitudes`."""
+        return scale[self.columns] if self.turn is None else self.turn.scale
+
+
+def is_effect(atom: Atom) -> bool:
+    """Whether an atom is a named effect."""
+    return atom.effect is not None
+
+
+def is_block(atom: Atom) -> bool:
+    """Whether an atom is a block of unknown physics."""
+    return atom.block is not None
+
+
+def is_any(atom: Atom) -> bool:
+    """Whether an atom is one at all: where all of them may be taken."""
+    return True
+
+
+def is_field(atom: Atom) -> bool:
+    """Whether an atom is an unknown that varies with the place alone."""
+    return atom.block is not None and set(atom.block.on) <= set(COORDINATES)
+
+
+def holds_sizes(atom: Atom) -> bool:
+    """Whether an atom is a curve over a joint's travel whose level and slope are sizes of the drawing."""
+    return atom.effect is not None and any(parameter.lent for parameter in atom.effect.parameters)
+
+
+def is_drawn(atom: Atom) -> bool:
+    """Whether an atom is a size of the drawing that is off."""
+    return atom.effect is not None and atom.effect.of_drawing
+
+
+def is_sudden(atom: Atom) -> bool:
+    """Whether an atom is an effect that comes at a moment, and stays."""
+    return isinstance(atom.effect, Sudden)
+
+
+def is_metrology(atom: Atom) -> bool:
+    """Whether an atom is an effect that leaves the machine as it is: the tracker alone says otherwise."""
+    return atom.effect is not None and atom.effect.stage == "metrology"
+
+
+def causes(effect: Effect) -> int:
+    """How many commoner causes an effect looks like together; one where it looks like itself alone."""
+    return max(len(effect.stands_for), 1)
+
+
+def odds_of_block(blocks: int) -> float:
+    """Nats against one block out of those that the run can show."""
+    return BLOCK_ODDS + float(np.log(max(blocks, 1)))
+
+
+def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[str, Atom]:
+    """Atoms of blocks whose columns stand one behind the other.
+
+    Args:
+        blocks: the blocks.
+        place: of the first column.
+        odds: nats against one of them.
+
+    Returns:
+        The atoms by name.
+    """
+    atoms = {}
+    for block in blocks:
+        width = block.width
+        columns, group = np.arange(place, place + width), np.zeros(width, dtype=int)
+        atoms[block.name] = Atom(
+            block.name,
+            block.name,
+            columns,
+            group,
+            np.array([LARGEST_BLOCK]),
+            odds,
+            np.zeros(width, dtype=bool),
+            block=block,
+        )
+        place += width
+    return atoms

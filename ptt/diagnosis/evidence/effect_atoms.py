@@ -1,0 +1,172 @@
+"""Effects as atoms: what their values share, how large they may be, and what their name costs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from torch import Tensor
+
+from ptt.diagnosis.evidence.atoms import EFFECT_ODDS, SHAPE_POWER, Atom, causes, is_sudden
+from ptt.effects import Effect
+from ptt.effects.layout import shape_of
+from ptt.fitting.linear import Linear
+from ptt.fitting.result import FitResult
+from ptt.run.problem import Problem
+
+LARGEST_EFFECT = 1e5  # three hundred usual sizes: drawings are off by that much
+LARGEST_HELD = 1e2  # ten usual sizes: no encoder or gear is off by more, and larger waves could imitate whole links
+LEGS = 3  # joints up to which the odds against some of them eat what leaving the sound ones out gains
+
+
+def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
+    """Nats against one effect out of those that the data can test, in one of its shapes."""
+    each = EFFECT_ODDS + float(np.log(max(effects, 1)))
+    return causes(effect) * each + SHAPE_POWER * float(np.log(max(shapes, 1))) + effect.odds_of_kind
+
+
+def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Sequence[Effect]) -> dict[str, Atom]:
+    """Atoms of the effects in a model and of the candidates beside it.
+
+    Args:
+        linear: their columns.
+        fitted: the model.
+        problem: n rows.
+        candidates: effects that may be added.
+
+    Returns:
+        The atoms by key; those of candidates are numbered by shape.
+    """
+    names = {effect.name for effect in candidates} | {term.effect.name for term in fitted.model.terms}
+    atoms: dict[str, Atom] = {}
+    for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
+        key, columns = term.effect.key, linear.present[term.effect.key]
+        if not len(columns):
+            continue
+        shapes = len(tuple(term.effect.search(problem.view)))
+        odds = odds_of_effect(term.effect, len(names), shapes)
+        own = next(item for item in fitted.model.terms if item.effect.key == key)
+        atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
+        atom = _in_shape(atom, shape_of(own.effect, own.theta, problem.view.joints), problem, free)
+        since = float(own.theta[-1]) if is_sudden(atom) else None
+        atoms[key] = replace(atom, since=since, tested=_is_tested(atom, problem))
+    like: dict[str, Atom] = {}  # of each effect its first shape
+    for number, trial in enumerate(linear.trials):
+        key, name = f"{trial.effect.key}#{number}", trial.effect.key
+        if name not in like:
+            odds = odds_of_effect(trial.effect, len(names), trial.trials)
+            first = effect_atom(key, trial.columns, trial.effect, problem, odds, trial.shape)
+            like[name] = replace(first, tested=_is_tested(first, problem))
+        atom = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
+        atoms[key] = _in_shape(atom, trial.shape, problem, slice(0, len(trial.columns)))
+    return atoms
+
+
+def _in_shape(atom: Atom, shape: Mapping[str, Tensor], problem: Problem, chosen: np.ndarray | slice) -> Atom:
+    """The same with the largest values that its cause can have in this shape."""
+    assert atom.effect is not None
+    largest = atom.effect.largest(shape)
+    if not largest:
+        return atom
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    each = [
+        np.broadcast_to(np.asarray(largest.get(p.stem, np.inf)) / p.on(kind).usual, p.size(joints))
+        for p in atom.effect.parameters
+    ]
+    return replace(atom, largest=np.concatenate(each)[chosen])
+
+
+def _is_tested(atom: Atom, problem: Problem) -> bool:
+    """Whether the readings hold what tells an effect from a size of the drawing: both sides of a joint, two loads."""
+    effect, view = atom.effect, problem.view
+    if effect is not None and "direction" in effect.requires:
+        return bool(problem.two_sided.any())
+    return effect is None or effect.told_by in ("", *view.varies) or view.torque is not None
+
+
+def effect_atom(
+    key: str,
+    columns: np.ndarray,
+    effect: Effect,
+    problem: Problem,
+    odds: float,
+    shape: Mapping[str, Tensor] | None,
+    free: np.ndarray | None = None,
+) -> Atom:
+    """An effect as an atom.
+
+    Args:
+        key: its own among all atoms.
+        columns: indices of its columns, one for each linear value, or for each that is free.
+        effect: the effect.
+        problem: n rows.
+        odds: nats of prior odds against it.
+        shape: its searched and given parameters; None where it is in the model.
+        free: of all its values those that have a column, bool; None for as many of the first as there are columns.
+    """
+    chosen = slice(0, len(columns)) if free is None else free
+    group, bounded, held, joint, detail, within = _kinds_of_values(effect, problem, chosen)
+    group = np.unique(group, return_inverse=True)[1].reshape(-1)
+    most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
+    most[group[held]] = LARGEST_HELD
+    alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
+    fine = np.isin(np.arange(len(most)), group[detail])
+    return Atom(
+        key, effect.key, columns, group, most, odds, bounded, effect, shape,
+        joint=joint if alike else None, fine=fine if fine.any() else None, reach=effect.reach(problem.view),
+        within=within if np.isfinite(within).any() else None,
+    )  # fmt: skip
+
+
+def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slice) -> tuple[np.ndarray, ...]:
+    """Of each value: variance, whether it cannot be negative, is near zero by definition, whose, if detail, how large.
+
+    Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
+    superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
+    and so does their straight part. Fine detail has one for all joints, which are of one make and equally rough: a spot
+    or a step of one of them is none. What is kept near zero has one a joint altogether: where zero lies divides cosines
+    from sines, which nature does not; waves have one for each band of how often they come.
+    """
+    joints, first, curves = problem.view.joints, 1, 0
+    bands = 1 + max((number for parameter in effect.parameters for number in parameter.bands), default=0)
+    group, bounded, held, joint, detail, within = list[np.ndarray](), [], [], [], [], []
+    for parameter in effect.parameters:
+        size = parameter.size(joints)
+        if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 and not parameter.fine:
+            curves = curves or first
+            band = np.array(parameter.bands or (0,) * parameter.count)
+            group.append((curves + bands * np.arange(joints)[:, None] + band).reshape(-1))
+            first += bands * joints
+        else:
+            own = parameter.held or parameter.fine or parameter.role != "linear"
+            group.append(np.full(size, first if own else 0))
+            first += 1
+        bounded.append(np.full(size, parameter.lower >= 0.0))
+        held.append(np.full(size, parameter.held and not parameter.lent))
+        joint.append(np.arange(joints) if parameter.per_joint and size == joints else np.full(size, -1))
+        detail.append(np.full(size, parameter.fine))
+        within.append(np.tile(parameter.within or (-np.inf, np.inf), (size, 1)))
+    return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail, within))
+
+
+def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:
+    """How many usual sizes the straight part of a curve is beside the curve, for each of an effect's values.
+
+    A curve has no straight part over its whole travel. The share f of the travel that was visited sees one: a curve
+    whose slope wanders at random has a level of 1/f - 1 times its bow there, and about as much slope.
+
+    Args:
+        effect: the effect.
+        problem: n rows.
+
+    Returns:
+        (w,) of all its parameters in their order; one for all but what others lend their cause to.
+    """
+    low, high = problem.view.covered
+    ends = problem.view.travel_limits
+    share = ((high - low) / (ends[:, 1] - ends[:, 0])).clamp(1e-3, 1.0).numpy()
+    sizes, curve = [], 1.0
+    for parameter in (each.on(problem.file.machine.kind) for each in effect.parameters):
+        more = np.maximum((1.0 / share - 1.0) * curve / parameter.usual, 1.0) if parameter.lent else np.ones(len(share))
+        sizes.append(np.repeat(more, parameter.count) if parameter.lent else np.ones(parameter.size(len(share))))
+        curve = parameter.usual
+    return np.concatenate(sizes)

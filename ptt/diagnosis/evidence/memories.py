@@ -1,0 +1,188 @@
+"""Which memory of the noise suits a set of atoms: a wander of the tracker, errors that belong to a pose, or both."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import lapack
+
+from ptt.diagnosis.evidence.atoms import BLOCK_ODDS, MEMORY_ODDS
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.system import System
+from ptt.diagnosis.noise.memory import WHITE, Memory, Sums
+from ptt.diagnosis.noise.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
+from ptt.fitting.factor import factor_of
+
+POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
+REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
+UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
+STRONG = 1e5  # deviations that a column may well make: more widens no evidence, and rounding would drown weak ones
+AT_REST = int(np.searchsorted(SHARES, 1.0)) - 1  # number of the share that a wander may have without a run showing it
+MOST_POSES = 300  # of which both are asked at once: what more of them share takes minutes to tell apart
+NEAR = 4.0  # times a size of the errors of poses: a wander beside them leaves them the next size up or down at most
+UNLIKELY = 20.0  # nats behind another kind of wander, on every other place of the grid: steps bring a few
+FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
+Value = Callable[[Memory], float]
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A wander on the grid of those that are tried.
+
+    Attributes:
+        share: number of its share.
+        slow: number of its time constant.
+        axes: of the wander.
+        constants: time constants of the grid.
+        most: number of the largest share that the run allows.
+    """
+
+    share: int
+    slow: int
+    axes: Axes
+    constants: np.ndarray
+    most: int
+
+    @property
+    def memory(self) -> Memory:
+        """The wander as a memory of the noise."""
+        return Memory(Wander(float(SHARES[self.share]), float(self.constants[self.slow]), self.axes))
+
+    def beside(self, share: int, slow: int) -> "Spot | None":
+        """So many steps on; None beyond the grid."""
+        there = replace(self, share=self.share + share, slow=self.slow + slow)
+        inside = 0 <= there.share <= self.most and 0 <= there.slow < len(self.constants)
+        return there if inside else None
+
+
+def best_memory(system: System, state: State, *, poses: bool = True) -> tuple[Memory, float]:
+    """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total.
+
+    Args:
+        system: the linearised problem.
+        state: the set.
+        poses: whether each pose may have errors to itself.
+    """
+    among = system.among(state.columns, _ways(system, state))
+    seen: dict[Memory, float] = {}
+
+    def value(memory: Memory) -> float:
+        if memory not in seen:
+            sums = among(memory)
+            seen[memory] = _evidence(sums, system) - sums.log_noise + prior_of(memory, system)
+        return seen[memory]
+
+    poses = poses or system.by_visit
+    tried = _neighbours(system, state, value, poses=poses) if system.memories is None else system.memories
+    best = max([WHITE, state.memory, *(one for one in tried if poses or not one.pose)], key=value)
+    return best, value(best) - value(state.memory)
+
+
+def prior_of(memory: Memory, system: System) -> float:
+    """Log prior odds of a memory of the noise; errors that come back with their pose are as much as any unknown."""
+    wander = 0.0 if memory.wander is None else memory.wander.log_prior - MEMORY_ODDS
+    poses = BLOCK_ODDS if system.errs_by_pose(memory) else MEMORY_ODDS
+    return wander - (poses if memory.pose else 0.0)
+
+
+def _ways(system: System, state: State) -> np.ndarray:
+    """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
+    gram = system.sums_of(state.columns, state.memory).gram
+    size = np.minimum(np.sqrt(state.posterior.prior), STRONG / np.sqrt(np.maximum(gram.diagonal(), 1e-300)))
+    strength, ways = np.linalg.eigh(gram * size[:, None] * size)
+    kept = np.cumsum(np.maximum(strength, 0.0)) > UNSEEN
+    return np.asarray(size[:, None] * ways[:, kept])
+
+
+def _evidence(sums: Sums, system: System) -> float:
+    """Log evidence of columns of unit variance."""
+    factor, known = factor_of(sums.gram, 1.0), system.freedom + system.spare
+    along = lapack.dtrtrs(factor, sums.side, lower=1)[0] if len(factor) else sums.side
+    left = max(sums.square - float(along @ along), 1e-12)
+    return -float(np.log(factor.diagonal()).sum()) - 0.5 * known * float(np.log((system.freedom + left) / known))
+
+
+def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> list[Memory]:
+    """Errors of poses of all sizes without a wander, and the best wander of each kind, alone and beside these.
+
+    A wander is not looked for where errors of poses alone are far ahead of it, which then hide what it does; unless it
+    may lie beside them, which is asked of a few hundred poses.
+    """
+    found = [state.memory]
+    if poses and system.repeats >= REPEATED:  # first: they cost little, and may leave nothing to a wander
+        found += [Memory(None, float(size)) for size in POSES]
+    if not len(system.clock.constants):
+        return found
+    left, alone = system.left(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
+    if (
+        alone.pose
+        and isinstance(system, RowSystem)
+        and not system.one_memory
+        and len(system.poses.visits) <= MOST_POSES
+    ):
+        return found + _beside_poses(system, left, alone, value)
+    for spot in _rough_spots(system, left):
+        if value(spot.memory) >= max(map(value, found)) - FAR_BEHIND:
+            found.append(_best_beside(spot, value).memory)
+    return found
+
+
+def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Value) -> list[Memory]:
+    """The best wander of each kind beside errors of poses, and these as large as they may be then, or none of them."""
+
+    def beside(memory: Memory) -> float:
+        return value(replace(memory, pose=poses.pose))
+
+    sizes = [float(size) for size in POSES if 1.0 / NEAR < size / poses.pose < NEAR]
+    spots = _rough_spots(system, left - system.poses.shrunk(left.T, poses.pose).T)
+    both = [_best_beside(spot, beside) for spot in spots]
+    alone = [_best_beside(spot, value).memory for spot in both]
+    return alone + [replace(spot.memory, pose=size) for spot in both for size in sizes]
+
+
+def _rough_spots(system: System, left: np.ndarray) -> list[Spot]:
+    """Where on the grid the wander of a residual lies, by its kinds, the likelier first; no kind that is far behind."""
+    spots = sorted(
+        (_rough_spot(system, left, axes) for axes in kinds_of_wander(system.noise)), key=lambda item: -item[1]
+    )
+    return [spot for spot, likely in spots if likely > spots[0][1] - UNLIKELY]
+
+
+def _best_beside(spot: Spot, value: Value) -> Spot:
+    """The best wander of a kind by coordinate steps over the grid."""
+    for _ in range(3):
+        before, spot = spot, _uphill(_uphill(spot, 1, 0, value), 0, 1, value)
+        if spot is before:
+            break
+    return spot
+
+
+def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> tuple[Spot, float]:
+    """Where on the grid the wander of a state's residual lies, its atoms held, and how likely it makes the residual.
+
+    A frame that was registered is off by no more than readings scatter, or than the run shows of a wander about its
+    mean: one that outlasts the run would else shift all of it for nothing.
+    """
+    clock, most = system.clock, len(SHARES) - 1
+    if clock.registered:
+        shown, _ = _likeliest(system, clock.about_means(left), axes, most)
+        most = max(AT_REST, shown.share + 1)
+    return _likeliest(system, left, axes, most)
+
+
+def _likeliest(system: System, left: np.ndarray, axes: Axes, most: int) -> tuple[Spot, float]:
+    constants = system.clock.constants
+    spots = [Spot(i, j, axes, constants, most) for i in range(0, most + 1, 2) for j in range(0, len(constants), 2)]
+    wanders = [spot.memory.wander for spot in spots]
+    likely = likelihoods(left, [one for one in wanders if one is not None], system.clock)
+    best = int(np.argmax(likely))
+    return spots[best], float(likely[best])
+
+
+def _uphill(spot: Spot, share: int, slow: int, value: Value) -> Spot:
+    """The local maximum that single steps along one side of the grid lead to."""
+    for sign in (1, -1):
+        while (there := spot.beside(sign * share, sign * slow)) and value(there.memory) > value(spot.memory):
+            spot = there
+    return spot

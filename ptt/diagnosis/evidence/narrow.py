@@ -1,0 +1,121 @@
+"""Wide atoms in as few columns as the rows can tell apart: of a field or a map, a path shows but a few ways.
+
+Unknowns that share one prior variance may be turned into others that do, so nothing of an explanation changes. Atoms of
+one width come to lie side by side, so that what is worked out for all of them at once is read as it lies in memory.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import Atom, Turn
+
+WIDE = 50  # columns up to which an atom costs a search little
+MAP = 150  # columns from which an effect is a map of harmonics, mostly the same few curves: it pays on any run
+REPAID = 8  # coordinates for each column from which a search gains more by fewer columns than it takes to find them
+UNSEEN = 1e-9  # of the largest eigenvalue: a shape of which the rows show less than rounding
+LEAST = 1e-3  # variance over noise that a shape puts into the readings when it is as large as it may be
+
+
+@dataclass(frozen=True)
+class Narrowed:
+    """Atoms on fewer columns.
+
+    Attributes:
+        atoms: by key, each with its new columns.
+        place: old index -> new index of each column that stays as it is, -1 for the others.
+        stay: these columns by their old index, in their new order.
+        turned: keys of the atoms whose columns are new, in the order in which their columns follow the others.
+        old: columns that these had, by key.
+    """
+
+    atoms: dict[str, Atom]
+    place: np.ndarray
+    stay: np.ndarray
+    turned: tuple[str, ...]
+    old: Mapping[str, np.ndarray]
+
+    def columns(self, columns: np.ndarray) -> np.ndarray:
+        """Old columns (.., P) as the new ones."""
+        if not self.turned:
+            return columns
+        behind = columns.transpose()  # as they lie in memory, one behind the other
+        first = len(self.stay)
+        found = np.empty((first + sum(len(self.atoms[key].columns) for key in self.turned), *behind.shape[1:]))
+        np.take(behind, self.stay, axis=0, out=found[:first], mode="clip")  # without a check it needs no second copy
+        for key in self.turned:
+            turn = self.atoms[key].turn
+            assert turn is not None
+            own, last = behind[self.old[key]], first + turn.ways.shape[1]
+            width = int(np.prod(own.shape[1:]))
+            found[first:last] = (turn.ways.T @ own.reshape(len(own), width)).reshape(last - first, *own.shape[1:])
+            first = last
+        return found.transpose()
+
+    def scale(self, scale: np.ndarray) -> np.ndarray:
+        """Sizes of the units of the new columns, (P,); those of turned ones are in their turn."""
+        if not self.turned:
+            return scale
+        return np.concatenate([scale[self.stay], *(np.ones(len(self.atoms[k].columns)) for k in self.turned)])
+
+
+def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) -> Narrowed:
+    """Turn the columns of wide atoms, group by group, to the directions that the rows show.
+
+    Args:
+        atoms: by key.
+        columns: (m, 3, P) whitened.
+        scale: (P,) size of a unit of each column.
+
+    Returns:
+        The atoms on fewer columns.
+    """
+    wide = [key for key, atom in atoms.items() if _pays(atom, columns[:, :, 0].size)]
+    if not wide:
+        every = np.arange(columns.shape[2])
+        return Narrowed(dict(atoms), every, every, (), {})
+    stay = _by_width(atoms, wide, columns.shape[2])
+    place = np.full(columns.shape[2], -1)
+    place[stay] = np.arange(len(stay))
+    found = {key: atom if key in wide else replace(atom, columns=place[atom.columns]) for key, atom in atoms.items()}
+    first = len(stay)
+    for key in wide:
+        atom = atoms[key]
+        behind = columns.transpose()[atom.columns]
+        ways, group = _seen(behind.reshape(len(behind), behind[0].size), atom.group, atom.most)
+        own = np.arange(first, first + len(group))
+        turn = Turn(ways, atom.group, scale[atom.columns])
+        free = np.zeros(len(own), dtype=bool)
+        found[key] = replace(atom, columns=own, group=group, bounded=free, turn=turn, joint=None)
+        first += len(group)
+    return Narrowed(found, place, stay, tuple(wide), {key: atoms[key].columns for key in wide})
+
+
+def _by_width(atoms: Mapping[str, Atom], wide: Collection[str], count: int) -> np.ndarray:
+    """Columns that stay as they are: first those of no atom, then atoms by their width, of one width effects first."""
+    own = [atom for key, atom in atoms.items() if key not in wide]
+    own.sort(key=lambda atom: (len(atom.columns), atom.effect is None))
+    free = np.ones(count, dtype=bool)
+    free[np.concatenate([atom.columns for atom in atoms.values()])] = False
+    return np.concatenate([np.flatnonzero(free), *(atom.columns for atom in own)])
+
+
+def _pays(atom: Atom, coordinates: int) -> bool:
+    width, is_map = len(atom.columns), atom.effect is not None and len(atom.columns) > MAP
+    return (is_map or WIDE < width < coordinates / REPAID) and not atom.bounded.any() and atom.within is None
+
+
+def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of unknowns whose columns rows (w, m) show, one group at a time, (w, r), and the group of each."""
+    ways, owner = [], []
+    for index, largest in enumerate(most):
+        own = np.flatnonzero(group == index)
+        strength, turned = np.linalg.eigh(flat[own] @ flat[own].T)
+        kept = np.flatnonzero(strength > max(UNSEEN * strength[-1], LEAST / largest))
+        kept = kept if len(kept) else np.array([len(own) - 1])
+        part = np.zeros((len(flat), len(kept)))
+        part[own] = turned[:, kept]
+        ways.append(part)
+        owner.append(np.full(len(kept), index))
+    return np.concatenate(ways, axis=1), np.concatenate(owner)

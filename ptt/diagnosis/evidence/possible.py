@@ -1,0 +1,117 @@
+"""Possible: whether an effect can have the values that a set asks for, and what values of unusual form cost."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import Atom, causes, is_metrology
+from ptt.diagnosis.evidence.product import nats_of_none, nats_of_product
+from ptt.diagnosis.evidence.state import State
+from ptt.effects.phrases import ABSURD
+
+WRONG_SIDE = 3.0  # standard errors beyond what a value can be at which it speaks against its effect
+UNHEARD_OF = 25.0  # nats that readings have to show of its form: what else it looks like has no usual size
+
+
+def is_impossible(state: State, atoms: Sequence[Atom], new: Sequence[Atom]) -> bool:
+    """Whether a value is clearly below what physics lets it be.
+
+    Args:
+        state: a set.
+        atoms: of it.
+        new: of these those that no file holds: what it holds is there.
+    """
+    return any(
+        (_values(state, atom)[atom.bounded] < -WRONG_SIDE * _errors(state, atom)[atom.bounded]).any()
+        for atom in atoms
+        if atom.bounded.any()
+    ) or any(
+        (_values(state, atom) < atom.within[:, 0] - WRONG_SIDE * _errors(state, atom)).any()
+        for atom in new
+        if atom.within is not None
+    )
+
+
+def beyond_machines(state: State, atoms: Mapping[str, Atom], scale: np.ndarray) -> tuple[str, ...]:
+    """Effects of a machine with values that no machine has, or that are none of what they are called.
+
+    A drawing may be off by as much. Yet where a model was moved that far, the tangent there is no longer the one at
+    which other effects were judged, and one of these may explain the same at usual values.
+
+    Args:
+        state: a set.
+        atoms: of the system, by key.
+        scale: (P,) of all columns of the system.
+    """
+    away = []
+    for key in state.keys:
+        atom = atoms[key]
+        if atom.effect is None or is_metrology(atom):  # readings may stand in any frame
+            continue
+        usual = atom.amplitudes(state.posterior.values[state.of(key)], scale) / atom.sizes(scale)
+        away += [key] if np.abs(usual).max(initial=0.0) > ABSURD or _is_too_large(state, atom) else []
+    return tuple(away)
+
+
+def nats_of_form(state: State, atom: Atom, scale: np.ndarray, *, new: bool) -> float:
+    """Nats for or against the form that an effect's values have, its columns and their width apart.
+
+    Args:
+        state: a set.
+        atom: of it.
+        scale: (P,) of all columns of the system.
+        new: whether no file holds it.
+    """
+    nats = _nats_of_product(state, atom)
+    return nats + _nats_beyond_reach(state, atom, scale) + _nats_unheard_of(state, atom) if new else nats
+
+
+def _nats_of_product(state: State, atom: Atom) -> float:
+    """What is still to be added for an effect whose further values are none, or else products of its first one."""
+    if atom.effect is None or not atom.effect.product or atom.key not in state.scales or len(atom.columns) < 2:
+        return 0.0
+    own, posterior = state.of(atom.key), state.posterior
+    width = posterior.phi * float(state.scales[atom.key][0])
+    values, covariance = posterior.values[own], state.covariance[np.ix_(own, own)]
+    more = (atom.effect.stands_for_away / causes(atom.effect) - 1.0) * atom.odds
+    away = nats_of_product(values, covariance, width) - more
+    return float(np.logaddexp(away, nats_of_none(values, covariance, width)) - np.log(2.0))
+
+
+def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
+    """Nats against second values of joints that are further than their first ones may well make them.
+
+    What a joint would gain by saying less, where they are not, is left aside: the odds count which joints have any.
+    """
+    if atom.reach is None or atom.key not in state.scales:
+        return 0.0
+    (values, spread), size = state.amounts([atom], scale), atom.sizes(scale)
+    widest, nats = state.posterior.phi * float(state.scales[atom.key].max()), 0.0
+    for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both, in usual sizes of the second
+        unit = np.array([atom.reach, 1.0]) / size[own[1]]
+        both = unit[:, None] * spread[np.ix_(own, own)] * unit
+        nats += min(nats_of_product(unit * values[own], both, widest), 0.0)
+    return nats
+
+
+def _nats_unheard_of(state: State, atom: Atom) -> float:
+    """Nats against an effect that is clearly larger than its cause has ever been, or can be in its shape."""
+    beyond = _is_too_large(state, atom)
+    if atom.within is not None:
+        beyond |= bool((_values(state, atom) > atom.within[:, 1] + WRONG_SIDE * _errors(state, atom)).any())
+    return -UNHEARD_OF if beyond else 0.0
+
+
+def _is_too_large(state: State, atom: Atom) -> bool:
+    """Whether a value is clearly larger than its cause can make it in this shape."""
+    if atom.largest is None:
+        return False
+    return bool((np.abs(_values(state, atom)) > atom.largest + WRONG_SIDE * _errors(state, atom)).any())
+
+
+def _values(state: State, atom: Atom) -> np.ndarray:
+    return state.posterior.values[state.of(atom.key)]
+
+
+def _errors(state: State, atom: Atom) -> np.ndarray:
+    return state.std[state.of(atom.key)]

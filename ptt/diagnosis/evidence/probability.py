@@ -1,0 +1,102 @@
+"""Probability of every statement, from all sets of atoms that the search looked at."""
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.evidence.candidates import first_of
+from ptt.diagnosis.evidence.noise_level import wanders_beyond
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.system import holds_unknown
+from ptt.diagnosis.noise.memory import Memory
+
+TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
+LIKELY = 0.02  # odds beside the set that is told: values one deviation away then move that deviation by a hundredth
+MOST = 12  # of these, the likeliest
+VERDICTS = ("missing", "nothing-missing", "unknown")
+
+
+@dataclass(frozen=True)
+class Probability:
+    """What the explored sets say together.
+
+    Attributes:
+        effects: name -> probability that it is part of the explanation.
+        verdict: of each verdict.
+    """
+
+    effects: dict[str, float]
+    verdict: dict[str, float]
+
+
+def weigh_sets(scorer: Scorer) -> Probability:
+    """Weigh every set that was scored by its tempered posterior odds.
+
+    Args:
+        scorer: after the last search.
+
+    Returns:
+        The probabilities; shapes of one effect count as one.
+    """
+    best: dict[tuple[frozenset[str], bool, bool], State] = {}
+    for state in sorted(scorer.scored.values(), key=lambda state: -state.total):
+        names, memory = _names(state, scorer), state.memory
+        if np.isfinite(state.total):
+            best.setdefault((names, memory.wander is None, memory.pose > 0.0), state)
+    states = list(best.values())
+    beyond = _faulty_memories(scorer, states)
+    effects: defaultdict[str, float] = defaultdict(float)
+    verdict = dict.fromkeys(VERDICTS, 0.0)
+    for (names, *_), state in best.items():
+        weight = float(np.exp((state.total - states[0].total) / TEMPER))
+        verdict[kind_of(state, scorer, beyond)] += weight
+        for name in names:
+            effects[name] += weight
+    whole = sum(verdict.values())
+    return Probability(
+        {name: value / whole for name, value in effects.items()},
+        {name: value / whole for name, value in verdict.items()},
+    )
+
+
+def near_sets(scorer: Scorer, state: State) -> Iterator[tuple[float, State]]:
+    """Sets that do nearly as well as one that is told.
+
+    Args:
+        scorer: that has scored them.
+        state: the one that is told.
+
+    Yields:
+        The odds of another beside it, at most one, and that set with its factor.
+    """
+    least = state.total + TEMPER * np.log(LIKELY)
+    near = [other for other in scorer.scored.values() if other is not state and least < other.total < np.inf]
+    for other in sorted(near, key=lambda other: -other.total)[:MOST]:
+        if (other.keys, other.memory) != (state.keys, state.memory):
+            odds = float(np.exp(min(other.total - state.total, 0.0) / TEMPER))
+            yield odds, scorer.score(other.keys, other.memory, other.scales)
+
+
+def _names(state: State, scorer: Scorer) -> frozenset[str]:
+    """What a set adds to the model as given; a second of its kind without a first is the first."""
+    names = {scorer.system.atoms[key].name for key in state.keys}
+    return frozenset(first_of(name, names) for name in names - set(scorer.given))
+
+
+def _faulty_memories(scorer: Scorer, states: Sequence[State]) -> frozenset[Memory]:
+    """Memories of the noise that have taken what no tracker does, by the best set (they come best first) of each."""
+    first: dict[Memory, State] = {}
+    for state in states:
+        first.setdefault(state.memory, state)
+    return frozenset(memory for memory, state in first.items() if wanders_beyond(scorer.system, state))
+
+
+def kind_of(state: State, scorer: Scorer, beyond: Collection[Memory]) -> str:
+    """Which verdict a set of atoms is; `beyond` are memories of the noise that are more than a tracker's."""
+    atoms = [scorer.system.atoms[key] for key in state.keys if key not in scorer.given]
+    if holds_unknown(scorer.system, state.keys, state.memory) or state.memory in beyond:
+        return "unknown"
+    return "missing" if atoms else "nothing-missing"

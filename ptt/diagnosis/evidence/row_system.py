@@ -1,0 +1,303 @@
+"""The linearised problem with its rows: columns of everything that may explain the readings, one behind the other."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import Atom, atoms_of_blocks, is_sudden, odds_of_block
+from ptt.diagnosis.evidence.effect_atoms import atoms_of
+from ptt.diagnosis.evidence.narrow import narrow
+from ptt.diagnosis.evidence.row_sums import (
+    FewSums,
+    SumsOfPoses,
+    SumsOfRows,
+    flattened,
+    hide_rows,
+    sums_of_poses,
+    sums_of_rows,
+)
+from ptt.diagnosis.evidence.system import System, clock_of, straightened, whitened
+from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, Sums, as_joined, base_sums
+from ptt.diagnosis.noise.poses import Poses, poses_of
+from ptt.diagnosis.noise.wander import Wander, filtered
+from ptt.diagnosis.unknown.blocks import SIZE, Block, unknown_blocks
+from ptt.diagnosis.unknown.span import Span
+from ptt.effects import Effect
+from ptt.effects.sudden import ALWAYS
+from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
+from ptt.fitting.result import FitResult
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import blocks_beside, sharing_groups
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+KEPT = 3  # memories of the noise whose sums are kept
+
+
+@dataclass
+class RowSystem(System):
+    """A system whose rows are there.
+
+    Attributes:
+        columns: (m, 3, P) whitened.
+        values: (m, 3) whitened.
+        poses: rows that may err alike: of one pose, or of one visit.
+        block: (m,) int, held-out block of travel, -1 for none.
+        levers: joint -> how it moves each reading, (m, 3) whitened.
+        at: where columns of further shapes come from.
+        base_columns: of the base reflectors, (b, 3, P) in units of their own noise.
+        base_values: (b, 3).
+        asked_little: so that sums of all its columns do not pay, however many rows there are.
+        one_memory: a wander and errors of poses are not asked for at once: the sums of chunks know one of them.
+    """
+
+    columns: np.ndarray
+    values: np.ndarray
+    poses: Poses
+    block: np.ndarray
+    levers: dict[int, np.ndarray]
+    at: Place
+    base_columns: np.ndarray
+    base_values: np.ndarray
+    asked_little: bool = False
+    one_memory: bool = False
+    _sums: dict[Memory, Sums] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return self.values.size + self.base_values.size
+
+    @property
+    def repeats(self) -> int:
+        """Visits beyond the first of each pose."""
+        return len(self.poses.order) - len(self.poses.visits)
+
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """The columns one behind the other, (P, 3, m)."""
+        return np.ascontiguousarray(self.columns.transpose(2, 1, 0))
+
+    def sums(self, memory: Memory) -> Sums:
+        """Normal sums of all columns; the last few memories are kept."""
+        if memory not in self._sums:
+            if len(self._sums) > KEPT:
+                self._sums.pop(next(key for key in self._sums if key != WHITE))
+            self._sums[memory] = self._sums_of_all(memory)
+        return self._sums[memory]
+
+    def forget(self) -> None:
+        """Let go of the sums of all columns, which fill gigabytes for thousands of readings of an arm."""
+        super().forget()
+        self._sums.clear()
+        self.__dict__.pop("_means", None)
+
+    def _sums_of_all(self, memory: Memory) -> Sums:
+        if memory.pose:
+            means = self._means if memory.wander is None else self._means_of(self.flat, memory.wander)
+            return self._beside_poses(self.sums(Memory(memory.wander)), means, memory)
+        return sums_of_rows(*self._white(None, memory.wander), all_of_them=not self.asked_little)
+
+    def _beside_poses(self, plain: Sums, means: np.ndarray, memory: Memory) -> Sums:
+        """Sums where poses have errors to themselves, from those without and the means of their columns."""
+        values = self._means_of(self.values.T[None], memory.wander)[0]
+        return sums_of_poses(plain, means, values, self.poses.beside(memory.wander, self.clock), memory.pose)
+
+    def _means_of(self, rows: np.ndarray, wander: Wander | None) -> np.ndarray:
+        """Means of the poses of columns (p, 3, m), or what stands for them beside a wander, (p, 3 poses)."""
+        return flattened(self.poses.beside(wander, self.clock).means(filtered(rows, wander, self.clock)[0]))
+
+    @cached_property
+    def _means(self) -> np.ndarray:
+        return self._means_of(self.flat, None)
+
+    def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
+        """Normal sums of chosen columns, from those of all where they are there."""
+        if memory in self._sums:
+            return super().sums_of(chosen, memory)
+        white, values, log_noise = self._white(chosen, memory.wander)
+        sums = Sums(white @ white.T, white @ values, float(values @ values), log_noise)
+        if not memory.pose:
+            return sums
+        means = self._means_of(self.flat[chosen], memory.wander)
+        return self._beside_poses(sums, means, memory).of(np.arange(len(chosen)))
+
+    def gram_after(self, chosen: np.ndarray) -> np.ndarray:
+        """As of every system; what is sudden acts on each row."""
+        gram, place = super().gram_after(chosen), {column: number for number, column in enumerate(chosen)}
+        slips = [atom for atom in self.atoms.values() if is_sudden(atom) and set(atom.columns) <= set(place)]
+        during = self.columns[:, :, chosen]
+        after = during.copy()
+        for atom in slips:
+            assert atom.effect is not None
+            after[:, :, [place[column] for column in atom.columns]] = self.at.columns(atom.effect, ALWAYS)[self.rows]
+        return gram + (_gram(after) - _gram(during) if slips else 0.0)
+
+    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
+        """Normal sums of combinations of chosen columns, under any memory; what is there already is used."""
+
+        def joined() -> np.ndarray:
+            rows = self.flat[chosen]
+            columns = (ways.T @ flattened(rows)).reshape(ways.shape[1], *rows.shape[1:])
+            return np.concatenate([columns, self.values.T[None]])
+
+        base = self.base_columns[:, :, chosen] @ ways
+        more = base_sums(base, self.base_values) if len(self.base_values) else np.zeros((1, 1))
+        white = means = None
+        if WHITE in self._sums:
+            white = as_joined(super().among(chosen, ways)(WHITE))
+        if "_means" in self.__dict__:
+            own = self.poses.means(self.values.T)[None]  # shape: (1, 3, poses)
+            means = np.concatenate([(ways.T @ self._means[chosen]).reshape(ways.shape[1], *own.shape[1:]), own])
+        return FewSums(joined, more, self.clock, self.poses, white, means).of
+
+    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """What a solution of chosen columns leaves, (m, 3) whitened."""
+        rows = self.flat[chosen]
+        return self.values - (values @ flattened(rows)).reshape(rows.shape[1:]).T
+
+    def base_squares(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """What a solution leaves of each reading of base reflectors, (b,) in noise units."""
+        return np.asarray(np.square(self.base_values - self.base_columns[:, :, chosen] @ values).sum(axis=1))
+
+    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
+        """Sums of chosen columns over each held-out block of travel."""
+        columns, unit = self.flat[chosen], np.linalg.inv(self.noise.whitener)
+        for index in np.unique(self.block[self.block >= 0]):
+            own = np.flatnonzero(self.block == index)
+            yield hide_rows(columns[:, :, own], self.values.T[:, own], unit)
+
+    def widened(
+        self, atoms: dict[str, Atom], columns: np.ndarray, scale: np.ndarray, on_base: np.ndarray | None = None
+    ) -> "RowSystem":
+        """The same with further atoms; sums that were worked out stay.
+
+        Args:
+            atoms: by key; their columns are numbered on from those that are there.
+            columns: of these atoms, (m, 3, w) whitened.
+            scale: (w,) size of a unit of each.
+            on_base: the same columns at the base reflectors, (b, 3, w); None where these stand still.
+        """
+        more = np.ascontiguousarray(columns.transpose(2, 1, 0))
+        flat = np.concatenate([self.flat, more])
+        still = np.zeros((*self.base_values.shape, len(more)))
+        base = np.concatenate([self.base_columns, still if on_base is None else on_base], axis=2)
+        wider = replace(
+            self, atoms=self.atoms | atoms, columns=flat.transpose(2, 1, 0), scale=np.concatenate([self.scale, scale]),
+            base_columns=base, _sums={},
+        )  # fmt: skip
+        if "_means" in self.__dict__:
+            wider.__dict__["_means"] = np.concatenate([self._means, flattened(self.poses.means(more))])
+        for memory, sums in sorted(self._sums.items(), key=lambda item: item[0].pose > 0.0):  # those rest on the others
+            if isinstance(sums, SumsOfRows):
+                white, values, _ = wider._white(np.arange(len(self.flat), len(flat)), memory.wander)
+                wider._sums[memory] = sums.widened(white, values)
+            elif isinstance(sums, SumsOfPoses):
+                means = np.concatenate([sums.means, wider._means_of(more, memory.wander)])
+                values = self._means_of(self.values.T[None], memory.wander)[0]
+                wider._sums[memory] = sums.widened(wider.sums(Memory(memory.wander)), means, values)
+        return wider
+
+    def only(self, keys: Sequence[str]) -> "RowSystem":
+        """The same with the frame and a few atoms alone, to be asked little."""
+        atoms = [self.atoms[key] for key in keys]
+        chosen = np.concatenate([self.frame, *(atom.columns for atom in atoms)]).astype(int)
+        place = np.zeros(len(self.flat), dtype=int)
+        place[chosen] = np.arange(len(chosen))
+        few = {atom.key: replace(atom, columns=place[atom.columns]) for atom in atoms}
+        return replace(
+            self, frame=place[self.frame], atoms=few, columns=self.flat[chosen].transpose(2, 1, 0),
+            scale=self.scale[chosen], base_columns=self.base_columns[:, :, chosen], asked_little=True, _sums={},
+        )  # fmt: skip
+
+    def _white(self, chosen: np.ndarray | None, wander: Wander | None) -> tuple[np.ndarray, np.ndarray, float]:
+        """Columns and readings that are white beside a wander, base reflectors behind them, (p, r) and (r,).
+
+        Args:
+            chosen: (p,) indices; None for all.
+            wander: of the tracker.
+        """
+        index = slice(None) if chosen is None else chosen
+        white, log_noise = filtered(self.flat[index], wander, self.clock)
+        values, _ = filtered(self.values.T, wander, self.clock)
+        flat = flattened(white)
+        if not len(self.base_values):
+            return flat, values.ravel(), log_noise
+        base = self.base_columns[:, :, index].reshape(self.base_values.size, len(white)).T
+        return np.concatenate([flat, base], axis=1), np.append(values.ravel(), self.base_values), log_noise
+
+
+def build_system(
+    fitted: FitResult,
+    problem: Problem,
+    candidates: Sequence[Effect],
+    noise: Noise,
+    freedom: float,
+    rows: np.ndarray,
+    periods: Sequence[tuple[int, float]] = (),
+    shapes: Shapes | None = None,
+    span: Span | None = None,
+    linear: Linear | None = None,
+    *,
+    unknown: bool = True,
+) -> RowSystem:
+    """Linearise around a model, with all effects and all blocks beside it.
+
+    Args:
+        fitted: the model.
+        problem: n rows.
+        candidates: effects that may be added.
+        noise: the noise floor.
+        freedom: degrees of freedom behind it.
+        rows: rows that count, (n,) bool.
+        periods: joint and length of periods that were seen.
+        shapes: of candidates by key; None asks each.
+        span: of the run that the problem is a part of; None for all of it.
+        linear: all effects in these shapes, where they are linearised there already.
+        unknown: with blocks; else effects alone.
+
+    Returns:
+        The system.
+    """
+    linear = straightened(linear or linear_columns(fitted, problem, candidates, noise, shapes), fitted, problem)
+    assert linear.at is not None
+    blocks = unknown_blocks(problem, linear.at.chain, periods, span) if unknown else ()
+    columns = _side_by_side(linear.columns, blocks, noise, rows)
+    atoms = atoms_of(linear, fitted, problem, candidates)
+    atoms |= atoms_of_blocks(blocks, linear.columns.shape[2], odds_of_block(len(blocks)))
+    more = columns.shape[2] - len(linear.scale)
+    scale = np.concatenate([linear.scale, np.ones(more)])
+    few = narrow(atoms, columns, scale)
+    sharing, by_visit = sharing_groups(problem.table, rows)
+    return RowSystem(
+        np.flatnonzero(rows), few.place[linear.frame], few.atoms, clock_of(problem, rows), noise, freedom,
+        few.scale(scale), few.columns(columns), linear.values[rows], poses_of(sharing[rows]),
+        travel_blocks(problem.table, blocks_beside(problem.frames))[rows], _levers(linear, noise, rows), linear.at,
+        few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
+        one_memory=span is not None, by_visit=by_visit,
+    )  # fmt: skip
+
+
+def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows: np.ndarray) -> np.ndarray:
+    """Columns that are there already (n, 3, p), and behind them those of blocks, of the rows that count."""
+    some = slice(None) if rows.all() else rows
+    place, width = known.shape[2], sum(block.width for block in blocks)
+    flat = np.empty((place + width, 3, int(rows.sum())))
+    flat[:place] = known[some].transpose(2, 1, 0)
+    if blocks:
+        flat[place:] = whitened(blocks, noise, some).transpose(2, 1, 0)
+    return flat.transpose(2, 1, 0)
+
+
+def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndarray]:
+    """How each joint moves the readings that count."""
+    assert linear.at is not None
+    by_joint = linear.at.chain.by_joint.numpy()[rows] * SIZE
+    return {j: by_joint[:, :, j] @ noise.whitener.T for j in range(by_joint.shape[2])}
+
+
+def _gram(columns: np.ndarray) -> np.ndarray:
+    """Products of columns (m, 3, p) with each other, (p, p)."""
+    return np.asarray(np.tensordot(columns, columns, axes=((0, 1), (0, 1))))

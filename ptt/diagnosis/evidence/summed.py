@@ -1,0 +1,230 @@
+"""Normal sums of a long run, chunk by chunk, and what a solution leaves of its rows."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ptt.diagnosis.evidence.ansatz import Ansatz, Run, Trials, columns_of
+from ptt.diagnosis.evidence.effect_atoms import atoms_of
+from ptt.diagnosis.evidence.sampled import Held, share_of_rows, spread
+from ptt.diagnosis.evidence.summed_system import SummedSystem
+from ptt.diagnosis.evidence.system import clock_of
+from ptt.diagnosis.noise.gross import gross_errors, places_of
+from ptt.diagnosis.noise.memory import WHITE, as_sums, base_sums, block_sums, sum_rows
+from ptt.effects import Effect
+from ptt.fitting.chunks import cut, map_chunks, numbers
+from ptt.fitting.linear import Linear, Shape, few_shapes
+from ptt.fitting.outliers import inside
+from ptt.run.problem import Problem
+
+SLAB = 4_000  # rows of a chunk whose columns of all candidates are there at once: more of them leave the cache
+MOST_STRETCHES = 50  # of a chunk, up to which sums over each are cheap
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one chunk contributes; parts add up in any order.
+
+    Attributes:
+        hidden: held-out block -> its sums in noise units and in mm, and its rows.
+        share: the same of the share of rows that candidates are summed over, where that is not all of them.
+        other: sums under the memory of the noise, where it has one.
+        rows: rows that count, (m,) bool.
+        gross: rows left out as gross errors, (m,) bool.
+        linear: what the columns are, without their rows.
+    """
+
+    hidden: dict[int, Held]
+    share: dict[int, Held]
+    other: tuple[np.ndarray, float] | None
+    rows: np.ndarray
+    gross: np.ndarray
+    linear: Linear
+
+
+def sum_up(
+    run: Run, at: Ansatz, trials: Trials, sample: Problem, kept: np.ndarray, *, sift: bool = False,
+) -> tuple[SummedSystem, np.ndarray]:  # fmt: skip
+    """Sum up all chunks.
+
+    Args:
+        run: the long run.
+        at: what its chunks are linearised at.
+        trials: candidates beside it.
+        sample: some rows of the run, which tell what the shapes of an effect are.
+        kept: rows that may count, (n,) bool.
+        sift: look for gross errors; the candidates then only serve to tell them.
+
+    Returns:
+        The system, and rows left out as gross errors, (n,) bool.
+    """
+
+    def work(chunk: Problem) -> Contribution:
+        return sum_chunk(chunk, run, at, trials, kept, sift)
+
+    hidden, share = dict[int, Held](), dict[int, Held]()
+    other: tuple[np.ndarray, float] | None = None
+    rows, gross = [], []
+    for part in map_chunks(work, run.chunks):
+        for sums, more in ((hidden, part.hidden), (share, part.share)):
+            for index, held in more.items():
+                _add(sums, index, held)
+        if part.other is not None:
+            other = part.other if other is None else (other[0] + part.other[0], other[1] + part.other[1])
+        rows.append(part.rows)
+        gross.append(part.gross)
+    linear = part.linear
+    if share:
+        own, end = len(at.fitted.unknowns), next(iter(share.values()))[0].shape[0]
+        behind = end - 1 - sum(len(atom.columns) for atom in at.blocks)
+        hidden = spread(hidden, share, np.concatenate([np.arange(own), np.arange(behind, end)]))
+    system = _system(run, at, {} if sift else trials, sample, linear, np.concatenate(rows), hidden, other)
+    return system, np.concatenate(gross)
+
+
+def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.ndarray, sift: bool) -> Contribution:
+    """Linearise one chunk and sum it up.
+
+    Args:
+        chunk: its rows, entered as the chunk before left them.
+        run: the run.
+        at: as all chunks.
+        trials: candidates.
+        kept: rows that may count, (n,) bool.
+        sift: as in `sum_up`.
+
+    Returns:
+        The chunk's part.
+    """
+    hidden, share = dict[int, Held](), dict[int, Held]()
+    rows, gross, joined = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+    times = share_of_rows(run.problem.table.rows) if at.memory == WHITE and trials and not sift else 1
+    for part in [chunk] if sift else (make() for make in cut(chunk, SLAB)):
+        linear, columns = columns_of(part, run, at, {} if sift or times > 1 else trials)
+        there = linear.rows & kept[numbers(part)]
+        far = _gross(part, run, at, trials, linear, columns, there) if sift else np.zeros_like(there)
+        there = there & ~far
+        both = _sum_rows(part, run, at, linear, columns, there, hidden)
+        if at.memory != WHITE:  # which goes on from one slab into the next
+            joined.append(both)
+        if times > 1:
+            # Not the same rows of each slab, or of a cycle as long as one the same places would always be passed over.
+            some = cut(part, -(-part.table.rows // times))
+            few = some[int(numbers(part)[0]) // SLAB % len(some)]()
+            linear, columns = columns_of(few, run, at, trials)
+            _sum_rows(few, run, at, linear, columns, linear.rows & kept[numbers(few)], share)
+        rows.append(there)
+        gross.append(far)
+    other, counted = None, np.concatenate(rows)
+    if at.memory != WHITE:
+        clock = replace(clock_of(chunk, counted), registered=False)  # within a run a wander may be anywhere
+        other = sum_rows(np.concatenate(joined), at.memory, clock, run.pose[numbers(chunk)[counted]])
+    return Contribution(hidden, share, other, counted, np.concatenate(gross), linear.without_rows())
+
+
+def _sum_rows(
+    part: Problem, run: Run, at: Ansatz, linear: Linear, columns: np.ndarray, there: np.ndarray,
+    hidden: dict[int, Held],
+) -> np.ndarray:  # fmt: skip
+    """Add the sums of rows that are there to those of their blocks; their columns and readings, (r, 3, P + 1)."""
+    both = np.concatenate([columns, linear.values[:, :, None]], axis=2)
+    both = both if there.all() else both[there]
+    for index, stretch in _stretches(run.block[numbers(part)[there]]):
+        _add(hidden, index, block_sums(both[stretch], at.noise))
+    return both
+
+
+def left_of(
+    run: Run, at: Ansatz, trials: Trials, system: SummedSystem, chosen: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """What a solution leaves of all rows that count.
+
+    Args:
+        run: the run.
+        at: what it was linearised at.
+        trials: candidates of the system.
+        system: the sums.
+        chosen: (p,) columns.
+        values: (p,).
+
+    Returns:
+        (m, 3) whitened.
+    """
+    there = [atom for atom in system.atoms.values() if np.isin(atom.columns, chosen).any()]
+    names = [atom.name for atom in there if atom.block is not None]
+    few: dict[str, tuple[Effect, list[Shape]]] = {}
+    for atom in there:
+        if atom.effect is not None and atom.shape is not None:
+            few.setdefault(atom.effect.key, (atom.effect, []))[1].append(atom.shape)
+    own = [atom.columns for atom in there if atom.shape is not None or atom.block is not None]
+    index = np.concatenate([np.arange(len(at.fitted.unknowns)), *own]).astype(int)
+    place, counted = np.searchsorted(index, chosen), np.zeros(run.problem.table.rows, dtype=bool)
+    counted[system.rows] = True
+
+    def work(chunk: Problem) -> np.ndarray:
+        linear, columns = columns_of(chunk, run, at, few, names)
+        return (linear.values - columns[:, :, place] @ values)[counted[numbers(chunk)]]
+
+    return np.concatenate(list(map_chunks(work, run.chunks)))
+
+
+def _add(hidden: dict[int, Held], index: int, own: Held) -> None:
+    """Add the sums of some rows to those of their block."""
+    if index not in hidden:
+        hidden[index] = own
+        return
+    white, in_mm, rows = hidden[index]
+    white += own[0]
+    in_mm += own[1]
+    hidden[index] = white, in_mm, rows + own[2]
+
+
+def _stretches(block: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
+    """Rows of each block: as they stand where blocks are long, which spares a copy."""
+    edges = np.flatnonzero(np.diff(block, prepend=-2, append=-2))
+    if len(edges) - 1 > MOST_STRETCHES:
+        yield from ((int(index), np.flatnonzero(block == index)) for index in np.unique(block))
+    else:
+        yield from ((int(block[first]), slice(first, last)) for first, last in pairwise(edges.tolist()))
+
+
+def _gross(
+    chunk: Problem, run: Run, at: Ansatz, trials: Trials, linear: Linear, columns: np.ndarray, rows: np.ndarray
+) -> np.ndarray:
+    """Lone rows of a chunk that neither the model and its blocks nor all candidates can explain, (m,) bool."""
+    simple = np.arange(columns.shape[2])
+    if inside(linear.residual, rows)[rows].all():
+        return np.zeros_like(rows)
+    wider, everything = columns_of(chunk, run, at, trials)
+    own = np.concatenate([wider.simple, np.arange(wider.columns.shape[2], everything.shape[2])])
+    assert len(own) == len(simple)
+    return gross_errors(everything, wider.values, rows, own, few_shapes(wider.trials, own), places_of(chunk))
+
+
+def _system(
+    run: Run, at: Ansatz, trials: Trials, sample: Problem, linear: Linear, rows: np.ndarray,
+    hidden: dict[int, Held], other: tuple[np.ndarray, float] | None,
+) -> SummedSystem:  # fmt: skip
+    counts = {key: len(tuple(effect.search(sample.view))) for key, (effect, _) in trials.items()}
+    linear = replace(linear, trials=tuple(replace(t, trials=counts[t.effect.key]) for t in linear.trials))
+    atoms = atoms_of(linear, at.fitted, sample, [effect for effect, _ in trials.values()])
+    place = len(linear.scale)
+    for atom in at.blocks:
+        atoms[atom.key] = replace(atom, columns=np.arange(place, place + len(atom.columns)))
+        place += len(atom.columns)
+    base = base_sums(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, place - len(linear.scale))]), linear.base_values)
+    white = sum((own[0] for own in hidden.values()), base)
+    total = {WHITE: as_sums(white, 0.0)}
+    if other is not None:
+        total[at.memory] = as_sums(other[0] + base, other[1])
+    scale = np.concatenate([linear.scale, np.ones(place - len(linear.scale))])
+    there, pose = np.flatnonzero(rows), run.pose[rows]
+    system = SummedSystem(
+        there, linear.frame, atoms, clock_of(run.problem, rows), at.noise, at.freedom, scale, total, hidden,
+        linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
+        by_visit=run.by_visit,
+    )  # fmt: skip
+    system.look = lambda chosen, values: left_of(run, at, trials, system, chosen, values)
+    return system

@@ -1,0 +1,219 @@
+"""The tracker's wander: noise with a memory, filtered off columns and readings alike, run by run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ptt.diagnosis.noise.gains import Gains, all_rows, filter_rows, foretell, gains_of
+from ptt.run.noise import Noise
+
+SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the white noise
+CONSTANTS = 9  # time constants between the shortest that is told from white noise and the longest
+LONGEST = 4.0  # times a run: a stand that warms for an hour is a random walk in a run of minutes, wherever it began
+SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
+LEAST_STEPS = 12
+USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
+Axes = tuple[float, float, float]
+AS_NOISE: Axes = (1.0, 1.0, 1.0)
+LIKE = 4.0  # of variances of the two blunt axes of a tracker, which differ where the range to the readings does
+UNEVEN = 2.0  # of variances of the noise's axes, from which a stand and the air are two things: one step of the shares
+FAULT = 10.0  # variance over that of the white noise from which a wander is no tracker's: air and stand do three sigma
+
+
+@dataclass(frozen=True)
+class Wander:
+    """An Ornstein-Uhlenbeck wander under white noise.
+
+    Air bends a beam and so moves readings as the noise does, most of all across the beam; a stand that leans moves
+    them along every axis alike.
+
+    Attributes:
+        share: its variance over that of the white noise, the mean of all axes of both.
+        constant: its time constant, s (rows where there is no clock).
+        axes: by which the share is larger along each axis of the noise.
+    """
+
+    share: float
+    constant: float
+    axes: Axes = AS_NOISE
+
+    @property
+    def parts(self) -> tuple[tuple[slice, float], ...]:
+        """Axes of the noise that wander alike, and their share."""
+        if len(set(self.axes)) == 1:
+            return ((slice(None), self.share * self.axes[0]),)
+        return tuple((slice(k, k + 1), self.share * times) for k, times in enumerate(self.axes))
+
+    @property
+    def log_prior(self) -> float:
+        """Log prior density of the share, up to a constant."""
+        return -0.5 * (np.log(self.share / USUAL_SHARE) / SPREAD) ** 2
+
+
+def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
+    """By which a wander's share is larger along each axis of the noise: of the air, and of a stand.
+
+    A tracker is sharp along its beam and blunt across it, both ways. Noise of which one axis alone is loud is what a
+    machine has left of its own way, and that says nothing of a stand.
+    """
+    squares = 1.0 / np.square(noise.whitener).sum(axis=1)
+    sharp, blunt, bluntest = np.sort(squares).tolist()
+    if bluntest < UNEVEN * sharp or bluntest > LIKE * blunt:
+        return (AS_NOISE,)
+    first, second, third = (squares.mean() / squares).tolist()
+    return AS_NOISE, (first, second, third)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When the rows were read.
+
+    Attributes:
+        time: (n,) s, or the row's number.
+        starts: first row of each run, (n,) bool.
+        registered: the frame was registered as each run began: it is trusted, or told by reflectors fixed to the base.
+    """
+
+    time: np.ndarray
+    starts: np.ndarray
+    registered: bool = False
+    _gains: dict[tuple[float, float], Gains] = field(default_factory=dict, compare=False, repr=False)
+    _decays: dict[float, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def step(self) -> float:
+        """Median time between rows of a run, zero where there is none."""
+        steps = np.diff(self.time)[~self.starts[1:]]
+        return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+
+    @cached_property
+    def span(self) -> float:
+        """Time from the first row of a run to its last, of all runs together."""
+        return float(self.lasts.sum())
+
+    @cached_property
+    def constants(self) -> np.ndarray:
+        """Time constants worth trying; none where rows are too few."""
+        if len(self.time) < LEAST_STEPS or not self.step:
+            return np.zeros(0)
+        shortest = SHORTEST * self.step
+        return np.geomspace(shortest, max(LONGEST * float(self.lasts.max()), 2.0 * shortest), CONSTANTS)
+
+    @cached_property
+    def lasts(self) -> np.ndarray:
+        """Time from the first row of each run to its last, (runs,)."""
+        run = np.cumsum(self.starts) - 1
+        step = np.where(self.starts[1:], 0.0, np.maximum(np.diff(self.time), 0.0))
+        return np.bincount(run[1:], step, minlength=int(run[-1]) + 1)
+
+    def gains(self, share: float, constant: float) -> Gains:
+        """How a filter of a wander along one axis weighs the rows; what was worked out once is kept."""
+        if (share, constant) not in self._gains:
+            self._gains[share, constant] = gains_of(share, self.decays(constant), self.begun(constant))
+        return self._gains[share, constant]
+
+    def begun(self, constant: float) -> np.ndarray:
+        """Share of its variance that a wander has at the first row of each run, (n,); one at the others.
+
+        Where a frame was registered as the run began, the stand has until then come no further than it does from the
+        first row to the last: a wander that outlasts the run would else shift such a frame for nothing, which is what
+        zeros and towers do. A frame that is fitted takes that level itself.
+        """
+        whole = np.ones(len(self.time))
+        if not self.registered:
+            return whole
+        run = np.cumsum(self.starts) - 1
+        return np.where(self.starts, -np.expm1(-2.0 * self.lasts / constant)[run], whole)
+
+    def about_means(self, left: np.ndarray) -> np.ndarray:
+        """Rows (n, ..) less their mean in each run."""
+        first = np.flatnonzero(self.starts)
+        count = np.diff(np.append(first, len(left)))
+        return np.asarray(left - np.repeat((np.add.reduceat(left, first).T / count).T, count, axis=0))
+
+    def decays(self, constant: float) -> np.ndarray:
+        """Share of a wander that each row keeps of the row before it, (n,); none where a run starts."""
+        if constant not in self._decays:
+            step = np.maximum(np.diff(self.time, prepend=self.time[:1]), 0.0)
+            self._decays[constant] = np.where(self.starts, 0.0, np.exp(-step / constant))
+            self._decays[constant][:1] = 0.0
+        return self._decays[constant]
+
+    def is_fault(self, wander: Wander | None) -> bool:
+        """Whether a wander is more than a tracker does by itself."""
+        return wander is not None and wander.share > FAULT and self.is_slow(wander)
+
+    def is_slow(self, wander: Wander) -> bool:
+        """Whether a wander lasts so many rows that it is more than white noise by another name."""
+        return wander.constant > SHORTEST * self.step
+
+
+def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
+    """What each row says beyond what the wander of those before it foretold (a Kalman filter, which is linear).
+
+    Args:
+        values: (n, 3, ...) in noise units.
+        wander: None for white noise.
+        clock: of the rows.
+
+    Returns:
+        The same shape, white under the wander; and half the log-determinant of the noise's covariance.
+    """
+    if wander is None:
+        return values, 0.0
+    white, log_noise = np.empty_like(values), 0.0
+    for axes, share in wander.parts:
+        own, gains = values[:, axes], clock.gains(share, wander.constant)
+        flat = own.reshape(len(own), -1)
+        foretold = foretell(flat, gains.keep, gains.take)
+        flat = (flat - foretold) / gains.root[:, None]
+        white[:, axes] = flat.reshape(own.shape)
+        log_noise += gains.log_noise * own.shape[1]
+    return white, log_noise
+
+
+def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
+    """The same where the rows come last: some rows at a time are one product of matrices.
+
+    Args:
+        rows: (.., 3, n) in noise units.
+        wander: None for white noise.
+        clock: of the rows.
+
+    Returns:
+        The same shape, white under the wander; and half the log-determinant of the noise's covariance.
+    """
+    if wander is None:
+        return rows, 0.0
+    white, log_noise = np.empty(rows.shape), 0.0
+    flat, filled = (each.reshape(-1, *rows.shape[-2:]) for each in (rows, white))
+    for axes, share in wander.parts:
+        own, gains = flat[:, axes], clock.gains(share, wander.constant)
+        filter_rows(own.reshape(-1, own.shape[2]), gains, filled[:, axes].reshape(-1, own.shape[2]))
+        log_noise += gains.log_noise * own.shape[1]
+    return white, log_noise
+
+
+def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np.ndarray:
+    """How likely each wander makes what is left, its white variance at the best, up to a constant, (w,) nats.
+
+    Args:
+        left: (n, 3) in noise units.
+        wanders: to be compared.
+        clock: of the rows.
+    """
+    shares = [[share for axes, share in wander.parts for _ in range(3)[axes]] for wander in wanders]
+    gains = [clock.gains(share, one.constant) for one, own in zip(wanders, shares, strict=True) for share in own]
+    # The axes behind each other for every wander: nothing is foretold from one to the next.
+    keep, take = np.zeros((2, len(gains), len(left)))
+    for index, each in enumerate(gains):
+        keep[index, :-1], take[index, :-1] = each.keep, each.take
+    every = np.tile(left.T, (len(wanders), 1))
+    foretold = all_rows(every.reshape(-1, 1), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
+    white = (every - foretold) / np.array([each.root for each in gains])
+    square = np.square(white).reshape(len(wanders), -1).sum(axis=1)
+    log_noise = np.array([each.log_noise for each in gains]).reshape(-1, 3).sum(axis=1)
+    prior = np.array([wander.log_prior for wander in wanders])
+    return prior - log_noise - 0.5 * left.size * np.log(square)

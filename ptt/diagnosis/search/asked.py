@@ -1,0 +1,68 @@
+"""Asked: what is to be explained and with what, and the system that a turn opens on it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.evidence.row_system import build_system
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.search.turn import Turn, shapes_of
+from ptt.diagnosis.unknown.span import Span
+from ptt.effects import Effect, Library
+from ptt.fitting.linear import Linear
+from ptt.fitting.result import FitResult
+from ptt.model.model import Model
+from ptt.progress import Tell
+from ptt.run.problem import Problem
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be explained, and with what.
+
+    Attributes:
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        tell: told what is being done.
+        steps: how many effects may be added.
+        span: of the run that the rows are a part of; None where they are all of it.
+        freedom: degrees of freedom behind the noise floor.
+    """
+
+    model: Model
+    problem: Problem
+    known: Library
+    tell: Tell
+    steps: int
+    span: Span | None
+    freedom: float
+
+
+def open_turn(
+    asked: Asked, turn: Turn, problem: Problem, fitted: FitResult, candidates: Sequence[Effect], gross: np.ndarray,
+    linear: Linear | None = None, *, unknown: bool = True,
+) -> Scorer:  # fmt: skip
+    """All effects and blocks beside a fit, nothing scored yet.
+
+    Args:
+        asked: what is to be explained.
+        turn: where it begins.
+        problem: the readings without those that open a run.
+        fitted: the model of the turn.
+        candidates: effects that may be missing.
+        gross: rows left out, (n,) bool.
+        linear: all effects, where they are linearised there already.
+        unknown: with blocks; else effects alone.
+
+    Returns:
+        A scorer of the system.
+    """
+    rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
+    shapes = {effect.key: shapes_of(effect, problem.view, turn.moments) for effect in candidates}
+    system = build_system(
+        fitted, problem, candidates, turn.noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear,
+        unknown=unknown,
+    )  # fmt: skip
+    return Scorer(system, asked.model.keys, asked.steps, turn.barred)

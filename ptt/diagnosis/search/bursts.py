@@ -1,0 +1,61 @@
+"""Bursts: broken beams that follow each other, and what a search may have taken them for."""
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import is_effect
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.state import without
+from ptt.diagnosis.evidence.system import holds_unknown
+from ptt.diagnosis.noise.gross import stand_out
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.search.turn import robustly_left
+from ptt.diagnosis.unknown.jumps import BROKEN
+
+NEAR = 8  # rows within which two things happen by chance in one run of a thousand
+SHARE = 0.04  # of all rows, or as many as beams may break in a row, that may have been taken for something else
+
+
+def broken_beams(found: Found) -> np.ndarray:
+    """Rows that may be gross errors, though the search took them for something that happens, a wander or an unknown.
+
+    A knock of the tracker has six free numbers, and a slip of the sliders three: two of them at one place explain any
+    two or three readings, a wander that lasts a few rows does so as well, and a curve that bends enough. Beside what
+    lasts, without any of these, such readings are all that is far off. Whether they are gross errors only a search
+    without them tells.
+
+    Args:
+        found: the best explanation.
+
+    Returns:
+        (n,) bool; none where names and white noise say all, where many are far off, or where they were set aside.
+    """
+    system, state, rows = found.system, found.state, np.zeros_like(found.gross)
+    if not isinstance(system, RowSystem):
+        return rows
+    crowd = crowded_moments(found)
+    if not crowd and state.memory.wander is None and not holds_unknown(system, state.keys, state.memory):
+        return rows
+    lasting = without(state, *crowd)
+    for keys in (lasting, tuple(key for key in lasting if is_effect(system.atoms[key]))):
+        left = robustly_left(system, found.scorer.score(keys, WHITE, state.scales))
+        far = stand_out(left, np.ones(len(left), dtype=bool), least=0.0)
+        if 0 < far.sum() <= max(BROKEN, SHARE * len(left)):
+            rows[system.rows[far]] = True
+            break
+    return rows
+
+
+def crowded_moments(found: Found) -> list[str]:
+    """What is said to have happened within a few rows of something else that did.
+
+    Args:
+        found: an explanation.
+
+    Returns:
+        Keys of its atoms.
+    """
+    atoms, time = found.system.atoms, found.system.clock.time
+    moments = {key: moment for key in found.state.keys if (moment := atoms[key].moment) is not None}
+    at = {key: int(np.searchsorted(time, moment)) for key, moment in moments.items()}
+    return [key for key in at if any(other != key and abs(at[key] - at[other]) <= NEAR for other in at)]

@@ -1,0 +1,192 @@
+"""All rows: what was found on a part of a long run, fitted and searched on by sums over all of it."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ptt.diagnosis.evidence.ansatz import Ansatz, Run, Trials
+from ptt.diagnosis.evidence.atoms import Atom, atoms_of_blocks
+from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.noise_level import starting_noise
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.summed import sum_up
+from ptt.diagnosis.evidence.summed_system import SummedSystem
+from ptt.diagnosis.search.found import Found, moved, settled
+from ptt.diagnosis.search.improve import improve
+from ptt.diagnosis.search.moments import find_moments, place_moments
+from ptt.effects import Library
+from ptt.effects.screw import OncePerRev
+from ptt.fitting.chunks import numbers
+from ptt.fitting.layout import lay_out
+from ptt.fitting.linear import Shape
+from ptt.fitting.moment import at_rows
+from ptt.fitting.result import FitResult
+from ptt.fitting.stated import fitted_terms
+from ptt.model.model import Model
+from ptt.progress import Tell
+from ptt.run.problem import Problem
+
+TURNS = 3  # of fitting and searching
+LONG_SEARCH = 4  # shapes from which only the best of the sample is taken to all rows
+WORTH = (
+    5e-4  # share of the noise's variance that anything the sample does not show must take: 10,000 rows would show it
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What does not change while all rows are searched.
+
+    Attributes:
+        run: the long run.
+        sample: stretches of it.
+        model: as given.
+        known: effects by name.
+        steps: how many effects may be added.
+        tell: told what is being done.
+        seen: harmonics of a turn that the sample asked for.
+    """
+
+    run: Run
+    sample: Problem
+    model: Model
+    known: Library
+    steps: int
+    tell: Tell
+    seen: tuple[OncePerRev, ...] = ()
+
+
+def find_everywhere(told: Found, task: Task) -> Found:
+    """Find the best explanation of all rows, from that of a sample.
+
+    Every turn fits the model by one step on sums over all rows, then linearises there with candidates beside it and
+    searches; effects that only all rows show come in at what all rows say of them.
+
+    Args:
+        told: what was found on the sample.
+        task: the run.
+
+    Returns:
+        What was found; its system keeps sums.
+    """
+    known_to_sample = {told.system.atoms[key].name for key in told.state.keys}
+    shapes, task = _best_shapes(told), replace(task, seen=told.seen)
+    freedom = starting_noise(task.run.problem)[1]
+    found, gross = told, np.zeros(task.run.problem.table.rows, dtype=bool)
+    for turn in range(TURNS):
+        fitted = found.fitted if settled(found.state, found.system) else _opened(found, task)
+        at = place_moments(task.run, _ansatz(fitted, told, freedom), _carried(found))
+        task.tell(f"fit all rows {turn + 1}")
+        at, gross, carried = _settle(at, task, gross, shapes, sift=turn == 0)
+        candidates, _ = present_candidates(at.fitted, task.sample, task.known, task.seen)
+        trials = _trials(at.fitted, task, shapes | find_moments(task.run, at, candidates, carried))
+        task.tell(f"search all rows {turn + 1}")
+        system, _ = sum_up(task.run, at, trials, task.sample, task.run.problem.used & ~gross)
+        start = _start(found, at, system)
+        scorer = Scorer(system, task.model.keys, task.steps)
+        state = scorer.score(start, at.memory)
+        if turn < TURNS - 1:
+            scorer, state = _search(scorer, state, known_to_sample)
+        found = replace(told, fitted=at.fitted, system=system, scorer=scorer, state=state, gross=gross)
+        if settled(state, system):
+            break
+    sample = task.sample.masked(gross[numbers(task.sample)])
+    return replace(found, fitted=at_rows(found.fitted, sample), sample=sample)
+
+
+def _ansatz(fitted: FitResult, told: Found, freedom: float) -> Ansatz:
+    """What was found, as all chunks are to be linearised at it; blocks that were dropped may come back."""
+    blocks = dict[str, Atom]()
+    for atom in told.system.atoms.values():
+        if atom.block is not None and atom.key in told.state.keys:
+            blocks |= atoms_of_blocks([atom.block], 0, atom.odds)  # in all of its columns
+    return Ansatz(fitted, tuple(blocks.values()), told.periods, told.noise, freedom, told.state.memory)
+
+
+def _settle(
+    at: Ansatz, task: Task, gross: np.ndarray, shapes: dict[str, Shape], *, sift: bool
+) -> tuple[Ansatz, np.ndarray, dict[str, np.ndarray]]:
+    """One step of the fit on all rows, without candidates, and the values of blocks; the first tells gross errors."""
+    trials = _trials(at.fitted, task, shapes) if sift else {}
+    system, far = sum_up(task.run, at, trials, task.sample, task.run.problem.used & ~gross, sift=sift)
+    state = Scorer(system, task.model.keys).score(tuple(system.atoms), at.memory)
+    blocks = {atom.key: state.posterior.values[state.of(atom.key)] for atom in at.blocks}
+    return replace(at, fitted=_refit(at.fitted, system, state)), gross | far, blocks
+
+
+def _carried(found: Found) -> dict[str, np.ndarray]:
+    """Values of the blocks of an explanation."""
+    state, atoms, scale = found.state, found.system.atoms, found.system.scale
+    blocks = [key for key in state.keys if atoms[key].block is not None]
+    return {key: atoms[key].amplitudes(state.posterior.values[state.of(key)], scale) for key in blocks}
+
+
+def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:
+    """The model at a state's values: effects are solved for as a whole, mounts and frames for how they move on."""
+    layout, unknowns = fitted.layout, fitted.unknowns.copy()
+    frame = state.owner < 0
+    unknowns[state.columns[frame]] += state.posterior.values[frame]
+    own = ~frame & (state.columns < len(unknowns))
+    unknowns[state.columns[own]] = state.posterior.values[own]
+    moved_to = replace(fitted, unknowns=np.clip(unknowns, layout.lower, layout.upper), noise=system.noise)
+    return replace(moved_to, model=replace(fitted.model, terms=fitted_terms(moved_to)))
+
+
+def _opened(found: Found, task: Task) -> FitResult:
+    """A start for the model that was found, at its amplitudes; frames stay where they are."""
+    model = moved(found, task.model, task.sample, refine=found.span is None)
+    layout = lay_out(model, task.sample, model.terms)
+    unknowns, frames = layout.start(), len(found.system.frame)
+    if frames:
+        unknowns[-frames:] = found.fitted.unknowns[-frames:]
+    covariance = np.zeros((len(unknowns), len(unknowns)))
+    return replace(
+        found.fitted, model=model, layout=layout, unknowns=unknowns, covariance=covariance, information=covariance,
+        unseen=np.zeros((len(unknowns), 0)),
+    )  # fmt: skip
+
+
+def _best_shapes(told: Found) -> dict[str, Shape]:
+    """The best shape of each effect beside what the sample says."""
+    gains = told.scorer.screen(told.state, lambda atom: atom.shape is not None)
+    atoms = [told.system.atoms[gain.key] for gain in gains]
+    return {atom.name: atom.shape for atom in atoms if atom.shape is not None}
+
+
+def _trials(fitted: FitResult, task: Task, best: dict[str, Shape]) -> Trials:
+    """Candidates beside a model: all shapes where they are few, else the sample's best."""
+    trials = {}
+    for effect in present_candidates(fitted, task.sample, task.known, task.seen)[0]:
+        shapes = tuple(effect.search(task.sample.view))
+        if len(shapes) >= LONG_SEARCH:
+            shapes = (best[effect.key],) if effect.key in best else ()
+        if shapes:
+            trials[effect.key] = (effect, shapes)
+    return trials
+
+
+def _start(found: Found, at: Ansatz, system: SummedSystem) -> tuple[str, ...]:
+    """The model's effects and the blocks that were found."""
+    blocks = [key for key in found.state.keys if found.system.atoms[key].block is not None]
+    return tuple(key for key in (*at.fitted.model.keys, *blocks) if key in system.atoms)
+
+
+def _search(scorer: Scorer, state: State, known: set[str]) -> tuple[Scorer, State]:
+    """Search on, and again without what no sample would show: so many rows see every small fault of the equations."""
+    small: set[str] = set()
+    while True:
+        found = improve(scorer, state, partial(_is_other, frozenset(small)))
+        atoms = scorer.system.atoms
+        new = [key for key in found.keys if atoms[key].name not in known and key not in scorer.given]
+        less = {key: scorer.score(without(found, key), found.memory, found.scales).total for key in new}
+        little = {atoms[key].name for key in new if found.total - less[key] < 0.5 * WORTH * scorer.system.count}
+        if little <= small:  # none is left to leave out
+            return scorer, found
+        small |= little
+        scorer = Scorer(scorer.system, scorer.given, scorer.steps)
+
+
+def _is_other(names: frozenset[str], atom: Atom) -> bool:
+    return atom.name not in names

@@ -1,0 +1,144 @@
+"""First: what is asked of a run before anything has a name, lone rows set aside, and the search from nothing."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import is_effect, is_sudden
+from ptt.diagnosis.evidence.memories import FAR_BEHIND
+from ptt.diagnosis.evidence.noise_level import stated_noise, visit_left, wanders_beyond
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.system import holds_unknown
+from ptt.diagnosis.noise.gross import gross_errors, places_of
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.improve import climb
+from ptt.diagnosis.search.moves import loose, remember_instead
+from ptt.diagnosis.search.rest import EXCESS
+from ptt.diagnosis.search.search import best_of, ends_of, remembering
+from ptt.diagnosis.search.shapes import with_moments
+from ptt.diagnosis.search.turn import best_moments, gross_beside, in_company
+from ptt.effects import Effect
+from ptt.fitting.linear import Linear, few_shapes
+from ptt.run.problem import Problem
+
+NEIGHBOURS = (1, 1, 0, 1, 1)  # rows before and after one
+
+
+def sift(linear: Linear, problem: Problem) -> np.ndarray:
+    """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
+    saturated = few_shapes(linear.trials, linear.simple)
+    return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, places_of(problem))
+
+
+def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) -> np.ndarray:
+    """Lone rows far from all that names can say, first from what lasts, then from what happened at a moment as well.
+
+    A law that bends as it may would reach one of them before anything that many rows say, and hide it; so would two
+    things that happen just before it and just after. Where some are far off next to each other, or where a place has
+    them, it may be physics without a name: then all wait until unknowns were asked.
+
+    Args:
+        scorer: of the system, nothing scored yet.
+        candidates: effects that may be missing.
+        gross: rows left out so far, (n,) bool.
+
+    Returns:
+        These rows as well, (n,) bool.
+    """
+    nothing = scorer.score((), WHITE)
+    lasting = climb(scorer, nothing, lambda atom: is_effect(atom) and not is_sudden(atom))
+    lone = _lone_beside(scorer, lasting, gross, robust=True)
+    if not np.array_equal(lone, gross):
+        return lone
+    named = climb(scorer, nothing, is_effect)
+    scorer, _, dates = dated(scorer, named, candidates)
+    if dates is not None:  # else rows between a moment that is tried and the true one would look like that
+        named = climb(scorer, scorer.score(dates, WHITE), is_effect)
+    return _lone_beside(scorer, named, gross)
+
+
+def _lone_beside(scorer: Scorer, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
+    """Rows left out so far, and those far from a set where all of these are alone, (n,) bool."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    white = scorer.score(state.keys, WHITE)
+    far = gross_beside(system, white, gross, robust=robust) & ~gross
+    company = (np.convolve(far, NEIGHBOURS, "same") > 0) | in_company(system, scorer.score((), WHITE))
+    return gross if (far & company).any() else gross | far
+
+
+def search_first(scorer: Scorer, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
+    """The best set from nothing, what is sudden in it placed to the row before any swap.
+
+    Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
+    stay.
+
+    Args:
+        scorer: of the system.
+        candidates: effects that may be missing.
+
+    Returns:
+        A scorer that knows the moments, its system and the set.
+    """
+    ends = ends_of(scorer)
+    first = max(ends, key=lambda end: (_searches_moments(scorer, end), end.total))
+    scorer, system, lasting = dated(scorer, first, candidates)
+    if lasting is not None:
+        ends += ends_of(scorer, lasting)
+    return scorer, system, best_of(scorer, ends)
+
+
+def beside_names(scorer: Scorer, state: State, problem: Problem) -> State:
+    """What all atoms add to names, or the noise remembers in their place; as soon as they do not suffice, that.
+
+    Args:
+        scorer: of a system that is linearised at the names.
+        state: the names.
+        problem: the readings.
+
+    Returns:
+        The set.
+    """
+    best = climb(scorer, state)
+    if not names_suffice(scorer, best, problem):
+        return best
+    # Names came before memories of the noise: each that is not worth all too much may stand in one's place.
+    weak = [key for key in loose(scorer, best) if best.worth(key) < FAR_BEHIND]
+    others = [climb(scorer, remember_instead(scorer, best, key)) for key in weak]
+    return best_of(scorer, [best, *remembering(scorer, best.total), *(end for end in others if end.total > best.total)])
+
+
+def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:
+    """Whether names alone say all: no unknown, no wander beyond a tracker's, no more left than is stated.
+
+    Args:
+        scorer: of the system.
+        state: the set.
+        problem: the readings.
+    """
+    system = scorer.system
+    if holds_unknown(system, state.keys, state.memory):
+        return False
+    if wanders_beyond(system, state):
+        return False
+    stated = stated_noise(problem, system, state)
+    return stated is None or visit_left(system, state).total <= EXCESS * stated.total
+
+
+def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, list[str] | None]:
+    """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    if not _searches_moments(scorer, state):
+        return scorer, system, None
+    scorer, system = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
+    lasting = [key for key in state.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
+    return scorer, system, lasting
+
+
+def _searches_moments(scorer: Scorer, state: State) -> bool:
+    """Whether a set has something sudden whose moment was searched."""
+    system = scorer.system
+    return any(is_sudden(system.atoms[key]) and system.atoms[key].shape is not None for key in state.keys)

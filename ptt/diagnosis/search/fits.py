@@ -1,0 +1,132 @@
+"""Fits of what was found: the model to the readings less what its unknowns carry."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from ptt.diagnosis.search.found import Found, carried_by
+from ptt.errors import PosesError
+from ptt.fitting.moment import exchanged, place_own_moments
+from ptt.fitting.result import FitResult
+from ptt.fitting.solve import fit
+from ptt.model.chain import predict
+from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+HALVINGS = 10  # after which next to nothing is left of any value
+
+
+def fit_less(
+    model: Model, problem: Problem, carried: np.ndarray, gross: np.ndarray, noise: Noise, hopeless: float = np.inf
+) -> FitResult:
+    """Fit the model to what the blocks leave of the readings.
+
+    Args:
+        model: the model.
+        problem: n rows.
+        carried: what the blocks put into the readings, (n, 3) mm.
+        gross: rows to leave out, (n,) bool.
+        noise: the noise floor.
+        hopeless: chi-squared above which it is not brought to its end.
+
+    Returns:
+        The fit.
+    """
+    less = _less(problem, carried, gross)
+    fitted = _fit(model, less, noise, hopeless)
+    dated = place_own_moments(fitted, less)
+    if dated is not fitted.model:
+        fitted = _fit(dated, less, noise, hopeless)
+    others = [_fit(other, less, noise, hopeless) for other in exchanged(fitted)]
+    return min([fitted, *others], key=lambda each: each.chi2)
+
+
+def fit_dated(model: Model, problem: Problem, found: Found, hopeless: float = np.inf) -> FitResult:
+    """As `fit_less` beside what was found, with what is sudden at the moments that the model has.
+
+    Args:
+        model: the model.
+        problem: n rows.
+        found: what its unknowns carry, which rows are left out and how wide the noise is.
+        hopeless: as there.
+
+    Returns:
+        The fit.
+    """
+    return _fit(model, _less(problem, found.carried, found.gross), found.noise, hopeless)
+
+
+def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
+    """What the readings say of the model that was found with moments of unlike sudden effects exchanged.
+
+    Args:
+        found: the best explanation.
+        problem: the rows that it was found on.
+
+    Returns:
+        A fit for each pair; none of a run of which a sample stands for the whole.
+    """
+    if found.sample is not None:
+        return []
+    less = _less(problem, found.carried, found.gross)
+    return [_fit(other, less, found.noise, np.inf) for other in exchanged(found.fitted)]
+
+
+def without_carried(problem: Problem, found: Found) -> Problem:
+    """The readings less what the unknowns of an explanation put into them, without gross rows.
+
+    Args:
+        problem: the rows that it was found on.
+        found: the explanation.
+    """
+    return _less(problem, carried_by(found.state, found.system, problem), found.gross)
+
+
+def _less(problem: Problem, carried: np.ndarray, gross: np.ndarray) -> Problem:
+    """The readings less what the unknowns put into them, without gross rows."""
+    return replace(problem, measured=problem.measured - carried).masked(gross)
+
+
+def _fit(model: Model, less: Problem, noise: Noise, hopeless: float) -> FitResult:
+    try:
+        return fit(model, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+    except PosesError:
+        return fit(_standing(model, less), less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+
+
+def _standing(model: Model, problem: Problem) -> Model:
+    """The model drawn back towards the drawing until the machine stands where it was commanded to.
+
+    A tangent may ask for values beyond the reach of the links, where no tangent holds. From within it no step of a fit
+    leads out again.
+    """
+    for _ in range(HALVINGS):
+        model = replace(model, terms=tuple(_halved(term, problem) for term in model.terms))
+        if stands(model.terms, problem):
+            break
+    return model
+
+
+def stands(terms: Sequence[Term], problem: Problem) -> bool:
+    """Whether the machine can stand where it was commanded to with these effects.
+
+    Args:
+        terms: the effects; those without values are left aside.
+        problem: the readings; rows that do not count may be anywhere.
+    """
+    reading = predict([(term.effect, term.theta) for term in terms if len(term.theta)], problem.view).reading
+    return bool(torch.isfinite(reading[torch.as_tensor(problem.used)]).all())
+
+
+def _halved(term: Term, problem: Problem) -> Term:
+    """A term with half of the values that are not held, its shape as it is."""
+    if not len(term.theta):
+        return term
+    joints = problem.view.joints
+    free = [
+        p.role == "linear" and p.stem not in term.fixed for p in term.effect.parameters for _ in range(p.size(joints))
+    ]
+    return replace(term, theta=torch.where(torch.tensor(free), 0.5 * term.theta, term.theta))

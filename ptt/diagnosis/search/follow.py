@@ -1,0 +1,156 @@
+"""Follow: linearise, search, move the model to what was found and linearise there again, until it stays."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.detail import follows_travel, with_detail
+from ptt.diagnosis.evidence.noise_level import noise_again
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.asked import Asked, open_turn
+from ptt.diagnosis.search.drawing import by_drawing
+from ptt.diagnosis.search.exact import without_needless
+from ptt.diagnosis.search.first import beside_names, names_suffice, search_first
+from ptt.diagnosis.search.fits import fit_less
+from ptt.diagnosis.search.found import Found, carried_by, is_better, moved, settled
+from ptt.diagnosis.search.harmonics import with_harmonics
+from ptt.diagnosis.search.improve import improve
+from ptt.diagnosis.search.instead import refilled
+from ptt.diagnosis.search.moves import loose
+from ptt.diagnosis.search.periods import period_left
+from ptt.diagnosis.search.plainest import plainest
+from ptt.diagnosis.search.shapes import best_meanings, with_moments, with_other_meanings
+from ptt.diagnosis.search.turn import Turn, best_moments, gross_beside, moments_of, still_missed, unlike
+from ptt.effects import Effect
+from ptt.fitting.opening import untold_rows, without_opening
+from ptt.run.problem import Problem
+
+TURNS = 5  # of linearising and searching
+NARROWER = 0.8  # of the noise that an explanation was found with: where it leaves less, it is asked for again with that
+
+
+def follow(asked: Asked, turn: Turn, *, alone: bool = True) -> tuple[Found, Problem]:
+    """Where turns lead; and the readings without an opening.
+
+    Args:
+        asked: what is to be explained.
+        turn: the first.
+        alone: whether a first turn that is to show that names suffice is the last one where they do not.
+    """
+    while True:
+        problem = without_opening(asked.problem, turn.opening)
+        found, candidates = _searched(asked, turn, problem)
+        if turn.before is not None and is_better(turn.before, found):  # curves that bend further did the work
+            return turn.before, problem
+        named = alone and turn.number == 0 and turn.kept is not None
+        if named and not names_suffice(found.scorer, found.state, problem):
+            return found, problem
+        found, following = _turned(asked, turn, found, problem, candidates)
+        if following is None:
+            return found, problem
+        turn = following
+
+
+def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[Effect]]:
+    """Linearise and search; what may have been added."""
+    asked.tell(f"linearise {turn.number + 1}")
+    gross, noise = turn.gross, turn.noise
+    fitted = fit_less(turn.model, problem, turn.carried, gross, noise)
+    candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
+    if turn.number > 0 and turn.before is None:  # else it is what other rows said that would be compared
+        gross = still_missed(fitted, problem, noise, gross)
+    scorer = open_turn(asked, turn, problem, fitted, candidates, gross)
+    asked.tell(f"search {turn.number + 1}")
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    if turn.kept is None:
+        scorer, system, state = search_first(scorer, candidates)
+    else:
+        state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
+        if follows_travel(state, system, problem):
+            scorer, system = with_detail(scorer, problem)
+        scorer, system = with_other_meanings(scorer, fitted, problem)
+        state = best_meanings(scorer, state)
+        if turn.number == 0:
+            state = beside_names(scorer, state, problem)
+        elif turn.number < TURNS - 1:  # what is said is what it is linearised at
+            state = refilled(scorer, _improved(scorer, state))
+    scorer, state = by_drawing(scorer, state)
+    return Found(
+        fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
+        asked.span, opening=turn.opening, seen=turn.seen,
+    ), candidates  # fmt: skip
+
+
+def _improved(scorer: Scorer, state: State) -> State:
+    """The best set that moves lead to; where the noise remembers more than a tracker's does, also without that."""
+    starts = [state]
+    if scorer.system.clock.is_fault(state.memory.wander):  # it may be the machine that it follows
+        starts.append(scorer.score(state.keys, WHITE, state.scales))
+    return max((improve(scorer, each) for each in starts), key=lambda end: end.total)
+
+
+def _turned(
+    asked: Asked, turn: Turn, found: Found, problem: Problem, candidates: Sequence[Effect]
+) -> tuple[Found, Turn | None]:
+    """What was found, and the turn that it asks for; None where it is linearised at what it says."""
+    if turn.number == TURNS - 1:
+        return found, None
+    scorer, state, waves = with_harmonics(found.scorer, found.state, problem, turn.seen)
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    found = replace(found, scorer=scorer, system=system, state=state, seen=(*turn.seen, *waves))
+    line = period_left(scorer, state, problem, turn.periods, waves)
+    gross = gross_beside(system, state, found.gross)
+    blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
+    stays = settled(state, system) and set(blocks) == set(turn.held)
+    same = line is None and stays
+    noise = noise_again(problem, system, state, settled=turn.number > 0 and stays)
+    wide = noise.total > NARROWER * found.noise.total
+    steady = turn.number > 0 and same and wide and bool((found.gross == gross).all())
+    still = turn.number == 0 and same and not gross.any()
+    if still and noise is found.noise:  # the next would be this one, but for moments
+        again = _with_moments(found, candidates)
+        steady = again.state.keys == state.keys
+        found = again if steady else found
+    seen = (*turn.seen, *waves)
+    following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None, seen=seen)
+    if steady or turn.number == TURNS - 2:
+        current = without_needless(found if steady else _fitted_beside(found, problem), problem)
+        needless = set(found.fitted.model.keys) - set(current.keys)
+        if needless:
+            kept, barred = (*current.keys, *blocks), turn.barred | needless
+            system.forget()
+            return found, replace(following, model=current, kept=kept, barred=barred, before=found)
+    if steady:
+        return found, None
+    moments, periods = best_moments(scorer, state, loose(scorer, state), candidates), turn.periods
+    carried = carried_by(state, system, problem)
+    current = moved(found, asked.model, problem)
+    opening = turn.opening | untold_rows(current.terms, problem, noise)
+    system.forget()
+    return found, replace(
+        following, model=current, noise=noise, carried=carried, held=blocks,
+        kept=(*current.keys, *blocks),
+        moments=unlike([*moments, *moments_of(current)]),
+        periods=periods if line is None else (*periods, (line.joint, line.length)),
+        opening=opening,
+    )  # fmt: skip
+
+
+def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
+    """The same, searched on with moments to the row."""
+    moments = best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
+    scorer, system = with_moments(found.scorer, moments)
+    state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
+    return replace(found, system=system, scorer=scorer, state=state)
+
+
+def _fitted_beside(found: Found, problem: Problem) -> Found:
+    """The same fitted beside the unknowns that it has now: those of the turn before may be gone."""
+    carried = carried_by(found.state, found.system, problem)
+    fitted = fit_less(found.fitted.model, problem, carried, found.gross, found.noise)
+    return replace(found, fitted=fitted, carried=carried)

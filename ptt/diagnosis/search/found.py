@@ -1,0 +1,216 @@
+"""Found: an explanation of a run, and the model moved to what it says."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.candidates import first_of, present_candidates
+from ptt.diagnosis.evidence.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.system import System
+from ptt.diagnosis.search.moves import LEAST
+from ptt.diagnosis.search.shapes import shape_key, with_shapes
+from ptt.diagnosis.unknown.span import Span
+from ptt.effects import Library
+from ptt.effects.layout import flatten
+from ptt.effects.screw import OncePerRev
+from ptt.fitting.linear import Shape
+from ptt.fitting.result import FitResult
+from ptt.model.model import Model, Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+UNUSUAL = 5.0  # nats by which what a trial may stand for has to beat the usual, as where an effect is added by name
+OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best explanation of a run.
+
+    Attributes:
+        fitted: the model with the named effects, at which the system was linearised; residuals hold the blocks' share.
+        system: linearised there.
+        scorer: with all that was scored there.
+        state: the best set.
+        noise: the noise floor as it ended.
+        carried: what the blocks put into the readings, (n, 3) mm.
+        gross: rows left out as gross errors, (n,) bool.
+        untestable: effect -> what the data lack.
+        periods: joint and length of those that were seen in what was left.
+        seen: harmonics of a turn that were.
+        span: of the run that the rows are a part of; None where they are all of it.
+        sample: stretches of the run that stand for it where a system keeps only sums.
+        opening: rows left out because they tell from where the joints came to the run, (n,) bool; None for none.
+    """
+
+    fitted: FitResult
+    system: System
+    scorer: Scorer
+    state: State
+    noise: Noise
+    carried: np.ndarray
+    gross: np.ndarray
+    untestable: dict[str, str]
+    periods: Sequence[tuple[int, float]] = ()
+    span: Span | None = None
+    sample: Problem | None = None
+    opening: np.ndarray | None = None
+    seen: tuple[OncePerRev, ...] = ()
+
+
+def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
+    """What each block of a state puts into the readings, (n, 3) mm."""
+    blocks = {key: system.atoms[key] for key in state.keys if system.atoms[key].block is not None}
+    return {
+        key: atom.block.features @ atom.amplitudes(state.posterior.values[state.of(key)], system.scale)
+        for key, atom in blocks.items()
+        if atom.block is not None
+    }
+
+
+def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
+    """What the blocks of a state put into the readings, (n, 3) mm."""
+    return sum(parts_of(state, system).values(), np.zeros((problem.table.rows, 3)))
+
+
+def scorer_at(
+    found: Found, fitted: FitResult, model: Model, problem: Problem, known: Library, freedom: float, steps: int
+) -> tuple[Scorer, dict[str, str]]:
+    """The rows of an explanation linearised at another fit, nothing scored yet.
+
+    Args:
+        found: the explanation.
+        fitted: the fit.
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        freedom: degrees of freedom behind the noise floor.
+        steps: how many effects may be added.
+
+    Returns:
+        A scorer, and effect -> what the data lack for it.
+    """
+    candidates, untestable = present_candidates(fitted, problem, known, found.seen)
+    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
+    system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
+    scorer = Scorer(system, model.keys, steps, found.scorer.barred, fields=found.scorer.fields)
+    return scorer, untestable
+
+
+def settled(state: State, system: System) -> bool:
+    """Whether the search named just what the system was linearised at.
+
+    Args:
+        state: the best set.
+        system: the linearised problem.
+
+    Returns:
+        Whether it did.
+    """
+    named = {key for key in state.keys if system.atoms[key].effect is not None}
+    return named == {key for key, atom in system.atoms.items() if atom.effect is not None and atom.shape is None}
+
+
+def is_better(one: Found, other: Found) -> bool:
+    """Whether one explanation of the same rows says clearly more than another.
+
+    Args:
+        one: an explanation.
+        other: another; a search on other rows or with another noise is not comparable.
+
+    Returns:
+        Whether the one does.
+    """
+    same = np.array_equal(one.system.rows, other.system.rows) and one.noise is other.noise
+    return same and one.state.total > other.state.total + LEAST
+
+
+def says_more(one: Found, other: Found, least: float = LEAST) -> bool:
+    """The same as `is_better`, also with another noise and other rows: by the density of the readings in 1/mm.
+
+    A gross error may lie anywhere within a mm or so, so a row that is left out has a density of one.
+    """
+    return _density(one) > _density(other) + least
+
+
+def _density(found: Found) -> float:
+    return found.state.total + found.noise.log_density(len(found.system.rows))
+
+
+def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) -> Model:
+    """The model as given with the named effects at the state's values.
+
+    Args:
+        found: the best explanation.
+        model: as given.
+        problem: the rows that it was found on.
+        refine: look for finer shapes of new effects.
+
+    Returns:
+        The model.
+    """
+    current = model
+    for key in found.state.keys:
+        atom = found.system.atoms[key]
+        if atom.effect is None or atom.name in current.keys:
+            continue
+        base = first_of(atom.name, {found.system.atoms[key].name for key in found.state.keys})
+        if base in current.keys:
+            continue
+        if atom.shape is None:
+            term = next(term for term in found.fitted.model.terms if term.effect.key == atom.name)
+        else:
+            shape = _finest(found, atom, problem) if refine else atom.shape
+            term = Term(atom.effect, _opened(found, atom, shape, problem))
+        if base != atom.name:
+            term = replace(term, effect=replace(term.effect, label=base.partition("[")[2].removesuffix("]")))
+        current = current + term
+    return current
+
+
+def _opened(found: Found, atom: Atom, shape: Shape, problem: Problem) -> Tensor:
+    """Parameters of a new effect at the state's amplitudes and in a shape."""
+    assert atom.effect is not None
+    joints, kind = problem.view.joints, problem.file.machine.kind
+    theta = flatten(atom.effect, shape, joints)
+    amounts = _amounts(found, atom)
+    theta[: len(amounts)] = amounts
+    place = 0
+    for parameter in (declared.on(kind) for declared in atom.effect.parameters):
+        size = parameter.size(joints)
+        shut = parameter.lower == 0.0 and parameter.role == "linear"
+        theta[place : place + size] = theta[place : place + size].clamp(
+            OPENING * parameter.usual if shut else parameter.lower, parameter.upper
+        )
+        place += size
+    return theta
+
+
+def _amounts(found: Found, atom: Atom) -> Tensor:
+    """What a state says of the linear values of an effect, (w,)."""
+    return torch.as_tensor(atom.amplitudes(found.state.posterior.values[found.state.of(atom.key)], found.system.scale))
+
+
+def _finest(found: Found, atom: Atom, problem: Problem) -> Shape:
+    """The shape near the chosen one that scores best in its place; of what it may stand for, what the rows say."""
+    assert atom.effect is not None and atom.shape is not None
+    finer = atom.effect.refine(problem.view, atom.shape)
+    meant = () if len(finer) > 1 else atom.effect.meant_by(problem.view, atom.shape, _amounts(found, atom))
+    shapes = meant or finer
+    if len(shapes) < 2:
+        return atom.shape
+    assert isinstance(found.system, RowSystem)
+    state = found.state
+    scorer, _ = with_shapes(Scorer(found.system.only(state.keys), found.scorer.given), {atom.name: shapes})
+    rest = scorer.score(without(state, atom.key), state.memory, state.scales)
+    nats = {gain.key: gain.nats for gain in scorer.all_gains(rest, lambda other: other.name == atom.name)}
+    gains = np.array([nats.get(shape_key(atom.name, shape), -np.inf) for shape in shapes])
+    if meant:
+        gains[1:] -= UNUSUAL
+    return shapes[int(np.argmax(gains))] if nats else atom.shape

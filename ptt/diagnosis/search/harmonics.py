@@ -1,0 +1,153 @@
+"""Harmonics of a turn: lines at whole parts of a screw's lead, or a gear's period, in what an explanation leaves."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.effect_atoms import effect_atom, odds_of_effect
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.improve import HOPEFUL, SLOW_BELOW, climb, improve
+from ptt.diagnosis.search.instead import FEW
+from ptt.diagnosis.search.moves import loose
+from ptt.diagnosis.search.periods import FEWEST
+from ptt.diagnosis.search.plainest import PLAIN, plainest
+from ptt.diagnosis.search.shapes import shape_key
+from ptt.diagnosis.search.spectrum import WIDE, Along, left_along
+from ptt.effects.screw import OncePerRev
+from ptt.fitting.linear import tried_sizes
+from ptt.run.problem import Problem
+
+MOST = 50  # waves a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
+PART, FEW_WAVES = 0.5, 4  # of a turn that an arm's joint has to go through, and waves a turn that tell apart on that
+OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
+NEARLY = 0.01  # where lines run into each other: what one leaves that lies 0.06 of a wave over the range aside
+ASIDE = np.linspace(-WIDE, WIDE, 41)  # turns over the range in which its peak may lie
+
+
+def with_harmonics(
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[OncePerRev] = ()
+) -> tuple[Scorer, State, tuple[OncePerRev, ...]]:
+    """An explanation that may say harmonics of a turn: beside all that it says, or in its unknowns' and curves' place.
+
+    Args:
+        scorer: of the system.
+        state: the best set so far.
+        problem: n rows.
+        offered: harmonics that the state could have taken.
+
+    Returns:
+        A scorer that knows what was scored before, what is said now, and the harmonics among that.
+    """
+    plain = plainly(scorer, state)
+    for start in (state, plain) if plain is not state else (state,):
+        waves = find_harmonics(scorer, start, problem, offered)
+        if not waves:
+            continue
+        wider = _with_waves(scorer, waves, problem)
+        atoms = [atom for key, atom in wider.system.atoms.items() if key not in scorer.system.atoms]
+        every = wider.score((*start.keys, *(atom.key for atom in atoms)), start.memory, start.scales)
+        if every.total + sum(atom.odds for atom in atoms) < state.total - HOPEFUL:  # as if those of no use cost nothing
+            continue
+        other = climb(wider, start)
+        if other.total > state.total - SLOW_BELOW:
+            other = improve(wider, other)
+        best = plainest(wider, max(state, other, key=lambda each: each.total))
+        said = {wider.system.atoms[key].name for key in best.keys}
+        waves = tuple(wave for wave in waves if wave.key in said)
+        if waves:
+            return wider, best, waves
+    return scorer, state, ()
+
+
+def _with_waves(scorer: Scorer, waves: Sequence[OncePerRev], problem: Problem) -> Scorer:
+    """The same problem with further waves."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    names = {atom.effect.name for atom in system.atoms.values() if atom.effect is not None}
+    atoms, columns, scale = dict[str, Atom](), list[np.ndarray](), system.scale
+    for wave in waves:
+        (shape,), sizes, key = wave.search(problem.view), tried_sizes(wave, problem), shape_key(wave.key, {})
+        place, odds = len(scale) + np.arange(len(sizes)), odds_of_effect(wave, len(names), 1)
+        atoms[key] = effect_atom(key, place, wave, problem, odds, shape)
+        columns.append(system.at.columns(wave, shape)[system.rows])
+        scale = np.append(scale, sizes)
+    return scorer.widened(system.widened(atoms, np.concatenate(columns, axis=2), scale[len(system.scale) :]))
+
+
+def find_harmonics(
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[OncePerRev] = ()
+) -> tuple[OncePerRev, ...]:
+    """Harmonics of a turn that are worth their price in what an explanation leaves; a search is to judge them.
+
+    Args:
+        scorer: of the system.
+        state: the best set so far.
+        problem: n rows.
+        offered: those that the state could have taken.
+
+    Returns:
+        Those that it could not, the strongest first.
+    """
+    lead = problem.view.lead
+    if lead is None or len(scorer.system.rows) < FEWEST:
+        return ()
+    every = left_along(scorer, state, problem, detail=False)
+    # On a shorter travel one line covers two harmonics, and any period is nearly one of them.
+    joints, off = [each for each in every if each.span > 2.0 * WIDE * lead], np.full(MOST - 1, OFF)
+    if not joints and problem.file.machine.kind == "serial":  # whose joints err alike at every turn, or part of one
+        joints, off[FEW_WAVES - 1 :] = [each for each in every if each.span > PART * lead], NEARLY
+    if not joints:
+        return ()
+    taken = np.array([_taken(along, lead) for along in joints])
+    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST + 1)]
+    names = {atom.effect.name for atom in scorer.system.atoms.values() if atom.effect is not None}
+    odds = [odds_of_effect(effect, len(names), 1) for effect in effects]
+    nats = _nats(taken / state.posterior.phi) - odds
+    there = {scorer.system.atoms[key].name for key in state.keys} | scorer.barred | {effect.key for effect in offered}
+    strong = [index for index in np.argsort(-nats) if nats[index] > 0.0 and effects[index].key not in there]
+    if not strong:
+        return ()
+    # Where it lies is told by the joint that shows most of it: others see it from aside.
+    peak = np.max([[_taken(along, lead, turns) for along in joints] for turns in ASIDE], axis=0)
+    shown = taken.argmax(axis=0), np.arange(MOST - 1)
+    placed = peak[shown] - taken[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN * state.posterior.phi)
+    apart = np.where(off == OFF, 0.0, 2.0 * WIDE * lead / max(along.span for along in joints))
+    told = [index for index, effect in enumerate(effects) if effect.key in there]
+    return tuple(
+        effects[index]
+        for place, index in enumerate(strong)
+        # What a line that lies a little aside leaves are two more, one to either side.
+        if placed[index] and (np.abs(np.array([*told, *strong[:place]]) - index) > apart[index]).all()
+        and effects[index].needs(problem.view) is None
+    )  # fmt: skip
+
+
+def plainly(scorer: Scorer, state: State) -> State:
+    """An explanation without its unknowns and curves: beside a few waves these bend to all of them, and leave none.
+
+    Args:
+        scorer: of the system.
+        state: the explanation.
+
+    Returns:
+        What else it says, as itself where it has none.
+    """
+    bends = [key for key in loose(scorer, state) if len(scorer.system.atoms[key].columns) > FEW]
+    return scorer.score(without(state, *bends), WHITE, state.scales) if bends else state
+
+
+def _taken(along: Along, lead: float, off: float = 0.0) -> np.ndarray:
+    """Sums of squares that all harmonics take, or waves that are off them by so many turns over the range, (f,)."""
+    turns = along.span / lead
+    return along.over(2.0 * turns + off, turns, MOST - 1)
+
+
+def _nats(gain: np.ndarray) -> np.ndarray:
+    """Evidence of waves of one learned variance at the joints that show them, of sums of squares (joints, f); (f,)."""
+    some = np.arange(1, len(gain) + 1)[:, None]
+    mean = np.maximum(np.sort(gain, axis=0)[::-1].cumsum(axis=0) / (2.0 * some), 1.0)
+    return np.asarray((some * (mean - 1.0 - np.log(mean))).max(axis=0))

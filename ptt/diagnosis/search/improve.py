@@ -1,0 +1,69 @@
+"""Improve: move from a set of atoms to better ones until none is found."""
+
+from collections.abc import Sequence
+
+from ptt.diagnosis.evidence.atoms import is_any
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.screen import Allowed
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.search.moves import LEAST, plain_moves, slow_moves
+
+ROUNDS = 16
+SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less, and gone past if they lose less
+PAST = 2  # swaps that lose a little from which plain moves are tried
+SCREENS = 150  # sets screened from which swaps are looked for no more: a machine with a few faults asks for far fewer
+HOPEFUL = 40.0  # nats by which the first step of a search may lie behind the set that it is to replace
+
+
+def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
+    """Add, drop, and let the noise remember, until nothing is gained; swaps are looked for from such ends.
+
+    Args:
+        scorer: of the system.
+        state: to start from.
+        allowed: atoms that may be added.
+
+    Returns:
+        The end of the way.
+    """
+    for _ in range(ROUNDS):
+        state = improve(scorer, state, allowed, swaps=False)
+        memory, gained = scorer.best_memory(state)
+        if memory == state.memory or gained <= 0.0:
+            return state
+        other = scorer.score(state.keys, memory, state.scales)
+        if not other.total > state.total + LEAST:
+            return state
+        state = other
+    return state
+
+
+def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: bool = True) -> State:
+    """Move to better states until none is found.
+
+    Args:
+        scorer: of the system.
+        state: to start from.
+        allowed: atoms that may be added.
+        swaps: look for swaps and memories of the noise where adding and dropping bring little.
+
+    Returns:
+        A local maximum; the best so far where more sets were screened than any search needs.
+    """
+    for _ in range(ROUNDS):
+        best = max(plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
+        if swaps and best.total < state.total + SLOW_BELOW and scorer.looked_at < SCREENS:
+            slow = slow_moves(scorer, state, allowed)
+            best = max([best, *slow], key=lambda other: other.total)
+            if not best.total > state.total + LEAST:
+                best = max([best, *_beyond(scorer, state, slow, allowed)], key=lambda other: other.total)
+        if not best.total > state.total + LEAST:
+            return state
+        state = best
+    return state
+
+
+def _beyond(scorer: Scorer, state: State, moves: Sequence[State], allowed: Allowed) -> list[State]:
+    """Where plain moves lead from swaps that lose a little: what went may have kept out more than what came."""
+    near = sorted((other for other in moves if other.total > state.total - SLOW_BELOW), key=lambda other: -other.total)
+    return [improve(scorer, other, allowed, swaps=False) for other in near[:PAST]]

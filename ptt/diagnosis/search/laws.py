@@ -1,0 +1,259 @@
+"""Laws of one variable: one place that follows one thing that varies, the sharpest form that an unknown can have.
+
+A field over the workspace, a curve of many values, a slip or a knock can each do the work of what is not in the
+library, and names found beside such a stand-in are as wrong as it is. A law says more with less: where it holds, the
+readings prefer it. A rail of two pieces, a dent, a loose clamp are passed again and again; told as slips and knocks
+they would be sent to a machine as if the last of them had come to stay.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from ptt.dependence.contexts import COORDINATES, path_views
+from ptt.diagnosis.evidence.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.screen import Allowed
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.system import whitened
+from ptt.diagnosis.evidence.witness import drifts
+from ptt.diagnosis.search.improve import HOPEFUL, improve
+from ptt.diagnosis.search.instead import FEW
+from ptt.diagnosis.search.moves import LEAST, loose
+from ptt.diagnosis.search.plainest import plainest
+from ptt.diagnosis.unknown.blocks import STILL, Block, Place, places_of_chain, stand_of
+from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
+from ptt.diagnosis.unknown.smooth import cosines, ends_of, reined, scaled
+from ptt.effects.geometry import ACROSS
+from ptt.model.chain import Chain
+from ptt.run.problem import Problem
+
+OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear and joints of rails are short, over all
+# else that varies, and over what only fades or grows the way a joint came
+NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
+MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
+SPELL = " jumps on time#"  # in the name of a law of what came at one moment and went at another
+SHORTEST = 1e-3  # of the longest move: shorter ones count as that
+
+
+def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
+    """Hold all that may stand for something else against laws of one variable.
+
+    Args:
+        scorer: of a linearised problem.
+        state: the best set.
+
+    Returns:
+        A scorer that knows the laws where any were tried, and the better set, as given where there is none.
+    """
+    system, atoms = scorer.system, scorer.system.atoms
+    free = loose(scorer, state)
+    blocks = tuple(key for key in free if is_block(atoms[key]))
+    sudden = tuple(key for key in free if is_sudden(atoms[key]))
+    curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
+    drifting = tuple(key for key in free if (effect := atoms[key].effect) is not None and drifts(effect))
+    if not (blocks or sudden or drifting or system.errs_by_pose(state.memory)) or not isinstance(system, RowSystem):
+        return scorer, state
+    wider, best = (
+        _with_laws(scorer, state, [without(state, *blocks), without(state, *blocks, *sudden, *drifting)]),
+        state,
+    )
+    for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifting, *curves))]):
+        if set(gone) <= set(best.keys):
+            best = _instead(wider, best, gone)
+    for gone in (*combinations(sudden, 2), *combinations(sudden, 3)):
+        if set(gone) <= set(best.keys):
+            best = _instead(wider, best, gone, is_spell)
+    happened = tuple(key for key in loose(wider, best) if _is_timed(wider.system.atoms[key]))
+    return wider, _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > AGAIN else best
+
+
+def _moments(scorer: Scorer, state: State) -> list[float]:
+    """By the clock, when something seems to have happened, in order."""
+    moments = (scorer.system.atoms[key].moment for key in loose(scorer, state))
+    return sorted({moment for moment in moments if moment is not None})
+
+
+def _is_timed(atom: Atom) -> bool:
+    return is_sudden(atom) or is_spell(atom)
+
+
+def is_law(atom: Atom) -> bool:
+    """Whether an atom is a law of one variable."""
+    return atom.key.startswith("law ")
+
+
+def is_spell(atom: Atom) -> bool:
+    """Whether an atom is a law of what came at one moment and went at another."""
+    return is_law(atom) and SPELL in atom.key
+
+
+def is_broad(atom: Atom) -> bool:
+    """Whether an atom is an unknown that is no law of one variable."""
+    return is_block(atom) and not is_law(atom)
+
+
+def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed = is_law) -> State:
+    """The best set with laws in the place of some of its atoms; the set as it is where none does better."""
+    sudden = any(is_sudden(scorer.system.atoms[key]) for key in gone)
+    fewer = scorer.score(without(state, *gone), state.memory, state.scales)
+    laws = improve(scorer, fewer, allowed, swaps=False)
+    if laws.total < state.total - HOPEFUL:
+        return state
+    best = improve(scorer, laws, _lasts if sudden else is_any, swaps=False)
+    return plainest(scorer, best) if best.total > state.total + LEAST else state
+
+
+def _lasts(atom: Atom) -> bool:
+    return not is_sudden(atom)
+
+
+def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> Scorer:
+    """The same problem with the laws of each place that say most beside some sets; all of them would fill gigabytes."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state)))
+    known = sum(is_block(atom) for atom in system.atoms.values())
+    odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
+    few = Scorer(system.only(state.keys), scorer.given)
+    beside = [few.score(keys, state.memory, state.scales) for keys in dict.fromkeys(map(tuple, sets))]
+    few.system.sums(state.memory)  # which the laws of every place are set beside
+    kept = list[Block]()
+    for blocks in places:
+        wider = _widened(few, blocks, odds)
+        names = {_name(gain.key) for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST]}
+        kept += [block for block in blocks if _name(block.name) in names or SPELL in block.name]
+    system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
+    return _widened(scorer, kept, odds)
+
+
+def _widened(scorer: Scorer, blocks: Sequence[Block], odds: float) -> Scorer:
+    """The same problem with some laws beside what it has."""
+    return with_atoms(scorer, [_priced(atom, odds) for atom in atoms_of_blocks(blocks, 0, odds).values()])
+
+
+def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
+    """A problem with the laws of another, at their price.
+
+    Args:
+        scorer: of the problem.
+        laws: atoms of the other.
+
+    Returns:
+        A scorer that knows them as well.
+    """
+    system, blocks = scorer.system, [law.block for law in laws if law.block is not None]
+    if not blocks:
+        return scorer
+    assert isinstance(system, RowSystem)
+    first, own = system.columns.shape[2], dict[str, Atom]()
+    for law in laws:
+        own[law.key] = replace(law, columns=np.arange(first, first + len(law.columns)))
+        first += len(law.columns)
+    columns = whitened(blocks, system.noise, system.rows)
+    return scorer.widened(system.widened(own, columns, np.ones(columns.shape[2])))
+
+
+def _name(key: str) -> str:
+    """Of jumps at all heights one."""
+    return key.partition("#")[0]
+
+
+def _priced(atom: Atom, odds: float) -> Atom:
+    """A jump costs what choosing among its heights costs, and as often as it has heights or moments."""
+    jumps = len(atom.key.partition("#")[2].split())
+    return replace(atom, name=_name(atom.key), odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
+
+
+def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> Iterator[list[Block]]:
+    """Every law: each place times each variable.
+
+    Args:
+        problem: n rows.
+        chain: of the present model.
+        moments: by the clock, at which something seems to have happened, in order.
+
+    Yields:
+        The laws of one place.
+    """
+    letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
+    passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
+    finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
+    for place in _places(problem, chain):
+        name = place.residual
+        if place.joint is None:
+            laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in varied.items()]
+            yield [*laws, *_jumps(place, spells)]
+            continue
+        own, heights = f"{letter}{place.joint + 1}", q[:, place.joint]
+        here = varied | {on: finer[own] for on in varied if on == own}
+        laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in here.items()]
+        for ons, shapes in _arrivals(problem, place.joint):
+            laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
+        jumps = [(own, repr(float(height)), heights > height) for height in heights_of(heights[problem.used])]
+        yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
+    yield _jumps(stand_of(problem), spells)
+
+
+def _jumps(place: Place, jumps: Sequence[tuple[str, str, np.ndarray]]) -> list[Block]:
+    """Laws that are nothing here and one size there."""
+    return [
+        Block(f"law {place.residual} jumps on {on}#{where}", place, (on,), there.reshape(len(there), -1).astype(float))
+        for on, where, there in jumps
+    ]
+
+
+def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
+    """Where a law may act: axes of the tool, joints, rails to either side, links; one way each."""
+    tool, *joints = places_of_chain(problem, chain)
+    for axis, unit in zip(COORDINATES, np.eye(3), strict=True):
+        yield Place(axis, tool.slopes @ unit[:, None])
+    for place in joints:
+        ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
+        called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
+        for name, way in zip(called, ways, strict=True):
+            yield Place(name, way, place.joint, place.lever)
+    if problem.file.machine.kind == "three-ptt":
+        by_slot = chain.by_slot.numpy()
+        for leg in range(problem.view.joints):
+            way = by_slot[:, :, 4 * leg + 3 : 4 * leg + 4]
+            lever = float(np.sqrt(np.square(way).sum(axis=1).mean()))
+            if lever > STILL:
+                yield Place(f"link {leg + 1}", way / lever, leg, lever)
+
+
+def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
+    """Everything that varies, and what a curve of it may be: rough, so that it may jump."""
+    for name, values in path_views(problem).items():
+        if name.startswith("direction"):
+            yield name, values[:, None]
+        elif not name.startswith(NEVER):
+            known = np.nan_to_num(values, nan=float(np.nanmean(values)))
+            if np.ptp(reined(known)) > 0.0:  # else one or two rows alone differ
+                yield name, _curve(known, FINE)
+
+
+def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], np.ndarray]]:
+    """The way that a joint came, in a measure that varies with its place or with how far it came."""
+    if not problem.two_sided[joint]:
+        return
+    view, letter = problem.view, problem.file.machine.letter
+    q, side = view.q.numpy()[:, joint], view.direction.numpy()[:, joint : joint + 1]
+    step = np.abs(np.diff(q, prepend=q[:1]))
+    step[view.starts.numpy()] = 0.0
+    name, longest = f"direction{joint + 1}", step.max()
+    yield (name, f"{letter}{joint + 1}"), side * _curve(q, COARSE)
+    if longest > 0.0:  # a table may tell the way of a joint that it has at one height alone
+        step[view.starts.numpy()] = longest  # from where it came then, nobody knows
+        far = np.log(np.maximum(step, SHORTEST * longest))  # friction forgets where it began by shares
+        yield (name, "step"), side * _curve(far, COARSE)
+
+
+def _curve(values: np.ndarray, count: int) -> np.ndarray:
+    """Level, slope and cosines of a variable, (n, count + 2)."""
+    values = reined(values)
+    place = scaled(values, ends_of(values))
+    return np.column_stack([np.ones(len(place)), place, cosines(place, count)])

@@ -1,0 +1,98 @@
+"""Moments of what happens at once, to the row: a sample knows them only to a gap between its stretches."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.diagnosis.evidence.ansatz import Ansatz, Run, columns_of
+from ptt.diagnosis.unknown.blocks import unknown_blocks
+from ptt.diagnosis.unknown.moment import Along, along, best_row, joined
+from ptt.effects import Effect
+from ptt.effects.sudden import Sudden, run_clock
+from ptt.fitting.chunks import map_chunks, numbers
+from ptt.fitting.linear import Linear, Place, Shape
+from ptt.fitting.moment import at_rows, last_before, put_after, rows_read
+from ptt.run.problem import Problem
+
+Carried = Mapping[str, np.ndarray]  # name of a block -> its values
+
+
+def place_moments(run: Run, at: Ansatz, carried: Carried) -> Ansatz:
+    """Put the moments of a model's own sudden effects where all rows have them.
+
+    Args:
+        run: the long run.
+        at: the model; its blocks.
+        carried: values of the blocks.
+
+    Returns:
+        The same with the moments moved.
+    """
+    for index, term in enumerate(at.fitted.layout.terms):
+        if isinstance(term.effect, Sudden):
+            at = replace(at, fitted=put_after(at.fitted, index, _moment(run, at, index, carried)))
+    return at
+
+
+def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carried) -> dict[str, Shape]:
+    """Where a sudden effect would take most of what a model leaves, every row of the run being tried.
+
+    Args:
+        run: the long run.
+        at: the model, fitted to all rows; its blocks.
+        effects: candidates; those that are not sudden are passed over.
+        carried: values of the blocks.
+
+    Returns:
+        The best shape of each by its key.
+    """
+    sudden = [effect for effect in effects if isinstance(effect, Sudden)]
+    if not sudden:
+        return {}
+
+    def work(chunk: Problem) -> list[Along]:
+        linear, _ = columns_of(chunk, run, at, {}, ())
+        left = linear.residual - _of_blocks(chunk, linear, run, at, carried) @ at.noise.whitener.T
+        rows = linear.rows & run.problem.used[numbers(chunk)]
+        frame = linear.columns[:, :, linear.frame]
+        return [along(_place(linear), frame, left, rows, effect) for effect in sudden]
+
+    parts = list(zip(*map_chunks(work, run.chunks), strict=True))
+    found: dict[str, Shape] = {}
+    for effect, own in zip(sudden, parts, strict=True):
+        clock, row = run_clock(run.problem.view), best_row(joined(own))
+        found[effect.key] = {"after": clock[row : row + 1].clone()}
+    return found
+
+
+def _place(linear: Linear) -> Place:
+    assert linear.at is not None
+    return linear.at
+
+
+def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
+    """The moment up to which the readings are better without a jump, and from which on with it."""
+    effect = at.fitted.layout.terms[index].effect
+    assert isinstance(effect, Sudden)
+    never, always = put_after(at.fitted, index, np.inf), put_after(at.fitted, index, -np.inf)
+
+    def work(chunk: Problem) -> np.ndarray:
+        linear = columns_of(chunk, run, at, {}, ())[0] if carried else None
+        blocks = 0.0 if linear is None else _of_blocks(chunk, linear, run, at, carried)
+        both = [np.nan_to_num(at_rows(fitted, chunk).residual - blocks) for fitted in (never, always)]
+        squares = [np.square(left @ at.noise.whitener.T).sum(axis=1) for left in both]
+        return np.where(run.problem.used[numbers(chunk)], squares[0] - squares[1], 0.0)
+
+    read, gained = rows_read(run.problem), np.concatenate(list(map_chunks(work, run.chunks)))
+    return last_before(run_clock(run.problem.view).numpy()[read], gained[read])
+
+
+def _of_blocks(chunk: Problem, linear: Linear, run: Run, at: Ansatz, carried: Carried) -> np.ndarray:
+    """What blocks put into a chunk's readings, (m, 3) mm."""
+    total = np.zeros((chunk.table.rows, 3))
+    if carried:
+        assert linear.at is not None
+        for block in unknown_blocks(chunk, linear.at.chain, at.periods, run.span, tuple(carried)):
+            total += block.features @ carried[block.name]
+    return total

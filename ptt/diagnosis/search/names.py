@@ -1,0 +1,120 @@
+"""Names alone: what effects explain without any unknown, the model moved to them until they stay."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import is_effect
+from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.screen import Allowed
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.asked import Asked, open_turn
+from ptt.diagnosis.search.first import dated, sift, sift_again
+from ptt.diagnosis.search.fits import fit_less
+from ptt.diagnosis.search.found import Found, moved
+from ptt.diagnosis.search.harmonics import with_harmonics
+from ptt.diagnosis.search.improve import climb
+from ptt.diagnosis.search.instead import is_plain
+from ptt.diagnosis.search.lost import lost_by_one
+from ptt.diagnosis.search.turn import Turn, moments_of, unlike
+from ptt.effects import Effect
+from ptt.fitting.linear import linear_columns
+from ptt.fitting.opening import untold_rows, without_opening
+from ptt.fitting.result import FitResult
+from ptt.run.problem import Problem
+
+ROUNDS = 3  # of linearising with names alone: what these do not say, turns beside unknowns may
+
+
+@dataclass(frozen=True)
+class _Round:
+    """A turn with all effects beside its fit, nothing scored yet."""
+
+    turn: Turn
+    fitted: FitResult
+    candidates: list[Effect]
+    untestable: dict[str, str]
+    scorer: Scorer
+
+
+def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
+    """Move the model to what names explain without any unknown, as far as they stay.
+
+    Where the drawing is far off, unknowns take at its tangent what names do once the model has come nearer, and stay.
+    Here names come nearer first; what unknowns then add is theirs.
+
+    Args:
+        asked: what is to be explained.
+        first: the first turn.
+
+    Returns:
+        The first turn less rows that are gross errors, for a search from nothing; and the one that asks for unknowns
+        beside names.
+    """
+    turn = replace(first, kept=())
+    for number in range(ROUNDS):
+        problem = without_opening(asked.problem, turn.opening)
+        opened = _opened(asked, turn, problem) if number else _sifted(asked, turn, problem)
+        found, curves = _named(asked, opened, problem, plain_first=number == 0)
+        current, moments = moved(found, asked.model, problem), opened.turn.moments
+        if set(current.keys) != set(turn.kept or ()):
+            current = lost_by_one(current, asked.model, found, problem)
+        stays = curves and set(current.keys) == set(turn.kept or ())
+        turn = replace(
+            opened.turn, model=current, kept=current.keys, memory=found.state.memory, seen=found.seen,
+            moments=unlike([*moments, *moments_of(current)]),
+            opening=turn.opening | untold_rows(current.terms, problem, turn.noise),
+        )  # fmt: skip
+        if stays:
+            break
+    return replace(first, gross=turn.gross), turn
+
+
+def _opened(asked: Asked, turn: Turn, problem: Problem) -> _Round:
+    """All effects beside the fit of a turn."""
+    fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
+    candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
+    scorer = open_turn(asked, turn, problem, fitted, candidates, turn.gross, unknown=False)
+    return _Round(turn, fitted, candidates, untestable, scorer)
+
+
+def _sifted(asked: Asked, turn: Turn, problem: Problem) -> _Round:
+    """The same of a first turn, without lone rows that no name can reach."""
+    fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
+    candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
+    linear = linear_columns(fitted, problem, candidates, turn.noise)
+    gross = sift(linear, problem)
+    scorer = open_turn(asked, turn, problem, fitted, candidates, gross, linear, unknown=False)
+    more = sift_again(scorer, candidates, gross)
+    if not np.array_equal(more, gross):
+        scorer = open_turn(asked, turn, problem, fitted, candidates, more, linear, unknown=False)
+    return _Round(replace(turn, gross=more), fitted, candidates, untestable, scorer)
+
+
+def _named(asked: Asked, opened: _Round, problem: Problem, *, plain_first: bool) -> tuple[Found, bool]:
+    """What names say beside a fit, and whether curves were asked as well.
+
+    Curves wait until the model stands at what plain ones say: of few rows they bend to whatever waves there are, and
+    beside a slip and a knock that stand in each other's place to what that leaves.
+    """
+    turn, scorer = opened.turn, opened.scorer
+    start = scorer.score([key for key in turn.kept or () if key in scorer.system.atoms], WHITE)
+    scorer, plain, waves = with_harmonics(scorer, climb(scorer, start, is_plain), problem, turn.seen)
+    curves = not plain_first or plain.keys == start.keys
+    allowed, starts = (is_effect, [plain, start]) if curves else (is_plain, [plain])
+    state = _best(scorer, starts, allowed)
+    scorer, system, lasting = dated(scorer, state, opened.candidates)
+    if lasting is not None:
+        state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)], allowed)
+    return Found(
+        opened.fitted, system, scorer, state, turn.noise, turn.carried, turn.gross, opened.untestable, turn.periods,
+        asked.span, opening=turn.opening, seen=(*turn.seen, *waves),
+    ), curves  # fmt: skip
+
+
+def _best(scorer: Scorer, starts: Sequence[State], allowed: Allowed) -> State:
+    """The best set that adding and dropping lead to."""
+    return max((climb(scorer, start, allowed) for start in starts), key=lambda end: end.total)

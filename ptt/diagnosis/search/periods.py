@@ -1,0 +1,107 @@
+"""Periods that nobody foretold: lines in the spectrum of what an explanation leaves, over each joint's own travel."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import odds_of_block
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.system import System
+from ptt.diagnosis.search.spectrum import STEP, WIDE, Along, hides_waves, left_along
+from ptt.effects.screw import OncePerRev
+from ptt.run.problem import Problem
+
+COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
+PHASES = 2.0  # turns for each reading: poses at random tell them, and of what even steps make alike the first counts
+ALIAS = 0.5  # nats by which a line may be behind another and be taken for it, as it is slower
+FEWEST = 40  # rows from which a spectrum says anything
+FINER = 8  # places between two frequencies for the line that is found: what it leaves of itself is another line
+
+
+@dataclass(frozen=True)
+class Period:
+    """A line in the spectrum.
+
+    Attributes:
+        joint: whose travel it runs over, from 0.
+        length: of one period, mm or rad.
+    """
+
+    joint: int
+    length: float
+
+
+def find_period(
+    scorer: Scorer,
+    state: State,
+    problem: Problem,
+    offered: Sequence[tuple[int, float]] = (),
+    waves: Sequence[OncePerRev] = (),
+) -> Period | None:
+    """The strongest line that is worth its price and has not been offered to a search yet.
+
+    Args:
+        scorer: of the system.
+        state: the best set so far.
+        problem: n rows.
+        offered: joint and length of each period that the state could have taken.
+        waves: harmonics that are offered by name, on whichever joint: a search judges them first.
+
+    Returns:
+        The period; None where none is significant.
+    """
+    if len(scorer.system.rows) < FEWEST:
+        return None
+    best, found = 0.0, None
+    joints = left_along(scorer, state, problem, detail=not offered and hides_waves(scorer, state))
+    named = [wave.period(problem.view) for wave in waves]
+    for along in joints:
+        turns, gain = _spectrum(along)
+        if not len(turns):
+            continue
+        nats = 0.5 * gain / state.posterior.phi - odds_of_block(len(joints) * len(turns))
+        for length in (*named, *(length for joint, length in offered if joint == along.joint)):
+            nats[np.abs(turns - along.span / length) < WIDE] = -np.inf
+        if nats.max() > best:
+            first = turns[np.argmax(nats > nats.max() - ALIAS)]
+            best, found = float(nats.max()), Period(along.joint, along.span / _placed(along, first))
+    return found
+
+
+def period_left(
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[tuple[int, float]], waves: Sequence[OncePerRev]
+) -> Period | None:
+    """The same, also with free curves taken out where these leave none; arguments as there.
+
+    Of few rows they bend to any wave.
+    """
+    line = find_period(scorer, state, problem, offered, waves)
+    curves = curves_of(state, scorer.system) if line is None else ()
+    if not curves:
+        return line
+    straight = scorer.score(without(state, *curves), state.memory, state.scales)
+    return find_period(scorer, straight, problem, offered, waves)
+
+
+def curves_of(state: State, system: System) -> tuple[str, ...]:
+    """Unknowns that are free curves over a joint's own travel.
+
+    Args:
+        state: a set.
+        system: of the scorer.
+    """
+    return tuple(key for key in state.keys if (block := system.atoms[key].block) is not None and block.is_curve)
+
+
+def _spectrum(along: Along) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies in turns over the range, and the sum of squares that a cosine and a sine of each take."""
+    turns = np.arange(COARSEST, min(FINEST, PHASES * len(along.q)), STEP)
+    return turns, along.over(COARSEST, STEP, len(turns)) if len(turns) else turns
+
+
+def _placed(along: Along, turns: float) -> float:
+    """A line's frequency to less than what those of a spectrum are apart."""
+    first, step = turns - STEP, STEP / FINER
+    return float(first + step * np.argmax(along.over(first, step, 2 * FINER + 1)))

@@ -1,0 +1,91 @@
+"""Plainest: of the sets that do nearly as well as the best, the one that says least."""
+
+from ptt.diagnosis.evidence.atoms import causes, is_block, is_drawn
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.witness import drifts
+from ptt.diagnosis.search.instead import FEW
+from ptt.diagnosis.search.moves import SEEN, loose
+
+PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
+SIZES = 2  # of a drawing: where more are off, all may be
+
+
+def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
+    """Of the sets that do nearly as well as the best, the one that says least.
+
+    Args:
+        scorer: that has scored them.
+        best: the best set.
+        nothing: whether a set may say nothing at all though another is likelier.
+
+    Returns:
+        The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
+        to anything says little, and of a few rows no more than an unknown does; then the one with the fewest unknowns
+        that follow the time, which is no cause: what goes with it says more; then the best, what the model has by a
+        nat before what it has not: of two that do alike each would be the better one, linearised at the other.
+    """
+
+    def plain(state: State) -> tuple[float, int, int, float]:
+        least = -state.total - SEEN * is_told(scorer, state)
+        return _parts(scorer, state), _bends(scorer, state), _timed(scorer, state), least
+
+    near = [
+        state for state in scorer.scored.values()
+        if state.total > best.total - PLAIN and not _hides_sizes(scorer, state, best)
+    ]  # fmt: skip
+    first = min([best, *(state for state in near if nothing or _parts(scorer, state))], key=plain)
+    first = max([first, *(state for state in near if _drifts_instead(scorer, state, first))], key=lambda one: one.total)
+    return scorer.score(first.keys, first.memory)
+
+
+def _hides_sizes(scorer: Scorer, state: State, best: State) -> bool:
+    """Whether a set has an unknown in the place of sizes of the drawing, before which it has to be clearly likelier."""
+    atoms, more, less = scorer.system.atoms, set(state.keys) - set(best.keys), set(best.keys) - set(state.keys)
+    return any(is_block(atoms[key]) for key in more) and any(is_drawn(atoms[key]) for key in less)
+
+
+def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:
+    """Whether a set has a drift of the tracker where another has a wander that outlasts the run: a drift unnamed."""
+    wander, atoms = first.memory.wander, scorer.system.atoms
+    if wander is None or wander.constant <= scorer.system.clock.lasts.max() or state.memory.wander is not None:
+        return False
+    more = [atoms[key].effect for key in set(state.keys) - set(first.keys)]
+    return set(first.keys) < set(state.keys) and all(effect is not None and drifts(effect) for effect in more)
+
+
+def is_told(scorer: Scorer, state: State) -> bool:
+    """Whether the model has every effect of a set: only such have values, words and commands."""
+    return all(scorer.system.atoms[key].shape is None for key in state.keys)
+
+
+def _parts(scorer: Scorer, state: State) -> float:
+    """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more.
+
+    A curve of many values is as much as an unknown, and what looks like several commoner causes as much as these. Where
+    two sizes of the drawing are off further ones are hardly news.
+    """
+    odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
+    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
+    parts = float(sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms))
+    more = max(sum(causes(atom.effect) for atom in atoms if atom.effect is not None and is_drawn(atom)) - SIZES, 0)
+    return parts - 0.9 * more + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
+
+
+def _bends(scorer: Scorer, state: State) -> int:
+    """Curves and unknowns of a set."""
+    unknowns = sum(scorer.system.atoms[key].block is not None for key in loose(scorer, state))
+    return _curves(scorer, state) + unknowns
+
+
+def _timed(scorer: Scorer, state: State) -> int:
+    """Unknowns of a set that follow the time."""
+    blocks = [scorer.system.atoms[key].block for key in state.keys]
+    return sum(block is not None and "time" in block.on for block in blocks)
+
+
+def _curves(scorer: Scorer, state: State) -> int:
+    """Effects of a set that are curves of many values."""
+    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    return sum(atom.effect is not None and len(atom.columns) > FEW for atom in atoms)

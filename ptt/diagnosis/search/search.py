@@ -1,0 +1,51 @@
+"""Search: the set of atoms with the highest score, by adding, dropping and swapping."""
+
+from collections.abc import Sequence
+
+from ptt.diagnosis.evidence.atoms import is_any, is_block, is_effect
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.improve import HOPEFUL, climb, improve
+from ptt.diagnosis.search.instead import refilled
+
+
+def search(scorer: Scorer) -> State:
+    """Find the best set of atoms."""
+    return best_of(scorer, ends_of(scorer))
+
+
+def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
+    """The sets that adding and dropping lead to.
+
+    What effects explain by themselves, blocks are added to, and the other way round; both at once; and what the noise
+    remembers by itself, where that is not far behind: of what effects have taken of a wander little is left to see.
+
+    Args:
+        scorer: of the system.
+        start: atoms to start from.
+
+    Returns:
+        The ends of the ways.
+    """
+    first = scorer.score(start, WHITE)
+    ends = [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, is_any)]
+    return [*ends, *remembering(scorer, max(end.total for end in ends), start)]
+
+
+def remembering(scorer: Scorer, best: float, start: Sequence[str] = ()) -> list[State]:
+    """The set that what the noise remembers by itself leads to; none where that is far behind the best so far.
+
+    Args:
+        scorer: of the system.
+        best: total of the best set so far.
+        start: atoms to start from.
+    """
+    alone = scorer.score(start, scorer.best_memory(scorer.score(start, WHITE))[0])
+    return [climb(scorer, alone)] if alone.total > best - HOPEFUL else []
+
+
+def best_of(scorer: Scorer, ends: Sequence[State]) -> State:
+    """The best set that swaps lead to from some ends: one far behind may be a swap from what no other comes to."""
+    different = {(end.keys, end.memory): end for end in ends}.values()
+    return refilled(scorer, max((improve(scorer, end) for end in different), key=lambda state: state.total))

@@ -1,0 +1,118 @@
+"""Further shapes of effects beside those that a problem was linearised with."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from ptt.diagnosis.evidence.atoms import Atom, is_sudden
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.effects.layout import shape_of
+from ptt.fitting.linear import Shape
+from ptt.fitting.result import FitResult
+from ptt.run.problem import Problem
+
+
+def with_moments(scorer: Scorer, moments: Sequence[Shape]) -> tuple[Scorer, RowSystem]:
+    """The same problem with further moments for all that is sudden; returns as `with_shapes`."""
+    sudden = {atom.name for atom in scorer.system.atoms.values() if is_sudden(atom)}
+    return with_shapes(scorer, dict.fromkeys(sudden, moments) if moments else {})
+
+
+def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
+    """The same problem with further shapes of its effects, at the price of those that it has.
+
+    Args:
+        scorer: of a linearised problem.
+        shapes: effect -> its further shapes.
+
+    Returns:
+        A scorer that knows what was scored before, and its system.
+    """
+    system, atoms = scorer.system, dict[str, Atom]()
+    columns, base = list[np.ndarray](), list[np.ndarray]()
+    assert isinstance(system, RowSystem)
+    like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
+    first = system.columns.shape[2]
+    for name, atom in like.items():
+        assert atom.effect is not None
+        by_key = {shape_key(name, shape): shape for shape in shapes[name]}
+        new = {key: shape for key, shape in by_key.items() if key not in system.atoms}
+        if not new:
+            continue
+        columns.append(system.at.columns(atom.effect, *new.values())[system.rows])
+        base.append(system.at.on_base(atom.effect, *new.values()))
+        for key, shape in new.items():
+            place = np.arange(first, first + len(atom.columns))
+            atoms[key], first = replace(atom, key=key, columns=place, shape=dict(shape)), first + len(place)
+    size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
+    if atoms:
+        rows, on_base = (np.concatenate(own, axis=2) for own in (columns, base))
+        system = system.widened(atoms, rows, np.concatenate(size), on_base)
+    return scorer.widened(system), system
+
+
+def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> tuple[Scorer, RowSystem]:
+    """The same problem with the effects of the model in other given shapes too, each in the place of the one it has.
+
+    A given shape is chosen before all else is named, and no fit moves it: what a row's speed means may look otherwise
+    once play is told. What is sudden has moments of its own (`best_moments`).
+
+    Args:
+        scorer: of a linearised problem.
+        fitted: the model that it was linearised at.
+        problem: its readings.
+
+    Returns:
+        A scorer that knows what was scored before, and its system.
+    """
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    for term in fitted.model.terms:
+        key, effect = term.effect.key, term.effect
+        stems = {parameter.stem for parameter in effect.parameters if parameter.role == "given"}
+        shapes = [shape for shape in effect.search(problem.view) if set(shape) == stems]
+        if (
+            key in scorer.given
+            or key not in system.atoms
+            or not stems
+            or len(shapes) < 2
+            or is_sudden(system.atoms[key])
+        ):
+            continue
+        own = shape_of(effect, term.theta, problem.view.joints)
+        others = [shape for shape in shapes if any(not torch.equal(shape[stem], own[stem]) for stem in stems)]
+        columns = system.at.columns(effect, *others)[system.rows]
+        if columns.shape[2] != len(others) * len(system.atoms[key].columns):  # some of its values are held
+            continue
+        places = np.split(system.columns.shape[2] + np.arange(columns.shape[2]), len(others))
+        atoms = {
+            shape_key(key, shape): replace(
+                system.atoms[key], key=shape_key(key, shape), columns=place, shape=dict(shape)
+            )
+            for shape, place in zip(others, places, strict=True)
+        }
+        sizes = np.tile(system.scale[system.atoms[key].columns], len(others))
+        system = system.widened(atoms, columns, sizes, system.at.on_base(effect, *others))
+    return scorer.widened(system), system
+
+
+def best_meanings(scorer: Scorer, state: State) -> State:
+    """A set with each effect in the given shape that does best in its place."""
+    atoms = scorer.system.atoms
+    for key in state.keys:
+        if atoms[key].effect is None or atoms[key].shape is not None:
+            continue
+        others = [other for other in atoms.values() if other.name == atoms[key].name and other.key != key]
+        fewer = without(state, key)
+        tried = [scorer.score([*fewer, other.key], state.memory, state.scales) for other in others]
+        state = max([state, *tried], key=lambda each: each.total)
+    return state
+
+
+def shape_key(name: str, shape: Shape) -> str:
+    """Of an effect in a shape, by its values: what was scored of one shape is never taken for what another says."""
+    return f"{name}#{', '.join(f'{stem} {value.tolist()}' for stem, value in sorted(shape.items()))}"

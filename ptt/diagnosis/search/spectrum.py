@@ -1,0 +1,109 @@
+"""Spectrum of what an explanation leaves, over each joint's own travel."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.noise.wander import innovations
+from ptt.run.problem import Problem
+
+UNSEEN = 1e-6  # of the squares of a wave that the readings have, below which its phase is nothing but rounding
+WIDE = 1.0  # half of a line, in turns over the range
+STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wide
+
+
+@dataclass(frozen=True)
+class Along:
+    """What m rows say of a wave along one joint.
+
+    Attributes:
+        joint: whose travel it runs over, from 0.
+        q: where it stood, (m,) mm or rad.
+        slope: of what is left by the joint, (m,).
+        weight: how much a row tells of it, (m,).
+    """
+
+    joint: int
+    q: np.ndarray
+    slope: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def span(self) -> float:
+        """Range of the travel, mm or rad."""
+        return float(np.ptp(self.q))
+
+    def over(self, first: float, step: float, count: int) -> np.ndarray:
+        """Sums of squares that a cosine and a sine of each of evenly spaced frequencies take, (count,).
+
+        A frequency is a coarse step and fine ones, so all their waves are products of two, and the sums one of
+        matrices.
+
+        Args:
+            first: frequency, in turns over the range.
+            step: between two, likewise.
+            count: of them.
+        """
+        phase, fine = 2.0 * np.pi * (self.q - self.q.min()) / self.span, int(np.ceil(np.sqrt(count)))
+        near = np.exp(1j * step * phase[:, None] * np.arange(fine))
+        far = np.exp(1j * phase[:, None] * (first + step * fine * np.arange(-(-count // fine))))
+        one = ((far * self.slope[:, None]).T @ near).ravel()[:count]
+        two = ((far**2 * self.weight[:, None]).T @ near**2).ravel()[:count]
+        # Of cosine^2, sine^2 and their product, the waves of twice the frequency tell all.
+        cc, ss, cs = 0.5 * (self.weight.sum() + two.real), 0.5 * (self.weight.sum() - two.real), 0.5 * two.imag
+        a, b = one.real, one.imag
+        whole = cc * ss - cs**2
+        seen = whole > UNSEEN * (cc + ss) ** 2  # at even steps a wave of two steps has a cosine and no sine
+        gain = (a * a * ss - 2.0 * a * b * cs + b * b * cc) / np.where(seen, whole, 1.0)
+        return np.where(seen, gain, 0.0)
+
+
+def hides_waves(scorer: Scorer, state: State) -> bool:
+    """Whether names alone would be said: the fine detail of a curve among them may do a wave's work."""
+    return all(scorer.system.atoms[key].block is None for key in state.keys) and bool(_detail(scorer, state).any())
+
+
+def left_along(scorer: Scorer, state: State, problem: Problem, *, detail: bool) -> list[Along]:
+    """What an explanation leaves along each joint that moves.
+
+    Args:
+        scorer: of the system.
+        state: the explanation.
+        problem: n rows.
+        detail: leave the fine detail of its curves as well.
+    """
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    shown = np.where(detail & _detail(scorer, state), 0.0, state.posterior.values)
+    white = system.innovation(state.columns, shown, state.memory)
+    telling = _telling(system, state.memory.pose)
+    found = []
+    for joint, column in system.levers.items():
+        slope = innovations(column, state.memory.wander, system.clock)[0]
+        q = problem.view.q.numpy()[system.rows, joint]
+        if np.ptp(q) > 0.0:
+            found.append(Along(joint, q, telling * (slope * white).sum(axis=1), telling * np.square(slope).sum(axis=1)))
+    return found
+
+
+def _detail(scorer: Scorer, state: State) -> np.ndarray:
+    """Which columns of a set are fine detail of a curve, (c,) bool."""
+    detail = np.zeros(len(state.columns), dtype=bool)
+    for key in state.keys:
+        atom = scorer.system.atoms[key]
+        if atom.fine is not None:
+            detail[state.of(key)] = atom.fine[atom.group]
+    return detail
+
+
+def _telling(system: RowSystem, pose: float) -> np.ndarray:
+    """What a row tells where poses have errors of some variance to themselves, which no further visit averages, (m,).
+
+    A wave is the same at all k visits of a pose: the inverse of I + v 1 1^T takes 1 to 1 / (1 + k v).
+    """
+    told = np.empty(len(system.rows))
+    told[system.poses.order] = np.repeat(1.0 / (1.0 + pose * system.poses.visits), system.poses.visits)
+    return told

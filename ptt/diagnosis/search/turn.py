@@ -1,0 +1,212 @@
+"""What one turn of linearising and searching tells the next: rows that are gross errors, rows at which jumps may be."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import Atom, is_sudden
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.noise.gross import CHANCE, alone, are_exceptions, places_of, stand_out
+from ptt.diagnosis.noise.memory import WHITE, Memory
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.unknown.moment import best_moment
+from ptt.effects import Effect
+from ptt.effects.screw import OncePerRev
+from ptt.effects.sudden import Sudden
+from ptt.fitting.linear import Shape
+from ptt.fitting.opening import untold_rows
+from ptt.fitting.outliers import linear_residual
+from ptt.fitting.result import FitResult
+from ptt.model.model import Model
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+from ptt.run.tails import chi2_isf
+from ptt.run.view import View
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Where a turn of linearising and searching begins.
+
+    Attributes:
+        number: from 0.
+        model: with all that was named so far.
+        noise: the noise floor.
+        gross: rows left out as gross errors, (n,) bool.
+        carried: what blocks put into the readings, (n, 3) mm.
+        opening: rows left out because they tell from where the joints came to the run, (n,) bool.
+        kept: atoms that the search starts from; None for a search from nothing.
+        memory: of the noise.
+        held: blocks that were carried along.
+        periods: joint and length of those that were seen.
+        barred: effects that an exact fit does without.
+        moments: at which something may have happened, whatever it was.
+        seen: harmonics of a turn that what was left asked for.
+        before: what was found with effects that seemed needless; None where none went.
+    """
+
+    number: int
+    model: Model
+    noise: Noise
+    gross: np.ndarray
+    carried: np.ndarray
+    opening: np.ndarray
+    kept: tuple[str, ...] | None = None
+    memory: Memory = WHITE
+    held: tuple[str, ...] = ()
+    periods: tuple[tuple[int, float], ...] = ()
+    barred: frozenset[str] = frozenset()
+    moments: tuple[Shape, ...] = ()
+    seen: tuple[OncePerRev, ...] = ()
+    before: Found | None = None
+
+
+def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
+    """The first: nothing is left out or carried along but rows that open the run.
+
+    Args:
+        model: as given.
+        problem: n rows.
+        noise: the noise floor.
+    """
+    opening = untold_rows(model.terms, problem, noise)
+    return Turn(0, model, noise, np.zeros(problem.table.rows, dtype=bool), np.zeros((problem.table.rows, 3)), opening)
+
+
+def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
+    """Lone rows that an explanation cannot reach, beside the rows that were left out before.
+
+    Args:
+        system: linearised.
+        state: the explanation.
+        gross: rows left out so far, (n,) bool.
+        robust: fitted by the rows that agree; else one that is far off may drag the explanation to itself, and its
+            neighbours along.
+
+    Returns:
+        (n,) bool; as given where so many are far that the explanation is to blame.
+    """
+    # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves, and
+    # in a wander that follows each of them.
+    left = (
+        [robustly_left(system, state)]
+        if robust
+        else [system.innovation(state.columns, state.posterior.values, state.memory)]
+    )
+    if state.memory.wander is not None and not robust:
+        left.append(system.left(state.columns, state.posterior.values))
+    here, problem = np.ones(len(left[0]), dtype=bool), system.at.problem
+    places, found = places_of(problem)[system.rows], gross.copy()
+    for white in left:
+        white = white * np.sqrt(system.count / max(system.count - state.decided, 1.0))
+        far = stand_out(white, here, least=0.0)
+        found[system.rows[alone(far, white, here, places, int(gross.sum()))]] = True
+    return found if are_exceptions(found, problem.used) else gross
+
+
+def robustly_left(system: RowSystem, state: State) -> np.ndarray:
+    """What the values of a set leave that suit most rows, each as wide as it was learned to be, (m, 3) whitened.
+
+    Args:
+        system: linearised.
+        state: the set.
+    """
+    chosen, known = state.columns, np.append(system.base_values.ravel(), np.zeros(len(state.columns)))
+    fixed = system.base_columns[..., chosen].reshape(system.base_values.size, len(chosen))
+    base = np.concatenate([fixed, np.diag(state.posterior.prior**-0.5)])
+    return linear_residual(system.values, system.columns[..., chosen], known, base)[0]
+
+
+def in_company(system: RowSystem, state: State) -> np.ndarray:
+    """Rows that an explanation cannot reach, and that do not stand alone: a place or a stretch has them, (n,) bool."""
+    left = system.left(state.columns, state.posterior.values)
+    here, problem = np.ones(len(left), dtype=bool), system.at.problem
+    far, found = stand_out(left, here, least=0.0), np.zeros(problem.table.rows, dtype=bool)
+    found[system.rows] = far & ~alone(far, left, here, places_of(problem)[system.rows])
+    return found
+
+
+def still_missed(fitted: FitResult, problem: Problem, noise: Noise, gross: np.ndarray) -> np.ndarray:
+    """Of rows that were left out those that a fit to the others misses by more than they scatter.
+
+    A law that bends may reach what none of its tangents did: rows at which play is not taken up yet.
+
+    Args:
+        fitted: to the rows that were not left out.
+        problem: the readings.
+        noise: the noise floor.
+        gross: rows that were left out, (n,) bool.
+
+    Returns:
+        (n,) bool.
+    """
+    left = fitted.residual @ noise.whitener.T
+    read = problem.used & np.isfinite(left).all(axis=1)
+    return gross & ~(read & (np.square(left).sum(axis=1) < chi2_isf(CHANCE, 3)))
+
+
+def best_moments(
+    scorer: Scorer, state: State, may_go: Sequence[str], candidates: Sequence[Effect]
+) -> tuple[Shape, ...]:
+    """The rows at which something sudden would do best in place of what changes in time, and of everything unknown.
+
+    Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one; and a
+    block that took a jump's place along the travel, or with the warmth that came along, leaves nothing of it to date.
+    Of several things that happened each is dated beside the others too: with all taken out the largest dates them all.
+
+    Args:
+        scorer: of a linearised problem.
+        state: the explanation.
+        may_go: keys of it that may be taken out.
+        candidates: effects that may be missing.
+
+    Returns:
+        The moments, each for every sudden effect: that it happened is sooner told than what it was.
+    """
+    atoms = scorer.system.atoms
+    timely = [key for key in may_go if _is_timely(atoms[key])]
+    happened = [key for key in timely if is_sudden(atoms[key])]
+    unknown = [key for key in may_go if atoms[key].block is not None]
+    changed = [key for key in timely if key not in happened]
+    gone = {
+        frozenset(keys) for keys in ([], timely, unknown, changed, [*unknown, *timely], *([key] for key in happened))
+    }
+    sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
+    found = [_moment_beside(scorer, state, sorted(keys), effect) for keys in gone for effect in sudden]
+    return unlike([*found, *(shape for key in happened if (shape := atoms[key].shape) is not None)])
+
+
+def shapes_of(effect: Effect, view: View, moments: Sequence[Shape]) -> Sequence[Shape]:
+    """The shapes that an effect searches, and of a sudden one each moment at which something may have happened."""
+    return unlike([*effect.search(view), *moments]) if isinstance(effect, Sudden) else effect.search(view)
+
+
+def moments_of(model: Model) -> list[Shape]:
+    """The moments of a model's own sudden effects."""
+    return [{"after": term.theta[-1:]} for term in model.terms if isinstance(term.effect, Sudden) and len(term.theta)]
+
+
+def unlike(moments: Sequence[Shape]) -> tuple[Shape, ...]:
+    """Each moment once, in order."""
+    found = {float(shape["after"]): shape for shape in moments}
+    return tuple(found[moment] for moment in sorted(found))
+
+
+def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:
+    """Where a sudden effect does best beside a state less some of it."""
+    system = scorer.system
+    assert isinstance(system, RowSystem)
+    still = scorer.score(without(state, *gone), WHITE, state.scales)
+    left = np.zeros((system.at.problem.table.rows, 3))
+    left[system.rows] = system.left(still.columns, still.posterior.values)
+    frame = np.zeros((*left.shape, len(system.frame)))
+    frame[system.rows] = system.columns[:, :, system.frame]
+    return best_moment(system.at, frame, left, np.isin(np.arange(len(left)), system.rows), effect)
+
+
+def _is_timely(atom: Atom) -> bool:
+    """Whether an atom is something that changes in the course of the run."""
+    return is_sudden(atom) or (atom.block is not None and "time" in atom.block.on)

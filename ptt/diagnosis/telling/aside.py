@@ -1,0 +1,118 @@
+"""What was set aside as gross errors, and does not look like them: off along one joint's way, or by its direction."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.noise.gross import has_a_place
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.unknown.blocks import places_of_chain
+from ptt.run.problem import Problem
+from ptt.run.tails import chi2_sf, f_sf
+
+FEWEST = 5  # readings that may have a way in common
+LEAST_SPARE = 6  # coordinates beyond what is fitted to them, with which a test means anything
+MEAN, VARIANCE = 1.0 / 3.0, 4.0 / 45.0  # of the squared cosine between a way and errors from every side
+CHANCE = 1e-4  # that gross errors of a sound run lie along any joint's way
+ACCIDENT = 0.01  # chance that one direction for all is as near to the way of any joint
+MOSTLY = 0.8  # mean squared cosine from which a way is theirs
+CLOSER = 0.5  # share of what one direction for all misses that the way may miss: trackers err along their beam
+
+
+def against_gross(found: Found, problem: Problem) -> str | None:
+    """What the readings that were set aside have in common, in words; gross errors have nothing.
+
+    Args:
+        found: the best explanation.
+        problem: the readings.
+
+    Returns:
+        None where they have nothing, where they are few, or of a long run.
+    """
+    if (place := way_in_common(found, problem)) is not None:
+        return f"are all off along the way of {place}"
+    if follow_direction(found, problem):
+        return "change sides with the directions in which the joints arrive"
+    if isinstance(found.system, RowSystem) and has_a_place(found.gross, problem):
+        return "lie next to each other in space"
+    return None
+
+
+def follow_direction(found: Found, problem: Problem) -> bool:
+    """Whether the readings that were set aside are off by the directions in which the joints arrived.
+
+    What sticks just after a reversal sticks the other way on the way back. A beam breaks whichever way the joints came:
+    beyond one side for all and one shift of each joint, their directions tell nothing of it.
+
+    Source: F-test of nested linear models, on errors of length one, for broken beams err by any length.
+
+    Args:
+        found: the best explanation.
+        problem: the readings.
+
+    Returns:
+        Whether they are; no where they are few.
+    """
+    system, left = found.system, found.fitted.residual
+    if not isinstance(system, RowSystem):
+        return False
+    rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
+    places = [place for place in places_of_chain(problem, system.at.chain) if place.joint is not None]
+    ways = {place.joint: place.slopes[rows, :, 0] for place in places if place.slopes.shape[2] == 1}
+    direction, spare = problem.view.direction.numpy()[rows], 3 * len(rows) - 3 - 2 * len(ways)
+    if spare < LEAST_SPARE:
+        return False
+    error = (left[rows] / np.maximum(np.linalg.norm(left[rows], axis=1), 1e-12)[:, None]).ravel()
+    shifts = [np.tile(np.eye(3), (len(rows), 1)), *(way.reshape(-1, 1) for way in ways.values())]
+    turns = [(way * direction[:, joint, None]).reshape(-1, 1) for joint, way in ways.items()]
+    less, rest = (_left_of(error, np.hstack(columns)) for columns in (shifts, shifts + turns))
+    gained = (less - rest) / len(ways) / max(rest / spare, 1e-12)
+    return bool(f_sf(gained, len(ways), spare) < CHANCE)
+
+
+def _left_of(values: np.ndarray, columns: np.ndarray) -> float:
+    """Sum of squares that columns (m, p) leave of values (m,)."""
+    return float(np.square(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]).sum())
+
+
+def way_in_common(found: Found, problem: Problem) -> str | None:
+    """The joint along whose way the readings that were set aside are off.
+
+    A broken beam or a bump errs to every side, or always to the same. What sticks or jumps in one joint errs along the
+    way that this joint moves the tool, which turns from pose to pose; where it hardly turns, the one side that all err
+    to is hardly just this way by accident.
+
+    Args:
+        found: the best explanation.
+        problem: the readings.
+
+    Returns:
+        The joint, as 'slider 2'; None where errors are to every side or to one, where they are few, or of a long run.
+    """
+    system, left = found.system, found.fitted.residual
+    if not isinstance(system, RowSystem):
+        return None
+    rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
+    if len(rows) < FEWEST:
+        return None
+    error = left[rows] / np.maximum(np.linalg.norm(left[rows], axis=1), 1e-12)[:, None]
+    shares = dict(_shares(system, problem, rows, error))
+    if not shares:
+        return None
+    place = max(shares, key=lambda name: shares[name])
+    fixed = float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(rows)
+    beyond = max(shares[place] - MEAN, 0.0) ** 2 * len(rows) / VARIANCE
+    turns = shares[place] > MOSTLY and 1.0 - shares[place] < CLOSER * (1.0 - fixed)
+    theirs = turns or len(shares) * (1.0 - np.sqrt(shares[place])) < ACCIDENT
+    return place if theirs and chi2_sf(beyond, 1) * len(shares) < CHANCE else None
+
+
+def _shares(system: RowSystem, problem: Problem, rows: np.ndarray, error: np.ndarray) -> Iterator[tuple[str, float]]:
+    """Mean squared cosine between errors (m, 3) of length one and the way that each joint moves the tool."""
+    for place in places_of_chain(problem, system.at.chain):
+        if place.joint is None or place.slopes.shape[2] > 1:  # a rail and a link move it along the same way
+            continue
+        way = place.slopes[rows, :, 0]
+        cosine = (error * way).sum(axis=1) / np.maximum(np.linalg.norm(way, axis=1), 1e-12)
+        yield place.residual, float(np.square(cosine).mean())

@@ -1,0 +1,163 @@
+"""What the unknown depends on: the blocks of an explanation, the largest first, as curves of one variable."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.dependence.contexts import COORDINATES, path_views, residual_views
+from ptt.dependence.curves import binned_curve
+from ptt.dependence.dependence import Dependence, with_unit
+from ptt.dependence.following import depends_on
+from ptt.diagnosis.evidence.atoms import is_block
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.telling.sizes import points_of, size_of_unknown
+from ptt.diagnosis.telling.unknowns import Unknown
+from ptt.diagnosis.unknown.blocks import Block
+from ptt.run.holdout import blocks as travel_blocks
+from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem
+
+MOST = 5  # lines that anybody reads
+AS_MUCH = 0.95  # share of what the best variable takes from which another says the same: bins tell no finer
+SECOND = ("temperature", "payload", "time")  # variables that a reversal may vary with, as a curve can show them
+
+
+def with_suspect(scorer: Scorer, state: State) -> State:
+    """The set with the block that would do most in place of the memory of the noise: what it follows, if anything.
+
+    Args:
+        scorer: of the system.
+        state: the best set, where something is left that no block of it describes.
+
+    Returns:
+        The set with one more block; as it is where no block would add anything.
+    """
+    plain = scorer.score(state.keys, WHITE, state.scales)
+    blocks = scorer.screen(plain, is_block)
+    if not blocks:
+        return state
+    best = blocks[0]
+    more = scorer.score((*state.keys, best.key), WHITE, {**state.scales, best.key: best.scales})
+    return more if more.total > plain.total else state
+
+
+def rest_of(scorer: Scorer, state: State, problem: Problem) -> np.ndarray:
+    """What the frame and the named effects leave of the readings, blocks not taken off, (n, 3) mm; NaN elsewhere."""
+    system = scorer.system
+    named = np.ones(len(state.columns), dtype=bool)
+    for key in state.keys:
+        if system.atoms[key].block is not None:
+            named[state.of(key)] = False
+    left = system.left(state.columns[named], state.posterior.values[named])
+    return system.everywhere(left, problem.table.rows)
+
+
+def dependences(unknowns: tuple[Unknown, ...], rest: np.ndarray, problem: Problem) -> tuple[Dependence, ...]:
+    """Each block as a dependence of one residual on one variable.
+
+    Args:
+        unknowns: the blocks.
+        rest: what the named effects leave, (n, 3) mm, NaN on rows that do not count.
+        problem: n rows.
+
+    Returns:
+        At most five, those with the largest share first.
+    """
+    contexts, found = path_views(problem), list[Dependence]()
+    for item in unknowns:
+        one = _dependence(item, unknowns, rest, contexts, problem)
+        if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
+            found.append(one)
+    return tuple(found[:MOST])
+
+
+def _dependence(
+    item: Unknown, unknowns: Sequence[Unknown], rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
+) -> Dependence | None:
+    """One block: where it shows most, the variable that it follows most, and how large it is."""
+    alike = [other for other in unknowns if other.block.is_like(item.block)]
+    others = sum((other.part for other in unknowns if not any(other is own for own in alike)), np.zeros_like(rest))
+    parts, rests = residual_views(problem, item.part), residual_views(problem, rest - others)
+    residuals = _residuals(item, parts)
+    choices = [name for name in _variables(item, problem) if name in contexts]
+    if not choices:
+        return None
+    taken = {name: {axis: _taken(contexts[name], parts[axis]) for axis in residuals} for name in choices}
+    on = _followed({name: sum(taken[name].values()) for name in choices}, item, problem)
+    residual = max(residuals, key=lambda axis: taken[on][axis])
+    seconds = (*SECOND, *problem.table.watched)
+    second = next((name for name in item.block.on[1:] if name in seconds and on.startswith("direction")), None)
+    shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
+    groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
+    tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
+    chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
+    share, period = min(item.energy, 1.0), item.block.period
+    if period is not None and all(d.period_mm is None for d in tested):  # finer than so few readings show by themselves
+        curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
+        found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))
+    elif tested:
+        best = next((d for d in tested if d.with_ == second), tested[0])
+        found = replace(best, share=share, p_value=chance, rivals=(), acts_on=_acts_on(item.block))
+    else:
+        curve = _centred_curve(contexts[on], rests[residual])
+        found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
+    size = size_of_unknown(item, alike, found, rest, problem, contexts)
+    return with_unit(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
+
+
+def _centred_curve(values: np.ndarray, readings: np.ndarray) -> np.ndarray:
+    rows = np.isfinite(values) & np.isfinite(readings)
+    return binned_curve(values[rows], readings[rows] - readings[rows].mean())
+
+
+def _acts_on(block: Block) -> str | None:
+    """The place of a block that acts one way and is no field over the workspace; None where that is open."""
+    field = len(block.on) > 1 and block.on[0] == "x"
+    return None if field or block.place.slopes.shape[2] > 1 else block.place.residual
+
+
+def _followed(taken: dict[str, float], item: Unknown, problem: Problem) -> str:
+    """The variable that takes most; a joint's own travel where that takes as much: all that a joint knows of places."""
+    best, own = max(taken, key=lambda name: taken[name]), item.block.place.joint
+    mine = None if own is None else f"{problem.file.machine.letter}{own + 1}"
+    return mine if mine in taken and taken[mine] > AS_MUCH * taken[best] else best
+
+
+def _residuals(item: Unknown, parts: dict[str, np.ndarray]) -> tuple[str, ...]:
+    """The joint that a block acts on, else the axes of the tool."""
+    place = item.block.place
+    if place.joint is None:
+        return COORDINATES
+    return (next(name for name in parts if name.endswith(f" {place.joint + 1}")),)
+
+
+def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
+    """Names of the variables that may lead a block, as contexts are called."""
+    joints = range(1, problem.view.joints + 1)
+    match item.block.on[0]:
+        case "direction":
+            return tuple(f"direction{i}" for i in joints)
+        case "speed" | "velocity":
+            own = item.block.place.joint
+            return tuple(f"speed{i}" for i in joints) if own is None else (f"speed{own + 1}",)
+        case "memory of temperature":
+            return ("temperature",)
+        case "way" | "turn" as name:
+            return tuple(f"{name} {axis}" for axis in COORDINATES)
+        case "x" if len(item.block.on) > 1:
+            own = item.block.place.joint
+            return COORDINATES if own is None else (*COORDINATES, f"{problem.file.machine.letter}{own + 1}")
+        case name:
+            return (name,)
+
+
+def _taken(values: np.ndarray, part: np.ndarray) -> float:
+    """Variance of a part that a curve of one variable explains."""
+    rows = np.isfinite(values) & np.isfinite(part)
+    curve = binned_curve(values[rows], part[rows])
+    centred = part[rows] - part[rows].mean()
+    middle = np.interp(values[rows], curve[:, 0], curve[:, 1])
+    return float(np.square(centred).mean() - np.square(part[rows] - middle).mean())

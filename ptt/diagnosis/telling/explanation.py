@@ -1,0 +1,291 @@
+"""Candidates: one line for each effect of an explanation, then for what else the readings would ask for."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import torch
+
+from ptt.diagnosis.evidence.atoms import Atom, is_effect
+from ptt.diagnosis.evidence.candidates import first_of
+from ptt.diagnosis.evidence.hidden import held_out
+from ptt.diagnosis.evidence.probability import Probability
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.witness import own_drift, unwitnessed
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.telling.absent import absent_effects
+from ptt.diagnosis.telling.coincidence import coincidences
+from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt, exchanged_errors
+from ptt.diagnosis.telling.mimic import find_sum
+from ptt.diagnosis.telling.spread import spread_of, values_of
+from ptt.diagnosis.telling.steps import Named, Step, share_of
+from ptt.diagnosis.telling.words import explain_step
+from ptt.effects import Effect
+from ptt.fitting.layout import bounds_of
+from ptt.fitting.linear import tried_sizes
+from ptt.model.model import Model, Term, parameter_names, told_values
+from ptt.record import Record
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
+MEASURED = 0.5  # share of its prior's variance below which a value is measured
+UNNAMED = 0.5  # most probability of what is found and not named: hidden readings or an unknown speak against it
+
+
+class Estimate(NamedTuple):
+    """One parameter: its value and its standard deviation, None where the data do not tell it."""
+
+    name: str
+    unit: str
+    value: float
+    std: float | None
+
+
+@dataclass(frozen=True)
+class Candidate(Record):
+    """One effect as an explanation of the run.
+
+    Attributes:
+        effect: key of the effect.
+        probability: that it is part of what is missing.
+        p_value: chance that the data would ask for it as much without it: at most the inverse of its Bayes factor
+            (Ville's inequality), every candidate and shape counted.
+        explained_share: of the residual's variance after the frame that it takes by itself.
+        heldout_before: error on hidden blocks without it, um.
+        heldout_after: error on hidden blocks with it, um.
+        parameters: its values; of what is no step, only those that the data tell.
+        indistinguishable_from: effects that would do as well.
+        sum_of: two or more effects that would do as well together.
+        words: why, for a machinist.
+        tool_doubt: of the last step, root mean square by which the machine may have the tool elsewhere while the
+            readings stay, um, which hidden blocks cannot show; None of the others.
+    """
+
+    keys: ClassVar[str] = (
+        "effect, probability, p_value, explained_share, heldout_rms_um.before: heldout_before, "
+        "heldout_rms_um.after: heldout_after, tool_doubt_um: tool_doubt, parameters, indistinguishable_from, sum_of, "
+        "words"
+    )
+
+    effect: str
+    probability: float
+    p_value: float
+    explained_share: float
+    heldout_before: float
+    heldout_after: float
+    parameters: tuple[Estimate, ...]
+    indistinguishable_from: tuple[str, ...]
+    sum_of: tuple[str, ...]
+    words: str
+    tool_doubt: float | None = None
+
+
+def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tuple[Exchange, ...]) -> tuple[Term, ...]:
+    """The given effects and the steps at the posterior's values.
+
+    Args:
+        found: the best explanation.
+        model: as given.
+        keys: of the steps' atoms.
+        others: it with moments of a slip and a knock exchanged.
+
+    Returns:
+        The terms, in the order of a model; those without a value that is free are as they were given.
+    """
+    exchanged = exchanged_errors(found, others)
+    absent = absent_effects(found.scorer, found.state, drawn=found.fitted.unnamed is None)
+    system, state = found.system, found.state
+    current = replace(model, terms=tuple(term for term in model.terms if term.effect.key not in system.atoms))
+    for key in (*found.scorer.given, *keys):
+        atom, own = system.atoms[key], state.of(key)
+        term = next((t for t in found.fitted.model.terms if t.effect.key == atom.name), None)
+        if term is None or atom.shape is not None:
+            continue
+        free = _free(found, atom)
+        theta, error, seen = (
+            term.theta.clone(),
+            torch.full_like(term.theta, torch.nan),
+            torch.ones(len(term.theta), dtype=torch.bool),
+        )
+        theta[free] = torch.as_tensor(atom.amplitudes(state.posterior.values[own], system.scale))
+        std, prior = state.errors(atom, system.scale)
+        error[free] = torch.as_tensor(
+            np.sqrt(
+                spread_of(found.scorer, state, key, absent) ** 2
+                + exchanged[atom.name][free.numpy()]
+                + found.fitted.open[_own(found, atom)]
+            )
+        )
+        seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
+        current = current + replace(term, theta=_within(term, theta, model), std=error, measured=seen)
+    return current.terms
+
+
+def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> tuple[Term, ...]:
+    """The same with the values that the readings ask for where nothing unknown stands beside them.
+
+    Only effects are sent to a machine: of these values is the held-out error, and `ptt add` fits them. Beside a block
+    an effect has the share that is its own, and what the block has for itself would stay.
+
+    Args:
+        found: the best explanation.
+        terms: its given effects and its steps.
+        keys: of the steps' atoms.
+
+    Returns:
+        The terms, as they are where the explanation has nothing else.
+    """
+    scorer, state = found.scorer, found.state
+    if set(state.keys) == {*scorer.given, *keys}:
+        return terms
+    alone, sent = scorer.score(keys, state.memory), list[Term]()
+    atoms = {scorer.system.atoms[key].name: scorer.system.atoms[key] for key in alone.keys}
+    for term in terms:
+        atom, theta = atoms.get(term.effect.key), term.theta.clone()
+        if atom is None:  # all of its values are held
+            sent.append(term)
+            continue
+        theta[_free(found, atom)] = torch.as_tensor(values_of(alone, atom, scorer.system.scale))
+        sent.append(replace(term, theta=_within(term, theta, found.fitted.model)))
+    return tuple(sent)
+
+
+def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
+    """Values with lengths where their law holds: far from where it was linearised a tangent may ask for any."""
+    bounds, place = list[tuple[float, float]](), 0
+    for parameter in (each.on(model.file.machine.kind) for each in term.effect.parameters):
+        size = parameter.size(model.joints)
+        own = term.theta[place : place + size].numpy()
+        bounds += [bounds_of(parameter, own) if parameter.role == "searched" else (-np.inf, np.inf)] * size
+        place += size
+    low, high = torch.tensor(bounds, dtype=theta.dtype).T
+    return torch.clamp(theta, low, high)
+
+
+def _own(found: Found, atom: Atom) -> np.ndarray:
+    """Which unknowns of the fit are an effect's, (u,) bool."""
+    layout = found.fitted.layout
+    return np.asarray(layout.owner == [term.effect.key for term in layout.terms].index(atom.name))
+
+
+def _free(found: Found, atom: Atom) -> torch.Tensor:
+    """Which values of an effect of the model its atom has, (p,) bool."""
+    index = [term.effect.key for term in found.fitted.layout.terms].index(atom.name)
+    return torch.as_tensor(found.fitted.layout.free[index])
+
+
+def candidates_of_steps(
+    found: Found, told: Named, terms: tuple[Term, ...], others: tuple[Exchange, ...], chances: Probability,
+    noise: Noise, problem: Problem,
+) -> list[Candidate]:  # fmt: skip
+    """The steps.
+
+    Args:
+        found: the best explanation.
+        told: what it names.
+        terms: its steps at their values.
+        others: it with moments of a slip and a knock exchanged.
+        chances: what the explored sets say of them.
+        noise: the noise floor.
+        problem: the readings.
+
+    Returns:
+        One for each step.
+    """
+    result: list[Candidate] = []
+    named = told.steps
+    parts = told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)
+    doubt = 1e3 * float(np.linalg.norm(parts))
+    for index, step in enumerate(named):
+        name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
+        term = next((item for item in terms if item.effect.key == name), None)
+        if term is None:
+            continue
+        together = find_sum(found.scorer, found.state, step.key)
+        own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
+        errors = step.before * 1e3, step.after * 1e3
+        loose = found.fitted.loose_of
+        words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside, loose)
+        result.append(
+            Candidate(
+                name,
+                min(chances.effects.get(name, 0.0), step.sure),
+                float(np.exp(-max(step.nats, 0.0))),
+                step.share,
+                *errors,
+                _parameters(term, problem),
+                step.others,
+                together,
+                " ".join([words, *coincidences(term, problem), *unwitnessed(term, problem, noise)]),
+                own,
+            )
+        )
+    return result
+
+
+def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability, problem: Problem) -> list[Candidate]:
+    """What else the data would ask for if nothing had been added.
+
+    Args:
+        found: the best explanation.
+        named: its steps.
+        chances: what the explored sets say.
+        problem: the readings.
+
+    Returns:
+        At most a few, the best first.
+    """
+    scorer, atoms = found.scorer, found.system.atoms
+    nothing = scorer.score((), found.state.memory)
+    taken = {atoms[step.key].name for step in named}
+    unnamed = {atoms[key].name for key in found.state.keys} - taken
+    before = held_out(scorer, ()) * 1e3
+    result: list[Candidate] = []
+    for gain in scorer.screen(nothing, is_effect):
+        atom = atoms[gain.key]
+        if atom.name in taken or gain.nats <= 0.0 or len(result) == MOST_SHOWN:
+            continue
+        if first_of(atom.name, {atom.name, *(atoms[given].name for given in scorer.given)}) != atom.name:
+            continue  # a second knock, on the model as given, says what the first does
+        state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
+        parameters = _told(state, atom, found.system.scale, problem)
+        after = held_out(scorer, (gain.key,)) * 1e3
+        chance = min(chances.effects.get(atom.name, 0.0), UNNAMED if atom.name in unnamed else 1.0)
+        share = share_of(scorer, gain.key)
+        result.append(
+            Candidate(atom.name, chance, float(np.exp(-gain.nats)), share, before, after, parameters, (), (), "")
+        )
+    return result
+
+
+def _told(state: State, atom: Atom, scale: np.ndarray, problem: Problem) -> tuple[Estimate, ...]:
+    """Values of an effect that the run tells better than the prior does, and better than the usual size.
+
+    An effect that is not there can learn any size along what it hardly shows: a joint a foot off its place.
+    """
+    assert atom.effect is not None
+    values = atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
+    std, prior = state.errors(atom, scale)
+    usual = tried_sizes(atom.effect, problem)
+    told = std[: len(usual)] ** 2 < MEASURED * np.minimum(prior[: len(usual)], usual) ** 2
+    rows = zip(_names(atom.effect, problem), values, std, told, strict=False)  # what is linear comes first
+    return tuple(Estimate(*name, float(value), float(error)) for name, value, error, seen in rows if seen)
+
+
+def _names(effect: Effect, problem: Problem) -> list[tuple[str, str]]:
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    names = parameter_names(effect, kind, joints)
+    units = [p.on(kind).unit for p in effect.parameters for _ in range(p.size(joints))]
+    return list(zip(names, units, strict=True))
+
+
+def _parameters(term: Term, problem: Problem) -> tuple[Estimate, ...]:
+    rows, told = [], told_values(term.effect, term.theta, problem.view.joints)
+    for index, (name, unit) in enumerate(_names(term.effect, problem)):
+        if not told[index]:
+            continue
+        std = float("nan") if term.std is None else float(term.std[index])
+        seen = term.measured is None or bool(term.measured[index])
+        rows.append(Estimate(name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))
+    return tuple(rows)

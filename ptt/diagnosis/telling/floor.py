@@ -1,0 +1,40 @@
+"""The noise floor that errors are held against: what is known of it, else what everything or the best leaves."""
+
+from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left, saturated_floor, too_few
+from ptt.diagnosis.search.find import find
+from ptt.diagnosis.telling.given import at_its_word
+from ptt.effects import Library
+from ptt.errors import TableError
+from ptt.fitting.opening import opening_rows
+from ptt.model.model import Model
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+
+
+def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
+    """The noise floor for a comparison or a fit: the problem's own, else what a model with everything in it leaves.
+
+    Of few rows everything at once has far more values than there are coordinates, and takes minutes to say little; what
+    a search finds in them leaves some, and it has told what to add.
+
+    Args:
+        model: the model as given.
+        problem: the readings.
+        known: effects by name.
+
+    Returns:
+        The noise.
+
+    Raises:
+        TableError: nothing tells the noise.
+    """
+    try:
+        return saturated_floor(model, problem, known)
+    except TableError:
+        if problem.used.sum() < LEAST_FREEDOM:
+            raise
+    found = find(at_its_word(model), problem.masked(opening_rows(problem)), known, lambda what: None)
+    noise = noise_left(found.system, found.state)
+    if noise.freedom < LEAST_FREEDOM:
+        raise too_few(problem)
+    return noise

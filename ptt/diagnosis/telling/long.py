@@ -1,0 +1,142 @@
+"""Diagnosis of a long run: it is explained on stretches, then fitted, searched on and tested on all rows."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from ptt.diagnosis.evidence.ansatz import open_run
+from ptt.diagnosis.evidence.sampled import share_of_rows
+from ptt.diagnosis.evidence.state import without
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.everywhere import Task, find_everywhere
+from ptt.diagnosis.search.find import STEPS, find
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.search.rest import Rest, innovations_of, rest_left
+from ptt.diagnosis.telling.bins import follow_in_all_rows
+from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.diagnosis.telling.enough import enough
+from ptt.diagnosis.telling.given import as_free_as, at_its_word
+from ptt.diagnosis.telling.other_setups import other_setups
+from ptt.diagnosis.telling.verdict import conclude, diagnose
+from ptt.diagnosis.unknown.span import Span, span_of
+from ptt.effects import Library, library
+from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
+from ptt.fitting.opening import opening_rows
+from ptt.model.model import Model
+from ptt.progress import Tell
+from ptt.run.problem import Problem
+
+# Rows that shapes and unknowns are found on, and rows beyond which no run is looked at as a whole. Of a tripod columns
+# of all rows at once take gigabytes (4.4 at 30,000) and minutes, sums 1.8 and 20 s; a curve and four lengths of every
+# joint make the sets of a real arm ten times as large: 1,500 rows of a UR10 take a minute, 3,000 ten.
+SAMPLE = {"three-ptt": 4_000, "serial": 1_000}
+WHOLE = {"three-ptt": CHUNK, "serial": 2_000}
+STRETCH = {"three-ptt": 200, "serial": 50}  # rows of travel of which a sample has twenty
+
+
+def choose_diagnosis(problem: Problem, size: int | None = None) -> Callable[..., Diagnosis]:
+    """Which diagnosis suits a run: all rows at once, or summed up in chunks.
+
+    Args:
+        problem: the readings.
+        size: rows of a chunk; None leaves it to the run, which is then cut only beyond `WHOLE` rows.
+
+    Returns:
+        `diagnose`, or `diagnose_long` with its chunks.
+    """
+    if size is None and problem.table.rows <= WHOLE[problem.file.machine.kind]:
+        return diagnose
+    return partial(diagnose_long, size=size or CHUNK)
+
+
+def diagnose_long(
+    model: Model,
+    problem: Problem,
+    known: Library | None = None,
+    *,
+    steps: int = STEPS,
+    progress: Tell | None = None,
+    seed: int = 0,
+    size: int = CHUNK,
+    sample_rows: int | None = None,
+) -> Diagnosis:
+    """Learn which physical effects are missing from a run whose columns do not fit into memory.
+
+    What explains the run is found on stretches of travel that are spread over it and entered as the run enters them.
+    Then effects, beside them blocks and memory of the noise that the stretches show, are fitted and searched on by
+    sums over all rows, with the same scores; gross errors, held-out errors and the verdict are of all rows. Of a very
+    long run candidates are told by a share of the rows, as in `ptt.diagnosis.evidence.sampled`.
+
+    Args:
+        model: the model as given.
+        problem: the readings.
+        known: effects by name; None for the library.
+        steps: how many may be added.
+        progress: told what is being done.
+        seed: of the permutation tests.
+        size: rows of a chunk.
+        sample_rows: about how many rows the explanation is found on; None: as many as suit the kind of machine.
+
+    Returns:
+        The diagnosis.
+
+    Raises:
+        TableError: nothing tells the noise floor, or too few readings for any verdict.
+    """
+    enough(problem)
+    known, given = library() if known is None else known, model
+    model = at_its_word(model)
+    tell = progress or (lambda what: None)
+    opening, whole = opening_rows(problem), problem
+    problem = problem.masked(opening)
+    span = span_of(problem)
+    kind = problem.file.machine.kind
+    sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE[kind], STRETCH[kind]))
+    told = find(model, sample, known, tell, steps, span)
+    run = open_run(problem, cut(problem, size), _with_levers(span, told))
+    found = find_everywhere(told, Task(run, sample, model, known, steps, tell))
+    tell("rest")
+    rest = _rest(found, problem, seed)
+    if rest.significant and (new := _new(found, told)):  # what leaves a rest is not named for all rows' sake alone
+        fewer = without(found.state, *new)
+        found = replace(found, state=found.scorer.score(fewer, found.state.memory, found.state.scales))
+        rest = _rest(found, problem, seed)
+    result = conclude(found, rest, model, problem, known, tell, seed, steps)
+    how = (
+        f"Shapes, the unknown, the noise and the tests of the rest against repeats and position are of "
+        f"{sample.table.rows} rows in stretches of travel; parameters, the search beside them, held-out errors, gross "
+        f"rows and what the rest follows are of all rows, summed up in chunks of {size}."
+    )
+    times = share_of_rows(problem.table.rows)
+    if times > 1 and found.state.memory == WHITE:
+        how += f" What else may be missing is told by one row in {times}."
+    words = f"{result.words}{other_setups(given, whole)} {how}"
+    return replace(result, model=as_free_as(given, result.model), words=words, opening=opening)
+
+
+def _new(found: Found, told: Found) -> list[str]:
+    """Effects that only all rows show."""
+    known = {told.system.atoms[key].name for key in told.state.keys}
+    atoms = found.system.atoms
+    return [key for key in found.state.keys if key not in found.scorer.given and atoms[key].name not in known]
+
+
+def _with_levers(span: Span, told: Found) -> Span:
+    """The span with the levers that the sample's blocks have."""
+    places = [atom.block.place for atom in told.system.atoms.values() if atom.block is not None]
+    return replace(span, levers={place.residual: place.lever for place in places})
+
+
+def _rest(found: Found, problem: Problem, seed: int) -> Rest:
+    """Tests of what the explanation leaves: on the sample, and of bins over all rows."""
+    assert found.sample is not None
+    residual = innovations_of(found.system, found.state, problem)
+    rest = rest_left(
+        residual[numbers(found.sample)], found.state, found.sample.with_noise(found.system.noise), seed=seed
+    )
+    rows = found.system.rows
+    more = follow_in_all_rows(problem, residual, found.system.noise, rows)
+    if found.state.memory.wander is not None:  # as in the sample's tests
+        more = [(name, share) for name, share in more if name not in ("time", "run")]
+    reasons = [f"over all rows the rest follows {name} ({share:.1%} of its variance)" for name, share in more]
+    return replace(rest, reasons=(*rest.reasons, *reasons))

@@ -1,0 +1,86 @@
+"""Sums that mimic: several effects that together do exactly the work of one.
+
+Links, radius and lead together stretch a machine just as a wrong unit of the tracker would.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.system import System
+from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.instead import FEW, commoner
+from ptt.diagnosis.search.plainest import PLAIN
+from ptt.fitting.sums import Projected, gain, project
+
+MOST_PARTS = 4
+UNSEEN = 3.0  # chi-squared below which a difference is none
+CLEAR = 30.0  # chi-squared that a step has to be worth before a sum can be said to mimic it
+
+
+def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
+    """Simple effects that together would do as well as one effect of an explanation.
+
+    The commoner causes that it looks like, where these do as well; else effects that leave nothing to be seen of it.
+
+    Args:
+        scorer: of the linearised problem.
+        state: with the effect in it.
+        key: of the effect's atom.
+
+    Returns:
+        Two to four names; empty where no such sum exists, or one effect alone would do.
+    """
+    other = commoner(scorer, state, key)
+    if other is not None and other.total > state.total - PLAIN:
+        names = tuple(scorer.system.atoms[part].name for part in other.keys if part not in state.keys)
+        if len(names) > 1:
+            return names
+    return _unseen(scorer.system, state, key)
+
+
+def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
+    """Effects that leave nothing to be seen of one.
+
+    Found forward, the effect that takes most first, then without those that the others make needless.
+    """
+    rest = [state.of(other) for other in without(state, key)]
+    base = state.columns[np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)]
+    names = {system.atoms[other].name for other in state.keys}
+    parts = [atom for atom in system.atoms.values() if _is_plain(atom) and atom.name not in names]
+    own, values, spread = system.atoms[key].columns, state.posterior.values[state.of(key)], state.posterior.phi
+    # Nothing else of the system takes part: its columns are numbered anew.
+    there = np.unique(np.concatenate([base, own, *(part.columns for part in parts)]))
+    own, parts = np.searchsorted(there, own), [replace(a, columns=np.searchsorted(there, a.columns)) for a in parts]
+    sums = system.sums_of(there, WHITE)
+    projected = project(sums.gram, sums.side, sums.square, np.searchsorted(there, base))
+    side = projected.gram[:, own] @ values
+    work = Projected(projected.gram, side, float(values @ side[own]), 0, projected.before)
+    if work.left < CLEAR * spread:
+        return ()
+    chosen: list[Atom] = []
+    while _left(work, chosen) > UNSEEN * spread:
+        if len(chosen) == MOST_PARTS or not parts:
+            return ()
+        best = min(parts, key=lambda atom: _left(work, [*chosen, atom]))
+        parts = [atom for atom in parts if atom.name != best.name]
+        chosen.append(best)
+    for part in tuple(chosen):
+        fewer = [other for other in chosen if other is not part]
+        if _left(work, fewer) <= UNSEEN * spread:
+            chosen = fewer
+    return tuple(part.name for part in chosen) if len(chosen) > 1 else ()
+
+
+def _is_plain(atom: Atom) -> bool:
+    return atom.effect is not None and len(atom.columns) <= FEW and not atom.shape and atom.shape is not None
+
+
+def _left(work: Projected, parts: list[Atom]) -> float:
+    """Sum of squares of the effect's work that the parts leave."""
+    if not parts:
+        return work.left
+    return work.left - gain(work, np.concatenate([part.columns for part in parts]))[0]

@@ -1,0 +1,46 @@
+"""What the model as given leaves in another set-up of the tracker, where that tells something of the verdict."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.diagnosis.telling.verdict_words import held_to_base, with_free_mount
+from ptt.fitting.solve import residual_of, rms
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+
+LESS = 0.5  # of the error: what a reflector that sits elsewhere explains is no matter of a model that misses the rest
+
+
+def other_setups(model: Model, problem: Problem) -> str:
+    """A word on the error of the model as given in the frame of the base reflectors, and with the reflector free.
+
+    Args:
+        model: as given.
+        problem: all readings, as compare and add have them: those that open a run too.
+
+    Returns:
+        The words; empty where no reflectors hold the frame, and none is trusted whose place would explain the error.
+    """
+    return _by_base(model, problem) + _by_mount(model, problem)
+
+
+def _by_base(model: Model, problem: Problem) -> str:
+    return "" if problem.base is None else held_to_base(_error(model, problem))
+
+
+def _by_mount(model: Model, problem: Problem) -> str:
+    """No value of the links tells a tool point that is off sideways where the last joint turns behind them."""
+    tracker = problem.file.tracker
+    if problem.file.machine.kind != "serial" or tracker.tool != "trusted":
+        return ""
+    free = replace(model, file=replace(model.file, tracker=tracker.model_copy(update={"tool": "fitted"})))
+    there = build_problem(free.file, problem.table).masked(~problem.used)
+    before, after = _error(model, problem), _error(free, there)
+    return with_free_mount(after) if after < LESS * before else ""
+
+
+def _error(model: Model, problem: Problem) -> float:
+    fitted = residual_of(model, problem)
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    return rms(fitted.residual, rows)["total"]

@@ -1,0 +1,127 @@
+"""How large an unknown is and which way it goes: from the values of its blocks, and how sure they are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ptt.dependence.contexts import COORDINATES, path_views, residual_views, unit_of
+from ptt.dependence.curves import bins_of
+from ptt.dependence.dependence import Dependence
+from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side
+from ptt.diagnosis.telling.unknowns import Unknown
+from ptt.diagnosis.unknown.blocks import SIZE, Block
+from ptt.run.problem import Problem
+
+LARGER = 1.5  # times all that is left: a block that puts more into the readings has another that takes it back
+Contexts = dict[str, np.ndarray]
+
+
+def size_of_unknown(
+    item: Unknown, alike: Sequence[Unknown], found: Dependence, rest: np.ndarray, problem: Problem, contexts: Contexts
+) -> Size | None:
+    """The size of an unknown.
+
+    Blocks that make good for each other are each as large as they please: then it is what the readings have.
+
+    Args:
+        item: one block.
+        alike: the blocks that act where it acts and follow what it follows, itself among them.
+        found: what it depends on.
+        rest: what the named effects leave, (n, 3) mm, NaN on rows that do not count.
+        problem: n rows.
+        contexts: (n,) each, what it may depend on.
+
+    Returns:
+        The size; None where the rows do not show it.
+    """
+    rows = np.isfinite(rest).all(axis=1) & np.isfinite(contexts[found.on])
+    part = np.sum([one.part for one in alike], axis=0)[rows]
+    rms = float(np.sqrt(np.square(part).sum(axis=1).mean()))
+    if rms > LARGER * float(np.sqrt(np.square(rest[rows]).sum(axis=1).mean())):
+        return sized((replace(found, acts_on=None),), rest, problem)[0].size
+    moves = np.concatenate([_moves(one.block, found, problem)[rows] for one in alike], axis=1)
+    own = np.concatenate([one.own for one in alike])
+    values, spread = item.amounts.values[own], item.amounts.spread[np.ix_(own, own)]
+
+    def estimate(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ways = weights @ moves
+        return ways @ values, ways @ spread @ ways.T
+
+    second = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
+    size = _size(found, estimate, problem, contexts, rows, second)
+    return size and replace(size, rms=rms)
+
+
+def sized(found: tuple[Dependence, ...], left: np.ndarray, problem: Problem) -> tuple[Dependence, ...]:
+    """Dependences that no block stands for, with their sizes as the readings have them.
+
+    Args:
+        found: the dependences.
+        left: what the named effects leave, (n, 3) mm, NaN on rows that do not count.
+        problem: n rows.
+
+    Returns:
+        The same, each with its size.
+    """
+    views, contexts = residual_views(problem, left), path_views(problem)
+    told = []
+    for item in found:
+        rows = np.isfinite(views[item.residual]) & np.isfinite(contexts[item.on])
+        readings = views[item.residual][rows]
+        number, _ = bins_of(contexts[item.on][rows])
+        inside = readings - (np.bincount(number, readings) / np.bincount(number))[number]
+        sigma = float(np.sqrt(np.square(inside).sum() / max(len(inside) - number.max() - 1, 1)))
+        size = _size(item, estimate_of(readings, sigma), problem, contexts, rows, item.with_)
+        told.append(replace(item, size=size, points=points_of(item, views[item.residual], contexts)))
+    return tuple(told)
+
+
+def points_of(found: Dependence, readings: np.ndarray, contexts: Contexts) -> np.ndarray:
+    """The readings that the curve of a dependence stands for.
+
+    Args:
+        found: the dependence.
+        readings: (n,) mm or rad, NaN on rows that do not count.
+        contexts: (n,) each.
+
+    Returns:
+        (m, 2): within the period of one, along the second variable of a direction, signed by the way it came; about
+        their mean, as curves are.
+    """
+    at = contexts[found.with_ or found.on]
+    at = at if found.period_mm is None else np.remainder(at, found.period_mm)
+    rows = np.isfinite(at) & np.isfinite(readings) & np.isfinite(contexts[found.on])
+    signed = readings - readings[rows].mean() if rows.any() else readings
+    signed = signed * np.sign(contexts[found.on]) if found.with_ else signed
+    return np.column_stack([at[rows], signed[rows]])
+
+
+def _moves(block: Block, found: Dependence, problem: Problem) -> np.ndarray:
+    """How far each feature of a block moves what it acts on, else what it is seen in, (n, w) mm or rad."""
+    if block.place.joint is not None and block.place.slopes.shape[2] == 1:
+        return SIZE * block.shapes / block.place.lever
+    if found.residual in COORDINATES:
+        return block.features[:, COORDINATES.index(found.residual)]
+    each = [residual_views(problem, column)[found.residual] for column in block.features.transpose(2, 0, 1)]
+    return np.stack(each, axis=1)
+
+
+def _size(
+    found: Dependence,
+    estimate: Estimate,
+    problem: Problem,
+    contexts: Contexts,
+    rows: np.ndarray,
+    second: str | None,
+) -> Size | None:
+    """How large a dependence is on the rows that count."""
+    of, values = found.acts_on or found.residual, contexts[found.on][rows]
+    if not found.on.startswith("direction"):
+        size = size_of(of, estimate, values, period=found.period_mm, place=found.place, shape=found.shape)
+    else:
+        size = size_of_side(of, estimate, values, None if second is None else contexts[second][rows])
+    if size is None:
+        return None
+    along = second if size.kind == "varying" and second is not None else found.on
+    return replace(size, on=found.on, along=along, unit=unit_of(problem, along), noun=problem.file.machine.noun)

@@ -1,0 +1,281 @@
+"""The verdict: what is missing, that nothing is, or that something is which no known effect describes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.dependence.contexts import COORDINATES
+from ptt.dependence.dependence import Dependence
+from ptt.dependence.following import dependence_of
+from ptt.diagnosis.evidence.at_tool import moved_by
+from ptt.diagnosis.evidence.noise_level import (
+    LEAST_FREEDOM,
+    noise_after,
+    noise_left,
+    stated_noise,
+    too_few,
+    visit_left,
+    wanders_beyond,
+)
+from ptt.diagnosis.evidence.probability import VERDICTS, Probability, weigh_sets
+from ptt.diagnosis.evidence.state import without
+from ptt.diagnosis.evidence.system import holds_unknown
+from ptt.diagnosis.noise.slow import SECONDS, Slow
+from ptt.diagnosis.search.find import STEPS, find
+from ptt.diagnosis.search.fits import stands, without_carried
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.search.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
+from ptt.diagnosis.search.smooth_way import on_smooth_way
+from ptt.diagnosis.telling.aside import against_gross
+from ptt.diagnosis.telling.depends import MOST, dependences, rest_of, with_suspect
+from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
+from ptt.diagnosis.telling.enough import enough
+from ptt.diagnosis.telling.exchange import Exchange, exchanges
+from ptt.diagnosis.telling.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
+from ptt.diagnosis.telling.given import as_free_as, at_its_word
+from ptt.diagnosis.telling.other_setups import other_setups
+from ptt.diagnosis.telling.sizes import sized
+from ptt.diagnosis.telling.steps import Named, name_steps
+from ptt.diagnosis.telling.unknowns import Unknown, unknowns_of
+from ptt.diagnosis.telling.verdict_words import explain_verdict
+from ptt.effects import Library, library
+from ptt.fitting.beside_unnamed import beside_unnamed
+from ptt.fitting.chunks import numbers
+from ptt.fitting.opening import opening_rows, without_opening
+from ptt.fitting.solve import rms
+from ptt.model.model import Model, Term
+from ptt.plan.elsewhere import elsewhere
+from ptt.plan.separation import plan_separation
+from ptt.progress import Tell
+from ptt.run.problem import Problem
+from ptt.run.smooth import SMOOTHLY
+
+MICRO = 1e3  # um in a mm
+IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has to bring
+
+
+def diagnose(
+    model: Model,
+    problem: Problem,
+    known: Library | None = None,
+    *,
+    steps: int = STEPS,
+    progress: Tell | None = None,
+    seed: int = 0,
+) -> Diagnosis:
+    """Learn which physical effects are missing.
+
+    Args:
+        model: the model as given.
+        problem: the readings.
+        known: effects by name; None for the library.
+        steps: how many may be added.
+        progress: told what is being done.
+        seed: of the permutation tests.
+
+    Returns:
+        The diagnosis.
+
+    Raises:
+        TableError: nothing tells the noise floor, or too few readings for any verdict.
+    """
+    enough(problem)
+    known, given = library() if known is None else known, model
+    model = at_its_word(model)
+    tell = progress or (lambda what: None)
+    opening, whole = opening_rows(problem), problem
+    problem = problem.masked(opening)
+    found = find(model, problem, known, tell, steps)
+    found, model, problem = on_smooth_way(found, model, problem, known, tell, steps)
+    if found.opening is not None:
+        opening, problem = opening | found.opening, without_opening(problem, found.opening)
+    if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
+        raise too_few(problem)
+    tell("rest")
+    rest = look_for_rest(found.system, found.state, problem, seed=seed)
+    result = conclude(found, rest, model, problem, known, tell, seed, steps)
+    turned = f" {SMOOTHLY[0].upper()}{SMOOTHLY[1:]}." if model.file.machine.moves != given.file.machine.moves else ""
+    words = result.words + turned + other_setups(given, whole)
+    return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)
+
+
+def conclude(
+    found: Found,
+    rest: Rest,
+    model: Model,
+    problem: Problem,
+    known: Library,
+    tell: Tell,
+    seed: int,
+    steps: int = STEPS,
+) -> Diagnosis:
+    """Put together what was found.
+
+    Args:
+        found: the best explanation.
+        rest: tests of what it leaves.
+        model: as given.
+        problem: the readings.
+        known: effects by name.
+        tell: told what is being done.
+        seed: of the poses to measure next.
+        steps: how many effects could be added.
+
+    Returns:
+        The diagnosis.
+    """
+    if found.state.keys and found.sample is None:
+        found = replace(found, fitted=beside_unnamed(found.fitted, without_carried(problem, found)))
+    scorer, state, atoms = found.scorer, found.state, found.system.atoms
+    clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
+    shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
+    said = _said_of(found, model, problem, shown)
+    named = said.told.steps
+    rms_um = _errors(found, tuple(step.key for step in named), clean)
+    rest = _objected(rest, found, said, problem, rms_um["after"]["total"] / MICRO)
+    noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
+    verdict = _verdict(found, bool(named), rest)
+    left = rest_of(scorer, state, problem)[rows]
+    unknowns = unknowns_of(scorer, state, left)
+    depends = _depends_on(found, said.told, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
+    tell("measure next")
+    suggested = tuple((atoms[step.key].name, *step.others) for step in named)
+    tied = any(len(step) > 1 for step in suggested)
+    result = Diagnosis(
+        verdict=verdict,
+        verdict_probability=_verdict_probability(chances, verdict),
+        suggested=suggested,
+        candidates=(
+            *candidates_of_steps(found, said.told, said.terms, said.others, chances, noise, problem),
+            *other_candidates(found, named, chances, problem),
+        ),
+        not_testable=found.untestable,
+        depends_on=depends,
+        rest=rest,
+        separation=plan_separation(found.fitted, shown, suggested, known, seed=seed) if tied else None,
+        noise=noise,
+        wander=_slow(found, problem),
+        rms_um=rms_um,
+        rows=int(clean.used.sum()),
+        outliers=found.gross,
+        model=replace(model, terms=said.sent),
+        fitted=found.fitted,
+        words="",
+        elsewhere=elsewhere(found.fitted, problem) if named else None,
+    )
+    return replace(result, words=explain_verdict(result, steps))
+
+
+@dataclass(frozen=True)
+class _Said:
+    """What is named of an explanation, at values.
+
+    Attributes:
+        told: the steps.
+        others: the explanation with moments of unlike sudden effects exchanged.
+        terms: effects of the model as given and those that are named, at their values.
+        sent: the same at the values that are sent to a machine.
+        beyond: names of effects with whose values the machine could not stand; then no step is named.
+        idle: names of effects that do nothing at their fitted values, and are no steps.
+    """
+
+    told: Named
+    others: tuple[Exchange, ...]
+    terms: tuple[Term, ...]
+    sent: tuple[Term, ...]
+    beyond: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
+
+
+def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _Said:
+    """What is named: nothing where the machine could not stand at it where the rows that are shown had it stand."""
+    told, others = name_steps(found.scorer, found.state), exchanges(found, problem)
+    keys = tuple(step.key for step in told.steps)
+    terms = fitted_terms(found, model, keys, others)
+    idle = _idle(found, keys, terms, shown, problem)
+    if idle:
+        told = replace(told, steps=tuple(step for step in told.steps if step.key not in idle))
+        keys = tuple(step.key for step in told.steps)
+        terms = fitted_terms(found, model, keys, others)
+    sent = sent_terms(found, terms, keys)
+    if stands(terms, shown) and stands(sent, shown):
+        return _Said(told, others, terms, sent, idle=tuple(found.system.atoms[key].name for key in idle))
+    given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
+    beyond = tuple(found.system.atoms[key].name for key in keys)
+    return _Said(replace(told, steps=()), others, given, given, beyond)
+
+
+def _idle(
+    found: Found, keys: tuple[str, ...], terms: tuple[Term, ...], shown: Problem, problem: Problem
+) -> tuple[str, ...]:
+    """Effects that at their fitted values do nothing to be seen: the readings asked for something else than these."""
+    atoms, white = found.system.atoms, noise_after(problem, found.system, found.state).whitener
+    values = {term.effect.key: term for term in terms}
+    named = [(key, values[atoms[key].name]) for key in keys if atoms[key].name in values]
+    share = problem.used.sum() / max(shown.used.sum(), 1)
+    held = shown.anchored()  # base reflectors show what moves as a whole
+    seen = {key: share * float(np.square(moved_by(term, held) @ white.T).sum()) for key, term in named}
+    return tuple(key for key, square in seen.items() if square < IDLE)
+
+
+def _objected(rest: Rest, found: Found, said: _Said, problem: Problem, error: float) -> Rest:
+    """The rest with all that speaks against what was found; `error` is what it leaves, mm."""
+    system, state = found.system, found.state
+    unproven = tuple(system.atoms[key].name for key in said.told.unproven)
+    left, stated = visit_left(system, state), stated_noise(problem, system, state)
+    wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
+    by_visit = bool(system.by_visit and state.memory.pose)
+    silent = _verdict(found, bool(said.told.steps), rest) == "nothing-missing"
+    unsaid = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
+    aside = against_gross(found, problem)
+    return with_objections(rest, said.told.faithful, unproven, left, stated, said.beyond, aside, unsaid, said.idle)
+
+
+def _depends_on(
+    found: Found, told: Named, unknowns: tuple[Unknown, ...], left: np.ndarray, rest: Rest, shown: Problem,
+    problem: Problem, seed: int,
+) -> tuple[Dependence, ...]:  # fmt: skip
+    """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
+    depends, scorer, state = dependences(unknowns, left, shown), found.scorer, found.state
+    if not depends and wanders_beyond(found.system, state):  # what the memory took tells what it is
+        found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
+        depends = sized(found_in, left, shown)
+    depends = depends or sized(rest.depends_on[:MOST], left, shown)
+    if depends:
+        return depends
+    suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
+    left = rest_of(scorer, suspect, problem)[slice(None) if found.sample is None else numbers(found.sample)]
+    return dependences(unknowns_of(scorer, suspect, left), left, shown)
+
+
+def _slow(found: Found, problem: Problem) -> Slow | None:
+    wander = found.state.memory.wander
+    unit = SECONDS if "time" in problem.view.varies else "readings"
+    return None if wander is None else Slow(wander, found.system.clock.span, unit)
+
+
+def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
+    state, system = found.state, found.system
+    if holds_unknown(system, state.keys, state.memory) or wanders_beyond(system, state) or rest.significant:
+        return "unknown"
+    return "missing" if named else "nothing-missing"
+
+
+def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
+    """Probabilities of the sets; where a test of the rest overrules them, the verdict has at least an even chance."""
+    found = dict(chances.verdict)
+    if max(found, key=lambda name: found[name]) != verdict:
+        share = 0.5 / max(1.0 - found[verdict], 1e-12)
+        found = {name: 0.5 if name == verdict else found[name] * share for name in VERDICTS}
+    return found
+
+
+def _errors(found: Found, keys: tuple[str, ...], clean: Problem) -> dict[str, dict[str, float]]:
+    """Error of the model as given, and with the steps, um."""
+    system, scorer = found.system, found.scorer
+    errors = {}
+    for name, chosen in (("before", ()), ("after", keys)):
+        state = scorer.score(chosen, found.state.memory)
+        left = system.in_mm(system.left(state.columns, state.posterior.values))
+        errors[name] = rms(left, np.ones(len(left), dtype=bool))
+    return errors

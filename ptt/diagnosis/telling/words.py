@@ -1,0 +1,195 @@
+"""Steps of a diagnosis in words that a machinist understands: what is off, on which side, what is tied with it."""
+
+from collections.abc import Sequence
+
+import torch
+
+from ptt.diagnosis.evidence.at_tool import at_tool_um
+from ptt.effects.layout import family
+from ptt.effects.phrases import Said, capital, compose, listed, remedies
+from ptt.effects.phrases import doubt as far_off
+from ptt.fitting.gauge import Loose, Told, sparsest
+from ptt.model.model import Term
+from ptt.run.noise import Noise
+from ptt.run.problem import Problem
+from ptt.run.view import View
+
+DOUBTED = 0.5  # of an error from which it is worth a word what no reading shows
+PART, MOST = 1.5, 3.0  # times what an effect can take off the error, from which others take a part, most of it back
+
+
+def sentence(told: Told, view: View) -> str:
+    """What an effect of a machine means, with the side of each value.
+
+    Args:
+        told: the effect in the gauge in which it is to be said.
+        view: of the machine.
+
+    Returns:
+        For example 'slider 2 stands 250 um lower than b says: homing (sliders against each other; what they have in
+        common cannot be told from the tracker's z)'.
+    """
+    parts, noun = _said(told, view)
+    body = compose(parts, noun)
+    if not body:
+        return f"{told.term.effect.key} explains a part"
+    return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}{far_off(parts)}"
+
+
+def _gauge(told: Told, noun: str) -> str:
+    if not told.alike:
+        return ""
+    names = [name.removeprefix("tracker ") for name in told.alike]
+    about = [name.removeprefix("rotation about ") for name in names if name.startswith("rotation")]
+    straight = [name for name in names if not name.startswith("rotation")]
+    parts = [listed(straight)] if straight else []
+    parts += [f"rotation about {listed(about)}"] if about else []
+    whose = f"the tracker's {' and its '.join(parts)}"
+    return f" ({noun}s against each other; what they have in common cannot be told from {whose})"
+
+
+def sentences(
+    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, loose: Loose | None = None
+) -> list[str]:
+    """Every fitted effect of a model in one sentence each, all in the gauge with the fewest parts off.
+
+    Args:
+        terms: fitted together.
+        problem: the readings.
+        noise: the noise floor.
+        widen: times the noise that the fit leaves, where it is more than that.
+        loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
+
+    Returns:
+        One for each term.
+    """
+    known = [term for term in terms if len(term.theta)]
+    words = []
+    for told in sparsest(known, problem, noise, widen, loose=loose):
+        set_right = remedy(told, problem.view)
+        words.append(f"{capital(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
+    return words
+
+
+def remedy(told: Told, view: View) -> str:
+    """What has to be turned, moved or entered, and by how much; '' where nothing can be.
+
+    Args:
+        told: the effect in the gauge in which it is to be said.
+        view: of the machine.
+    """
+    parts, noun = _said(told, view)
+    return remedies(parts, noun)
+
+
+def _said(told: Told, view: View) -> tuple[tuple[Said, ...], str]:
+    effect, theta = told.term.effect, told.term.theta
+    std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
+    return effect.say(theta, std, view), effect.arm_noun if family(view) == "serial" else effect.noun
+
+
+def explain_step(
+    term: Term,
+    others: Sequence[str],
+    together: Sequence[str],
+    heldout_um: tuple[float, float],
+    noise: Noise,
+    problem: Problem,
+    after: Sequence[str] = (),
+    doubt_um: float | None = None,
+    beside: Sequence[Term] = (),
+    loose: Loose | None = None,
+) -> str:
+    """One step in two or three sentences; what cannot be told apart comes first.
+
+    Args:
+        term: the effect, fitted.
+        others: effects that would do as well.
+        together: effects that would do as well only together.
+        heldout_um: held-out error before and after.
+        noise: the noise floor.
+        problem: the readings; their frames tell in which gauge values are said.
+        after: steps that were taken before this one, to which the held-out error belongs.
+        doubt_um: how far the machine may have the tool elsewhere beside the error after it; None where nobody asks.
+        beside: the other terms of the fit, from whose values the readings have to tell its own.
+        loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
+
+    Returns:
+        For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
+        held-out error falls from 62 to 9 um, noise is 7 um.'
+    """
+    told = sparsest([term], problem, noise, beside=beside, loose=loose)[0]
+    tie, head = headline(term.effect.key, others, together), sentence(told, problem.view)
+    before, now = heldout_um
+    on_top = f"after {listed(list(after))} " if after else ""
+    fall = f"the held-out error {on_top}{_moved(before, now)}, noise is {noise.total * 1e3:.1f} um"
+    if size := _size_in_all(told, before + now, before, problem):
+        fall += f"; {size}"
+    if doubt := doubt_in_words(now, doubt_um):
+        fall += f"; {doubt}"
+    if tie:
+        return f"{tie} As {term.effect.key}: {head}; {fall}."
+    alone = "Nothing else explains it as well; " if not told.alike and now < before else ""
+    return f"{capital(head)}. {capital(alone + fall)}."
+
+
+def _moved(before: float, now: float) -> str:
+    if f"{before:.1f}" == f"{now:.1f}":
+        return f"stays at {now:.1f} um"
+    return f"{'falls' if now < before else 'rises'} from {before:.1f} to {now:.1f} um"
+
+
+def _size_in_all(told: Told, apart: float, before: float, problem: Problem) -> str:
+    """What an effect does where its values, or that, are more than was missed; else nothing.
+
+    It is said at the tool, or, of what changes readings and moves no tool, in the readings.
+
+    Args:
+        told: the effect as it is said.
+        apart: um, by which the tool's errors before and after it differ at most.
+        before: um, the error before it.
+        problem: the readings.
+    """
+    parts, _ = _said(told, problem.view)
+    largest = max((part.size for part in parts if part.unit == "um"), default=0.0)
+    makes = at_tool_um(told.term, problem)
+    if largest <= before and makes <= PART * apart:
+        return ""
+    back = "most" if makes > MOST * apart else "a part"
+    taken = f", {back} of which the other effects take back" if makes > PART * apart else ""
+    where = "in the readings" if told.term.effect.stage == "metrology" else "at the tool"
+    return f"{where} it makes {makes:.{0 if makes >= 10.0 else 1}f} um rms{taken}"
+
+
+def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBTED) -> str:
+    """What readings cannot show of the tool, beside the error that they show.
+
+    Args:
+        error_um: on hidden blocks.
+        doubt_um: how far the machine may have the tool elsewhere while the readings stay; None where nobody asks.
+        least: share of the error from which it is worth a word.
+
+    Returns:
+        A clause; '' where it is not worth one.
+    """
+    if doubt_um is None or not doubt_um > least * error_um:
+        return ""
+    return f"what the readings cannot show of the tool may add up to {doubt_um:.1f} um"
+
+
+def headline(key: str, others: Sequence[str], together: Sequence[str]) -> str:
+    """What cannot be told apart, or nothing.
+
+    Args:
+        key: the effect that was picked.
+        others: effects that would do as well.
+        together: effects that would do as well only together.
+
+    Returns:
+        For example 'Either homing-offset or tower-tilt: this data cannot tell them apart.'; '' where there is no tie.
+    """
+    sums = f"{listed(list(together))} together would do the same" if together else ""
+    if others:
+        either = f"Either {', '.join((key, *others[:-1]))} or {others[-1]}: this data cannot tell them apart"
+        return f"{either}; {sums}." if sums else f"{either}."
+    return f"Either {key}, or {sums}: this data cannot tell them apart." if sums else ""

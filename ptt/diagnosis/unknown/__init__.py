@@ -1,0 +1,1 @@
+"""Unknown physics by construction: what varies, times smooth, times where it acts."""

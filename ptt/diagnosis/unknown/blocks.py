@@ -1,0 +1,275 @@
+"""Blocks of unknown physics by construction: what varies, times smooth, times where it acts."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ptt.dependence.contexts import rigid_slopes
+from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
+from ptt.diagnosis.unknown.span import Context, Span, span_of
+from ptt.effects.geometry import across_axes
+from ptt.model.chain import Chain
+from ptt.run.problem import Problem
+
+SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
+FINE = 24  # shapes along a joint's own travel
+FIELD, FIELD_OF_CONTEXT = 5, 3  # total degree of a field over the workspace, and of one that a context modulates
+STILL = 1e-6  # mm or less of the tool to a mm or a rad of a place: it moves nothing
+FIELD_DECAY, GENTLE = 0.6, 2  # and the degree of one that bends but once
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something unknown may act.
+
+    Attributes:
+        residual: 'slider 2', 'joint 2', 'rail 2' (both ways across it), 'tool' or 'set-up'; of one way alone also
+            'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
+        slopes: shift of the reading by each of its ways, (n, 3, w), of about unit size.
+        joint: the joint it belongs to, None for the tool.
+        lever: size of its slopes before they were made so.
+    """
+
+    residual: str
+    slopes: np.ndarray
+    joint: int | None = None
+    lever: float = 1.0
+
+    def times(self, shapes: np.ndarray) -> np.ndarray:
+        """Features (n, 3, w s) of shapes (n, s) that act here."""
+        joined = SIZE * self.slopes[:, :, :, None] * shapes[:, None, None, :]
+        return joined.reshape(*self.slopes.shape[:2], -1)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One kind of unknown physics.
+
+    Attributes:
+        name: says it all: 'slider 2 on b2'.
+        place: where it acts.
+        on: the variables it depends on, the leading one first.
+        shapes: (n, s) of about unit size.
+    """
+
+    name: str
+    place: Place
+    on: tuple[str, ...]
+    shapes: np.ndarray
+
+    @property
+    def features(self) -> np.ndarray:
+        """(n, 3, m) mm, one learned variance for all of them."""
+        return self.place.times(self.shapes)
+
+    @property
+    def period(self) -> float | None:
+        """Of a wave along the travel of a joint, in its unit; None of any other block."""
+        length = self.name.partition(PERIOD)[2]
+        return float(length) if length else None
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether it is a free curve over the travel of the joint that it belongs to."""
+        own = None if self.place.joint is None else str(self.place.joint + 1)
+        return self.period is None and len(self.on) == 1 and self.on[0][1:] == own
+
+    @property
+    def varies_curve(self) -> bool:
+        """Whether it is a curve over the travel of the joint that it belongs to which changes with something else."""
+        own = None if self.place.joint is None else str(self.place.joint + 1)
+        return len(self.on) > 1 and not self.reverses and any(each[1:] == own for each in self.on)
+
+    def is_like(self, other: "Block") -> bool:
+        """Whether another acts where this one does and follows the same variable first."""
+        return self.place.residual == other.place.residual and self.on[0] == other.on[0]
+
+    @property
+    def reverses(self) -> bool:
+        """Whether it changes sides with the way a joint came, as play does."""
+        return self.on[0].rstrip("0123456789") == "direction"
+
+    @property
+    def width(self) -> int:
+        """Number m of its features."""
+        return int(self.place.slopes.shape[2] * self.shapes.shape[1])
+
+
+PERIOD = " with period "  # in the name of a wave
+Recipe = tuple[str, Place, tuple[str, ...], Callable[[], np.ndarray]]  # name, where, on what, and its shapes
+Period = tuple[int, float]  # joint, and length in its unit
+
+
+def unknown_blocks(
+    problem: Problem,
+    chain: Chain,
+    periods: Sequence[Period] = (),
+    span: Span | None = None,
+    names: Collection[str] | None = None,
+) -> list[Block]:
+    """Everything that the library may lack, as far as the run can show it.
+
+    Args:
+        problem: n rows.
+        chain: of the present model, for how joints and rails move the reading.
+        periods: that were seen in what was left.
+        span: of the run that the rows are a part of, by their numbers; None where they are all of it.
+        names: of the blocks that are wanted; None for all.
+
+    Returns:
+        The blocks.
+    """
+    if span is None:
+        span = span_of(problem)
+    elif problem.view.number is not None:
+        span = span.of(problem.view.number.numpy().astype(int))
+    found = []
+    places = places_of_chain(problem, chain, span.levers)
+    for name, place, on, make in (*_recipes(problem, places, span), *_periodic(problem, places, periods)):
+        if (names is None or name in names) and (shapes := make()).shape[1]:
+            found.append(Block(name, place, on, shapes))
+    return found
+
+
+def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Recipe]:
+    tool, joints = places[0], [place for place in places if place.residual != "tool"]
+    serial = problem.file.machine.kind == "serial"
+    letter = problem.file.machine.letter
+    raw, q = problem.view.q.numpy(), scaled(problem.view.q.numpy(), span.q)
+    p = scaled(problem.view.p.numpy(), span.p)
+    yield _named(tool, ("x", "y", "z"), partial(_field, p, _degree(problem), 1))
+    yield "tool gently on x and y and z", tool, ("x", "y", "z"), partial(_field, p, GENTLE, 1)
+    for place in joints:
+        assert place.joint is not None
+        own = f"{letter}{place.joint + 1}"
+        yield _named(place, (own,), partial(_own_travel, q[:, place.joint], raw[:, place.joint], serial))
+        low = modulation(q[:, place.joint])
+        if place.residual.startswith("rail"):  # a carriage tips over as its drive pulls it the other way
+            if span.two_sided[place.joint]:
+                yield from _reversal(problem, place, own, low, ())
+            if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
+                yield _waves(place, own, raw[:, place.joint], problem.view.lead)
+            continue
+        yield _named(place, ("x", "y", "z"), partial(_field, p, _degree(problem)))
+        for i in range(q.shape[1]):
+            if i != place.joint:
+                yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
+        for context in span.contexts:
+            if context.joints:
+                yield _named(place, (context.name, own), partial(product, _with_level(context), low))
+        if span.two_sided[place.joint]:
+            yield from _reversal(problem, place, own, low, span.contexts)
+    for context in span.contexts:
+        if not context.joints:
+            yield _named(tool, (context.name,), partial(_shapes, context))
+        elif context.name != "time":
+            yield f"tool gently on {context.name}", tool, (context.name,), partial(_shapes, context)
+            degree = FIELD_OF_CONTEXT if context.fields else 1
+            yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
+    if span.two_sided.any():
+        yield _named(tool, ("direction",), problem.view.direction.numpy)
+    yield _named(_set_up(problem, span), ("time",), lambda: span.slow)
+
+
+def _degree(problem: Problem) -> int:
+    return FIELD if problem.file.machine.kind == "three-ptt" else FIELD_OF_CONTEXT
+
+
+def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray]) -> Recipe:
+    return f"{place.residual} on {' and '.join(on)}", place, on, make
+
+
+def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) -> Iterator[Recipe]:
+    """Cosine and sine of each period along its joint."""
+    for joint, length in periods:
+        place = next(place for place in places if place.joint == joint)
+        on = f"{problem.file.machine.letter}{joint + 1}"
+        yield _waves(place, on, problem.view.q.numpy()[:, joint], length)
+
+
+def _waves(place: Place, on: str, raw: np.ndarray, length: float) -> Recipe:
+    phase = 2.0 * np.pi * raw / length
+    return f"{place.residual} on {on}{PERIOD}{length:.5g}", place, (on,), partial(harmonics, phase)
+
+
+def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:
+    """Where something unknown may act: the tool first, then joints that move it, then rails sideways.
+
+    Args:
+        problem: n rows.
+        chain: of the present model, for how joints and rails move the reading.
+        levers: of each place, by its residual, where another part of the run has set them.
+    """
+    n, k = problem.view.rows, problem.view.joints
+    places = [Place("tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
+    word = problem.file.machine.noun
+    by_joint = chain.by_joint.numpy()
+    found = [(f"{word} {joint + 1}", by_joint[:, :, joint : joint + 1], joint) for joint in range(k)]
+    if problem.file.machine.kind == "three-ptt":
+        by_slot = chain.by_slot.numpy()
+        ways = np.stack([axis.numpy() for axis in across_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
+        found += [(f"rail {leg + 1}", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
+    for residual, slopes, joint in found:
+        lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
+        if lever > STILL:
+            places.append(Place(residual, slopes / lever, joint, lever))
+    return places
+
+
+def _reversal(
+    problem: Problem, place: Place, own: str, low: np.ndarray, contexts: Sequence[Context]
+) -> Iterator[Recipe]:
+    """The way a joint came, in a measure that varies with its place or with a context."""
+    assert place.joint is not None
+    side = problem.view.direction.numpy()[:, place.joint : place.joint + 1]
+    name = f"direction{place.joint + 1}"
+    yield _named(place, (name, own), partial(np.multiply, side, low))
+    for context in contexts:
+        yield _named(place, (name, context.name), partial(np.multiply, side, context.measure))
+
+
+def _set_up(problem: Problem, span: Span) -> Place:
+    """Scale and turn of the readings; their shift is the tracker's wander."""
+    p = problem.view.p.numpy()
+    return Place("set-up", np.stack([p, *(np.cross(axis, p) for axis in np.eye(3))], axis=2) / span.radius)
+
+
+def stand_of(problem: Problem) -> Place:
+    """Where a tracker stands: shift and turn of the readings, turns at the root mean square of the coordinates."""
+    p = problem.view.p.numpy()
+    radius = max(float(np.sqrt(np.square(p - p.mean(axis=0)).sum(axis=1).mean())), 1e-9)
+    return Place("set-up", rigid_slopes(p) / np.repeat([1.0, radius], 3))
+
+
+def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
+    """A curve with its level and slope: without them offsets and leads would be named beside it."""
+    shapes = np.column_stack([np.ones(len(scaled)), scaled, cosines(scaled, FINE)])
+    return np.column_stack([shapes, harmonics(raw)]) if turns else shapes
+
+
+def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
+    return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(scaled)
+
+
+def _shapes(context: Context) -> np.ndarray:
+    return context.shapes
+
+
+def _with_level(context: Context) -> np.ndarray:
+    """Shapes of a context; what changes with time has a mean over the run, which is nothing by itself."""
+    return np.column_stack([np.ones(len(context.shapes)), context.shapes]) if context.name == "time" else context.shapes
+
+
+def _field(scaled: np.ndarray, degree: int, first: int = 0) -> np.ndarray:
+    """Products of Legendre polynomials of the coordinates up to a total degree."""
+    each = [legendre(column, degree) for column in scaled.T]
+    powers = [power for power in np.ndindex(*(degree + 1,) * 3) if first <= sum(power) <= degree]
+    return np.column_stack(
+        [FIELD_DECAY ** max(sum(m) - 1, 0) * each[0][:, m[0]] * each[1][:, m[1]] * each[2][:, m[2]] for m in powers]
+    )
+
+
+def _modulated_field(shapes: np.ndarray, scaled: np.ndarray, degree: int) -> np.ndarray:
+    return product(shapes, _field(scaled, degree))

@@ -1,0 +1,170 @@
+"""What a run covers beside the poses: contexts, and the ranges that make shapes of a part those of the whole."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import linalg
+
+from ptt.dependence.contexts import moves_of
+from ptt.dependence.way import ways_of
+from ptt.diagnosis.unknown.smooth import COARSE, cosines, ends_of, modulation, product, reined, scaled, unit
+from ptt.run.problem import Problem
+from ptt.run.watched import watched_values
+
+SLOW = 10  # cosines over the time of the run
+SAME_FEED = 0.05  # share of the largest that a feed has to vary by
+LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
+
+
+@dataclass(frozen=True)
+class Context:
+    """Something beside the pose that varies.
+
+    Attributes:
+        name: 'payload', 'temperature', 'time', 'speed', 'feed', 'way', 'turn', or the title of a column that a person
+            wants watched.
+        shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
+        measure: what a play may vary in proportion to, (n, m): a level, for one that stays is the simplest, and bends;
+            no columns where no play follows it.
+        fields: whether a field over the workspace may go with it beyond scale and turn.
+        joints: whether it may act on joints; what only the tool knows acts on the tool.
+    """
+
+    name: str
+    shapes: np.ndarray
+    measure: np.ndarray
+    fields: bool = True
+    joints: bool = True
+
+    def of(self, rows: np.ndarray) -> "Context":
+        """The same for some of the rows, (m,) int."""
+        return replace(self, shapes=self.shapes[rows], measure=self.measure[rows])
+
+
+@dataclass(frozen=True)
+class Span:
+    """What a whole run covers: shapes over a part of it are those of the whole.
+
+    Attributes:
+        q: lowest and highest of each joint, (2, k).
+        p: of each coordinate, (2, 3).
+        radius: root mean square of the coordinates, mm.
+        contexts: what varies beside the pose, with the shapes of all its rows.
+        two_sided: joints that came from both directions to readings that count, (k,) bool.
+        levers: of each place, by its residual, where another part of the run has set them.
+    """
+
+    q: np.ndarray
+    p: np.ndarray
+    radius: float
+    contexts: tuple[Context, ...]
+    two_sided: np.ndarray
+    levers: dict[str, float] = field(default_factory=dict)
+
+    def of(self, rows: np.ndarray) -> "Span":
+        """The same for some of the rows, (m,) int."""
+        contexts = tuple(context.of(rows) for context in self.contexts)
+        return replace(self, contexts=contexts)
+
+    @property
+    def slow(self) -> np.ndarray:
+        """Cosines over the time of the run, (n, s)."""
+        return next(context.shapes for context in self.contexts if context.name == "time")
+
+
+def span_of(problem: Problem) -> Span:
+    """What a run covers.
+
+    Args:
+        problem: the whole run.
+
+    Returns:
+        Its span.
+    """
+    view = problem.view
+    q, p = view.q.numpy(), view.p.numpy()
+    size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
+    return Span(ends_of(q), ends_of(p), size, tuple(_contexts(problem)), problem.two_sided)
+
+
+def _contexts(problem: Problem) -> Iterator[Context]:
+    """What the table has beside the pose and varies."""
+    view = problem.view
+    if "payload" in view.varies:
+        load = reined(view.payload.numpy())
+        yield _context("payload", np.column_stack([unit(load), unit(load**2)]))
+    if "temperature" in view.varies:
+        warm = reined(view.warmth.numpy())
+        yield _context("temperature", np.column_stack([unit(warm), unit(warm**2)]))
+        if "time" in view.varies:
+            yield _context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()), play=False)
+    yield _context("time", cosines(_time(problem), SLOW), fields=False)
+    if "speed" in view.varies:
+        speed = reined(np.sqrt(np.square(view.velocity.numpy()).sum(axis=1)))
+        yield _context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
+        velocity = reined(view.velocity.numpy())
+        signed = np.column_stack([velocity, velocity * np.abs(velocity)])
+        signed /= np.maximum(np.sqrt(np.square(signed).mean(axis=0)), 1e-9)
+        yield _context("velocity", signed, fields=False, play=False)
+    feed = problem.table.feed_mm_s
+    came, turns = ways_of(view.p.numpy(), view.starts.numpy())
+    turns = reined(turns)
+    yield _context("way", reined(np.column_stack(list(came))), fields=False, joints=False)
+    if feed is None or np.ptp(feed := reined(np.nan_to_num(feed))) <= SAME_FEED * feed.max():
+        yield _context("turn", turns, fields=False, joints=False)
+    else:  # how fast the machine came, also where it was read at a stop
+        yield _context("feed", _bowed(feed), fields=False)
+        swift = np.column_stack([np.ones(view.rows), unit(feed), unit(feed**2)])
+        yield _context("turn", product(turns, swift), fields=False, joints=False)
+    for name, values in moves_of(problem).items():
+        yield _context(name, _bowed(reined(_by_shares(values))), fields=False)
+    for title, values in watched_values(problem.table).items():
+        yield _context(title, _bowed(np.nan_to_num((held := reined(values)) - np.nanmean(held))))
+
+
+def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool = True, play: bool = True) -> Context:
+    """A context, its first shape the straight one; `play` where a play may vary with it."""
+    if not (joints and play):
+        measure = np.zeros((len(shapes), 0))
+    elif name == "time":
+        measure = np.column_stack([np.ones(len(shapes)), shapes[:, :COARSE]])
+    else:
+        measure = modulation(scaled(shapes[:, 0], ends_of(shapes[:, 0])))
+    return Context(name, shapes, measure, fields, joints)
+
+
+def _by_shares(values: np.ndarray) -> np.ndarray:
+    """A length or a duration, by shares, (n,): what settles forgets where it began by shares."""
+    known = np.isfinite(values) & (values > 0.0)
+    return np.log(np.where(known, values, np.median(values[known])))
+
+
+def _bowed(values: np.ndarray) -> np.ndarray:
+    """What a column says in a straight line and in a bow, (n, 2)."""
+    apart = unit(values - values.mean())
+    return np.column_stack([apart, unit(apart**2 - np.mean(apart**2))])
+
+
+def _time(problem: Problem) -> np.ndarray:
+    """Of each row, -1 to 1 over the run."""
+    view = problem.view
+    if "time" in view.varies:
+        time = view.time.numpy()
+    else:
+        time = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
+    return scaled(time, ends_of(time))
+
+
+def _memory(warm: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """How far slow bodies lag behind the temperature that was read, one column a lag."""
+    step = np.maximum(np.diff(time, prepend=time[:1]), 0.0)
+    columns = []
+    for lag in LAGS:
+        keep = np.where(starts, 0.0, np.exp(-step / lag))
+        keep[0] = 0.0
+        bands = np.ones((2, len(warm)))
+        bands[1, :-1] = -keep[1:]  # each level is what is kept of the one before and the rest of the reading
+        body = linalg.solve_banded((1, 0), bands, (1.0 - keep) * warm)
+        columns.append(unit(body - warm))
+    return np.column_stack(columns)
