@@ -90,7 +90,8 @@ class Singularities:
 def determinant(mechanism: ThreePtt, p: Tensor) -> Determinant:
     """Determinant of J = db/dp and where its zeros and poles come from.
 
-    Source: DESIGN section 3, after the source paper's determinant.
+    Source: J = diag(1 / (s_i . rail_i)) S for link vectors s_i, the rows of S; so det J vanishes with the volume that
+    the links span and grows without bound where a link stands square on its rail.
 
     Args:
         mechanism: the machine.

@@ -39,7 +39,7 @@ class Chain:
     Attributes:
         at_drive: the rows as drive effects see them.
         at_joints: as geometry effects see them.
-        at_tool: as structure and metrology effects see them.
+        at_tool: as metrology effects see them, what structure effects do included.
         by_joint: d reading / d joint shift, (n, 3, k).
         by_slot: d reading / d geometry slot, (n, 3, G).
         reading: (n, 3) mm.

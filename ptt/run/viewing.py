@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ptt.machine import MachineFile
     from ptt.run.table import Table
 
+EVEN = 0.05  # of the mean speed: of speeds that scatter by less, no reading tells what follows speed from direction
 MOMENT = 1.0  # s: from the last row of a run to the first of one whose clock starts anew; nobody knows how long it is
 
 
@@ -179,8 +180,7 @@ def _what_varies(table: "Table", travel: Travel, velocity: Tensor) -> frozenset[
         if column is not None and pose.any() and np.ptp(np.asarray(column)[pose]) > step:
             names.append(name)
     speed = velocity.norm(dim=1)[torch.as_tensor(pose)]
-    # Speeds that differ by less than a fifth cannot part a lag that follows speed from one that follows direction.
-    if len(speed) and float(speed.max()) > 0 and float(speed.std()) > 0.05 * float(speed.mean()):
+    if len(speed) and float(speed.max()) > 0 and float(speed.std()) > EVEN * float(speed.mean()):
         names.append("speed")
     both = [(travel.direction[:, i] > 0).any() and (travel.direction[:, i] < 0).any() for i in range(travel.joints)]
     if any(bool(item) for item in both):

@@ -19,7 +19,7 @@ from ptt.run.holdout import BLOCKS, blocks
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-SILENT = 1.5  # times a stated noise up to which nothing is said rather than what is little likelier: DESIGN.md, 5
+SILENT = 1.5  # times a stated noise up to which nothing is said rather than what is little likelier
 EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
 CHANCE_LACK = 1e-4  # lack of fit
 CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals
