@@ -92,6 +92,7 @@ class CovarianceSpec(Frozen):
         helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
         masked: effects that the model does not have, and what its run says of them.
         unnamed: sizes of the drawing among them, and how far they leave the model open.
+        turns: travel of a wind-up of each joint that the run cannot tell from play, mm or rad.
     """
 
     of: tuple[str, ...]
@@ -101,6 +102,7 @@ class CovarianceSpec(Frozen):
     helped: bool | None = None
     masked: MaskedSpec | None = None
     unnamed: MaskedSpec | None = None
+    turns: tuple[NonNegativeFloat, ...] = ()
 
 
 class ParameterEntry(Frozen):

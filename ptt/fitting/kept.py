@@ -28,6 +28,7 @@ class Kept:
         helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
         masked: what its run says of effects that the model does not have (`ptt.fitting.masked`).
         unnamed: sizes of the drawing that it does not have; None where nobody asked.
+        turns: travel of a wind-up of each joint that its run cannot tell from play, (k,) mm or rad; () for none.
     """
 
     names: tuple[str, ...]
@@ -36,6 +37,7 @@ class Kept:
     helped: bool | None = None
     masked: MaskedSpec | None = None
     unnamed: Unnamed | None = None
+    turns: tuple[float, ...] = ()
 
     @property
     def promised(self) -> float | None:
@@ -94,7 +96,7 @@ def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = 
     size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     strength, way = np.linalg.eigh(covariance / np.outer(size, size))
     root = size[:, None] * way * np.sqrt(np.maximum(strength, 0.0))
-    return Kept(names, root, heldout, helped, unnamed=unnamed)
+    return Kept(names, root, heldout, helped, unnamed=unnamed, turns=fitted.turns)
 
 
 def keep_covariance(
@@ -106,7 +108,9 @@ def keep_covariance(
     kept = keep(fitted, heldout, helped)
     unnamed = kept.unnamed.spec() if kept.unnamed is not None and kept.unnamed.effects else None
     values, root = _digests(fitted.model)[0], pack(kept.root)
-    return CovarianceSpec(of=kept.names, root=root, values=values, heldout_mm=heldout, helped=helped, unnamed=unnamed)
+    return CovarianceSpec(
+        of=kept.names, root=root, values=values, heldout_mm=heldout, helped=helped, unnamed=unnamed, turns=kept.turns
+    )
 
 
 def kept_covariance(model: Model) -> Kept | None:
@@ -125,7 +129,8 @@ def kept_covariance(model: Model) -> Kept | None:
     if flat is None or len(flat) != count**2 or len(set(spec.of)) != count:
         return None
     unnamed = None if spec.unnamed is None else read_unnamed(spec.unnamed, count, model.joints)
-    return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm, spec.helped, spec.masked, unnamed)
+    turns = spec.turns if len(spec.turns) == model.joints else ()
+    return Kept(spec.of, flat.reshape(count, count), spec.heldout_mm, spec.helped, spec.masked, unnamed, turns)
 
 
 def why_not_kept(model: Model) -> str:

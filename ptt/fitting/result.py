@@ -44,6 +44,8 @@ class FitResult:
             covariance is without it.
         unnamed: sizes of the drawing that the model does not have, and how far they leave the unknowns open; None where
             nobody asked. The covariance is without them: where the run went the values make good for them.
+        turns: travel of a wind-up of each joint that the readings cannot tell from the play that the model has, mm or
+            rad; () where nobody asked, or it has none.
     """
 
     model: Model
@@ -64,6 +66,7 @@ class FitResult:
     status: str
     doubt: np.ndarray | None = None
     unnamed: Unnamed | None = None
+    turns: tuple[float, ...] = ()
 
     @property
     def values(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from ptt.effects.layout import linear_size, sizes, usual_values
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.kept import Kept
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
+from ptt.fitting.turns import unturned
 from ptt.fitting.unnamed import Unnamed
 from ptt.model.chain import Linearised, Shifts, linearise, signature
 from ptt.model.model import parameter_names
@@ -23,7 +24,8 @@ def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
 
     Parameters and frame together: what is common to all readings moves with the frame, and no command mends it. So do
     sizes of the drawing that the model does not have, which its values make good for where the run went and not
-    elsewhere. Beyond the heights that told a curve it is held, and how it goes on there is uncertain as well.
+    elsewhere. Beyond the heights that told a curve it is held, and how it goes on there is uncertain as well; nearer to
+    a reversal than any reading, so is how play is taken up.
 
     Args:
         kept: the covariance.
@@ -42,6 +44,9 @@ def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
     if kept.unnamed is not None:
         every = torch.cat([_usual(kept, terms, by_kept, view, kind), *_by_unnamed(kept.unnamed, at, view)], dim=2)
         square = square + (every @ torch.as_tensor(kept.unnamed.root)).square().sum(dim=(1, 2))
+    if kept.turns:
+        lengths = torch.tensor(kept.turns, dtype=torch.float64)
+        square = square + unturned(terms, view, at.jacobian, lengths).square().sum(dim=(1, 2))
     if terms:
         square = square + unvisited(terms, view, at.jacobian).square().sum(dim=(1, 2))
     return np.asarray(square.sqrt().numpy())

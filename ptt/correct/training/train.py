@@ -12,6 +12,7 @@ from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_res
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.solve import hold_to_base, rms
+from ptt.fitting.turns import with_turns
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
 from ptt.run.problem import Problem
@@ -127,5 +128,5 @@ def _as_sure(physics: Physics, held: Problem, free: Problem) -> Physics:
     """Physics fitted beside held frames, as sure as base reflectors and what the model does not have make it."""
     if physics.fitted is None:
         return physics
-    fitted = beside_unnamed(with_frame_doubt(physics.fitted, free), held)
+    fitted = with_turns(beside_unnamed(with_frame_doubt(physics.fitted, free), held), held)
     return replace(physics, fitted=fitted, model=fitted.model)

@@ -19,6 +19,7 @@ from ptt.fitting.opening import told_aside, untold_rows, without_opening
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
+from ptt.fitting.turns import with_turns
 from ptt.judge.ladder.ladder import Ladder, Step
 from ptt.judge.ladder.rung import fit_rung, log_density
 from ptt.model.model import Model, Term
@@ -159,7 +160,7 @@ def _measure(
     tell("report", 1, 1)
     held = hold_to_base(fits[-1].model, problem)
     if rungs[-1][1] != "given":  # the last is what is stated
-        fits[-1] = beside_unnamed(with_frame_doubt(fits[-1], problem), held)
+        fits[-1] = with_turns(beside_unnamed(with_frame_doubt(fits[-1], problem), held), held)
     rows = problem.used & ~fits[-1].outliers
     for residual in (*(item.residual for item in fits), *held_out):
         rows = rows & np.isfinite(residual).all(axis=1)

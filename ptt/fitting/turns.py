@@ -1,0 +1,74 @@
+"""Turns: how soon after a reversal a run shows that play is taken up, and what it leaves open nearer to one.
+
+Readings far behind a reversal tell how much is lost there, not along which travel: play and wind-up (Dahl, A Solid
+Friction Model, 1968) look alike to them. Commands that go back by less than that are beyond what was measured.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ptt.effects.layout import family, sizes
+from ptt.effects.memory import gradual_reversal
+from ptt.effects.reversal import Backlash, Windup, gap_of
+from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.result import FitResult
+from ptt.model.chain import Shifts, linearise
+from ptt.run.problem import Problem
+from ptt.run.view import View
+
+SEEN = 4.0  # squared standard deviations by which wind-up over a travel has to differ from play to be told from it
+SHORTER = np.geomspace(1.0, 1e-3, 25)  # of the usual travel: wind-up over none longer is as likely as play
+CHANCE = 0.5  # that what is lost is wind-up, where no reading tells
+
+
+def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
+    """A fit with the travel of a wind-up that its readings could not tell from the play that it has.
+
+    Args:
+        fitted: the fit.
+        problem: the readings that it was fitted to; of a long run stretches stand for all.
+
+    Returns:
+        The fit; as given where it has no play.
+    """
+    terms = [(term.effect, term.theta) for term in fitted.model.terms]
+    if not any(isinstance(effect, Backlash) for effect, _ in terms):
+        return fitted
+    sound = problem.masked(fitted.outliers)
+    few = take(sound, sample_stretches(sound, SAMPLE)) if sound.table.rows > LONG else sound
+    used, sigma = torch.as_tensor(few.used), fitted.noise.total / np.sqrt(3.0)
+    jacobian = linearise(terms, few.view).jacobian
+    usual = next(parameter for parameter in Windup.parameters if parameter.stem == "length").on(family(few.view)).usual
+    open_yet, lengths = torch.ones(few.view.joints, dtype=torch.bool), torch.zeros(few.view.joints, dtype=torch.float64)
+    for share in SHORTER:
+        trial = torch.full_like(lengths, usual * float(share))
+        square = (unturned(terms, few.view, jacobian, trial)[used] / sigma).square().sum(dim=(0, 1)) / CHANCE
+        lengths = torch.where(open_yet & (square < SEEN), trial, lengths)
+        open_yet = open_yet & (square >= SEEN)
+    return replace(fitted, turns=tuple(lengths.tolist()))
+
+
+def unturned(terms: Shifts, view: View, jacobian: Tensor, lengths: Tensor) -> Tensor:
+    """How far the tool may be off because play is wind-up that has not turned over yet, standard deviations.
+
+    Args:
+        terms: effects of the machine with their parameters.
+        view: n rows.
+        jacobian: of the reading by all parameters of the terms, (n, 3, p).
+        lengths: travel of such a wind-up, (k,) mm or rad; zero where readings tell that it is none.
+
+    Returns:
+        (n, 3, k) mm, one column a joint.
+    """
+    found, first = torch.zeros(view.rows, 3, view.joints, dtype=torch.float64), 0
+    for effect, theta in terms:
+        if isinstance(effect, Backlash):
+            gap = gap_of(theta)[0].clamp(min=0.0)  # below zero it is what a controller adds, and that is at once
+            friction = gradual_reversal(view, lengths.clamp(min=1e-12))
+            behind = 1.0 - friction * view.direction  # shape: (n, k), of the change that is still to come
+            found += jacobian[:, :, first : first + view.joints] * (gap * behind)[:, None]
+        first += sum(sizes(effect, view.joints))
+    return found * CHANCE**0.5

@@ -1,0 +1,99 @@
+"""Reversals shorter than any that was measured: play that nobody saw being taken up is no promise there."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from ptt.correct.compensate import compensate
+from ptt.effects import library
+from ptt.effects.layout import sizes
+from ptt.fitting.kept import kept_covariance
+from ptt.fitting.turns import unturned
+from ptt.judge.history import record
+from ptt.judge.ladder.climb import climb
+from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
+from ptt.mechanisms import build_mechanism
+from ptt.model.chain import linearise
+from ptt.model.entries import read_model
+from ptt.model.model import Model
+from ptt.rig import parse_rig, simulate
+from ptt.rig.simulate import write_run
+from ptt.run.problem import build_problem
+from ptt.run.reading import read_table
+from ptt.run.table import make_table
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+DRAWN = load_machine(DATA / "machine.toml")
+FILE = replace(DRAWN, tracker=DRAWN.tracker.model_copy(update={"frame": "trusted"}), text="")
+GAP = 0.06
+
+
+def far(count: int = 160) -> np.ndarray:
+    """Poses far apart: no slider has gone less than some millimetres behind its last reversal."""
+    drawn, kept = np.random.default_rng(5), [np.zeros(3)]
+    mechanism = build_mechanism(FILE.machine)
+    while len(kept) < count:
+        place = drawn.uniform(-80.0, 80.0, 3).round(3)
+        q = mechanism.inverse(torch.tensor(np.array([kept[-1], place])))
+        if float((q[1] - q[0]).abs().min()) > 15.0:
+            kept.append(place)
+    return np.array(kept)
+
+
+def near() -> np.ndarray:
+    """The same with a short way back and forth behind each pose."""
+    steps = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.15], [0.0, 0.0, -0.2], [0.0, 0.0, 0.4], [0.0, 0.0, -0.7]])
+    return (far(60)[:, None] + np.cumsum(steps, axis=0)).reshape(-1, 3)
+
+
+def solved(places: np.ndarray, folder: Path) -> MachineFile:
+    """A machine with play, measured at places, its play added to the model."""
+    machine = FILE.machine.model_dump(mode="json", exclude_none=True)
+    rig = parse_rig(
+        {"machine": machine, "seed": 3, "drive": {"backlash_mm": [GAP] * 3}, "tracker": {"white_mm": 0.004}}
+    )
+    run = simulate(rig, pd.DataFrame(places, columns=["x_cmd", "y_cmd", "z_cmd"]))
+    write_run(run.frame, folder / "run.csv")
+    problem = build_problem(FILE, read_table(folder / "run.csv"))
+    ladder = climb(Model(FILE), problem, [library()["backlash"]()])
+    return parse_machine(format_machine(record(ladder, "ptt add", [folder / "run.csv"])))
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory) -> tuple[MachineFile, MachineFile]:
+    return solved(far(), tmp_path_factory.mktemp("far")), solved(near(), tmp_path_factory.mktemp("near"))
+
+
+def test_a_run_knows_how_soon_play_is_taken_up_where_it_went_back_a_little(both) -> None:
+    from_far, from_near = (kept_covariance(read_model(file)).turns for file in both)
+    assert min(from_far) > 1.0 and max(from_near) < 0.3
+
+
+def test_commands_that_go_back_by_less_than_was_measured_are_uncertain(both) -> None:
+    there = np.array([[30.0, 10.0, 5.0], [30.0, 10.0, 25.0], [30.0, 10.0, 24.9], [30.0, 10.0, 4.0], [30.0, 10.0, 30.0]])
+    from_far, from_near = (compensate(read_model(file), make_table(there)) for file in both)
+    assert from_far.status.tolist() == ["ok", "ok", "uncertain", "ok", "ok"]
+    assert 0.5 * GAP < from_far.sigma[2] < 3.0 * GAP and from_far.sigma[[0, 1, 3, 4]].max() < 0.1 * GAP
+    assert (from_near.status == "ok").all() and from_near.sigma.max() < 0.1 * GAP
+
+
+def test_an_older_file_promises_as_it_did(both) -> None:
+    older = replace(both[0], covariance=both[0].covariance.model_copy(update={"turns": ()}))
+    assert "turns" not in format_machine(replace(older, text="")) and "turns" in format_machine(both[0])
+    there = np.array([[30.0, 10.0, 25.0], [30.0, 10.0, 25.1], [30.0, 10.0, 25.0]])
+    assert compensate(read_model(older), make_table(there)).sigma.max() < 0.1 * GAP
+
+
+def test_what_a_controller_adds_comes_at_once(both) -> None:
+    model = read_model(both[0])
+    terms = [
+        (t.effect, t.theta * torch.tensor([-1.0, -1.0, -1.0, 1.0])) for t in model.terms if t.effect.name == "backlash"
+    ]
+    problem = build_problem(both[0], make_table(near()).replace(measured=near()))
+    jacobian = linearise(terms, problem.view).jacobian
+    assert jacobian.shape[2] == sum(sum(sizes(effect, 3)) for effect, _ in terms)
+    assert not unturned(terms, problem.view, jacobian, torch.full((3,), 2.0, dtype=torch.float64)).any()
