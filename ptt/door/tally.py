@@ -102,7 +102,7 @@ class Tally:
                 "no command is sure: the model foretells hidden readings no better than the drawing does, or its values"
                 " are less sure than its held-out error says"
             )
-        less = "the fit leaves more open there than its held-out error says; measure near them, and as soon after reversals"
+        less = "the fit leaves more open there than its held-out error says; measure near them and as soon after turns"
         return less if self.missed <= ROUNDING else "less sure there than the held-out error says"
 
     def _told(self, status: str) -> str:
