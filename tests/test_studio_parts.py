@@ -684,3 +684,9 @@ def test_the_picture_of_an_unknown_has_the_unit_of_what_it_follows(on, unit, acr
 def test_a_variable_of_a_joint_has_an_article_in_prose_and_a_column_of_ones_own_has_none():
     assert in_prose("b2", False) == "the height of slider 2" and in_prose("q3", True) == "the angle of joint 3"
     assert in_prose("payload", False) == "payload" and in_prose("flow2", False) == "flow2"
+
+
+def test_a_store_that_is_named_from_here_is_the_same_from_anywhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    store = Store(Path("sessions"))
+    assert store.root == tmp_path / "sessions" and store.root.is_dir()

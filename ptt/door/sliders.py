@@ -1,6 +1,6 @@
 """sliders.csv column by column, and what is said of it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -85,7 +85,14 @@ def text_of_figures(data: dict[str, Any]) -> str:
     if gap is not None:  # where no joint moves the tool one way there is no such form
         form = "the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2)"
         lines.append(f"  sent: {data['form']}; {form} would put the tool at most {gap:.3f} um elsewhere")
-    reversal = data["largest_reversal_um"]
-    if reversal is not None:
-        lines.append(f"  reversal: {data['reversal']} (largest part {reversal:.1f} um)")
+    if reversal := reversal_of(data):
+        lines.append(f"  reversal: {data['reversal']} (largest part {reversal})")
     return "\n".join(lines)
+
+
+def reversal_of(data: Mapping[str, Any]) -> str:
+    """The largest reversal compensation of a summary in words: of a slider in um, of an arm's joint in urad."""
+    for unit in ("um", "urad"):
+        if (largest := data.get(f"largest_reversal_{unit}")) is not None:
+            return f"{largest:.1f} {unit}"
+    return ""

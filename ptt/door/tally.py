@@ -27,6 +27,7 @@ class Tally:
         missed: largest way between what is asked for and where the command brings the tool, mm.
         reversal: largest reversal compensation, mm or rad.
         words: who compensates what at a reversal.
+        arm: whether joints turn.
     """
 
     rows: int
@@ -39,6 +40,7 @@ class Tally:
     missed: float
     reversal: float
     words: str
+    arm: bool
 
     @property
     def sent(self) -> int:
@@ -58,10 +60,12 @@ class Tally:
             max(self.missed, other.missed),
             max(self.reversal, other.reversal),
             self.words,
+            self.arm,
         )
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
+        unit, times = ("urad", 1e6) if self.arm else ("um", 1e3)
         return {
             "form": "exact inversion",
             "first_order_difference_um": 1e3 * self.gap,
@@ -69,7 +73,7 @@ class Tally:
             "largest_sigma_um": None if self.sigma is None else 1e3 * self.sigma,
             "largest_missed_um": 1e3 * self.missed,
             "reversal": self.words,
-            "largest_reversal_um": 1e3 * self.reversal,
+            f"largest_reversal_{unit}": times * self.reversal,
         }
 
     def warnings(self, source: str, *, network: bool) -> list[str]:
@@ -128,4 +132,5 @@ def tally(table: Table, commands: Commands) -> Tally:
     reversal = float(np.abs(commands.reversal[sent]).max(initial=0.0))
     sigma = float(known.max()) if len(known) else None
     inside = int(commands.in_domain.sum())
-    return Tally(len(sent), counts, first, inside, gap, shift, sigma, missed, reversal, commands.reversal_note)
+    words, arm = commands.reversal_note, table.joint_prefix == "q"
+    return Tally(len(sent), counts, first, inside, gap, shift, sigma, missed, reversal, words, arm)

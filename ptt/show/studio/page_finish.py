@@ -161,8 +161,10 @@ class FinishView:
         figures = found.data
         ways = ", ".join(f"{count} {status}" for status, count in figures["status"].items() if count)
         told = [f"{figures['rows']} rows ({ways}); largest correction {length(figures['largest_shift_um'])}"]
-        if figures["largest_reversal_um"]:
+        if figures.get("largest_reversal_um"):
             told.append(f"on reversal {length(figures['largest_reversal_um'])}")
+        elif figures.get("largest_reversal_urad"):
+            told.append(f"on reversal {figures['largest_reversal_urad']:.1f} urad")
         self.predicted.set_text("; ".join([*told, *found.notes]))
         ui.download.content(found.content, "sliders.csv")
 

@@ -159,7 +159,7 @@ class Store:
         Args:
             root: folder of all sessions; None for the usual one.
         """
-        self.root = root or usual_root()
+        self.root = (root or usual_root()).absolute()  # workers change folders
         try:
             self.root.mkdir(parents=True, exist_ok=True)
             os.chmod(self.root, 0o700)
