@@ -472,6 +472,27 @@ def test_a_list_run_twice_and_readings_of_names_that_tell_nothing(tmp_path: Path
         pair(tmp_path, "name,x,y,z\n" + "".join(f"pose,{i},0,0\n" for i in range(10)), alike)
 
 
+def test_readings_out_of_order_of_places_that_are_visited_again(tmp_path: Path) -> None:
+    """Which visit a reading belongs to says from which side the machine came: no guess may say it."""
+    there = [*range(8), *range(7, -1, -1)]
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"p{i},{i},0,0\n" for i in there)
+    read = [(f"p{i}", i + 0.01 * k, k) for k, i in enumerate(there)]
+    mixed = [read[k] for k in np.random.default_rng(1).permutation(len(read))]
+    plain = "name,x,y,z\n" + "".join(f"{name},{x},0,0\n" for name, x, _ in mixed)
+    with pytest.raises(
+        TableError, match=r"row 2: 'p\d' is listed more than once, and the readings are in another order"
+    ):
+        pair(tmp_path, plain, targets)
+    timed = "name,x,y,z,time_s\n" + "".join(f"{name},{x},0,0,{5.0 * k}\n" for name, x, k in mixed)
+    assert_allclose(pair(tmp_path, timed, targets)[1], [x for _, x, _ in read])
+    once = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"p{i},{i},0,0\n" for i in range(8))
+    back = "name,x,y,z\n" + "".join(f"p{i},{i},0,0\n" for i in range(7, -1, -1))
+    assert pair(tmp_path, back, once)[1] == list(range(8))
+    thrice = "name,x_cmd,y_cmd,z_cmd\n" + "".join(3 * f"p{i},{i},0,0\n" for i in range(8))
+    back = "name,x,y,z\n" + "".join(3 * f"p{i},{i},0,0\n" for i in range(7, -1, -1))
+    assert pair(tmp_path, back, thrice)[1] == np.repeat(range(8), 3).tolist()
+
+
 def test_pairing_in_order(tmp_path: Path) -> None:
     targets = "x_cmd,y_cmd,z_cmd\n1,0,0\n2,0,0\n3,0,0\n"
     x, measured, text = pair(tmp_path, "x,y,z\n1.1,0,0\n2.1,0,0\n3.1,0,0\n", targets)

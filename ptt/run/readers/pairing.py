@@ -13,6 +13,7 @@ from ptt.run.readers.mapping import Understood, answer
 NAME, NUMBER, ORDER = "name", "number", "order"
 _SHOWN = 8
 _MOST_OPEN = 0.1  # of the readings: where more may be left out, the files are not of one order
+_MOST_BACK = 0.3  # of the steps that go back in the list: one that is run again goes back once, one out of order half
 _LOAD = ("payload_kg", "feed_mm_s")
 
 
@@ -99,8 +100,10 @@ def _counts_targets(names: np.ndarray, n: int) -> bool:
 def _by_name(export: Export, targets: Export) -> tuple[np.ndarray, np.ndarray, str]:
     """Readings to targets of their name: to the only one, k-th to k-th, or where a reading is missing, in order."""
     wanted = targets.columns["name"].tolist()
-    names = _comparable(export.columns["name"].tolist(), wanted)
-    target_of = _targets_of(names, wanted, export, targets)
+    names = np.array(_comparable(export.columns["name"].tolist(), wanted), dtype=object)
+    timed, target_of = _by_clock(export), np.full(export.n, -1, dtype=np.int64)
+    target_of[timed] = _targets_of(names[timed].tolist(), wanted, export, targets)
+    _require_order(target_of[timed], timed, export, targets)
     paired = target_of[target_of >= 0]
     rows = np.flatnonzero(target_of >= 0)
     if len(set(paired.tolist())) < len(paired) and (np.diff(paired) < 0).any():
@@ -135,6 +138,38 @@ def _targets_of(names: list[str], wanted: list[str], export: Export, targets: Ex
             fix="give the readings in the order of the targets, and a row with the name alone where one is missing",
         )
     return np.where(uneven, aligned, target_of)
+
+
+def _by_clock(export: Export) -> np.ndarray:
+    """The readings as they were taken, (n,) int: by their clock where all have one, else as listed."""
+    time = export.columns.get("time", np.full(export.n, np.nan))
+    return np.argsort(time, kind="stable") if np.isfinite(time).all() else np.arange(export.n)
+
+
+def _require_order(target_of: np.ndarray, timed: np.ndarray, export: Export, targets: Export) -> None:
+    """Refuse readings in another order than the targets where a place is visited again: which visit is which?
+
+    Args:
+        target_of: target of each reading in the order in which they were taken, (n,) int; -1 where there is none.
+        timed: that order, (n,) int.
+        export: the readings.
+        targets: the targets.
+
+    Raises:
+        TableError: they are so.
+    """
+    listed, rows = targets.columns["name"], np.flatnonzero(target_of >= 0)
+    visits = Counter(name for name, _ in set(zip(listed.tolist(), _places(targets).tolist(), strict=True)))
+    again = rows[np.array([visits[name] > 1 for name in listed[target_of[rows]].tolist()], dtype=bool)]
+    back = np.diff(target_of[rows]) < 0
+    if len(again) and back.sum() > _MOST_BACK * len(back):
+        row = timed[again[0]]
+        raise TableError(
+            f"'{shown(export.columns['name'][row])}' is listed more than once, and the readings are in another order "
+            "than the targets; which reading belongs to which is not certain",
+            where=f"{export.source} row {export.line[row]}",
+            fix="give the readings in the order of the targets, or the time of each in a column time_s",
+        )
 
 
 def _places(targets: Export) -> np.ndarray:
