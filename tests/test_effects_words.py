@@ -583,3 +583,11 @@ def test_repeats_that_scatter_by_far_more_than_is_stated_are_said_to():
     assert "(repeats, 2.5 x what the std columns state). Poses come back that badly, or something differs" in words
     told.noise = replace(told.noise, stated=("machine file", NOISE.total / 1.2))
     assert "state" not in explain_verdict(told)
+
+
+def test_values_that_are_chance_are_said_to_be_no_more():
+    """One sentence for values whose sum is sure and for values that are nothing: no word says that they are."""
+    arm = hide_in_arm().view
+    theta = torch.tensor([1e-6, -2e-6] + [0.0] * (arm.joints - 2), dtype=torch.float64)
+    words = compose(KNOWN["lead-scale"]().say(theta, torch.full_like(theta, 3e-6), arm), "joint")
+    assert "urad/rad not far enough" in words and "none of these is beyond chance by itself" in words

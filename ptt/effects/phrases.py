@@ -19,6 +19,7 @@ SHOWN = {  # unit -> factor and unit in words
     "mm/kg": (1e3, "um/kg"),
     "1/kg": (1e6, "um/m/kg"),
 }
+SHARE_OF_TURN = (1e6, "urad/rad")  # what a joint that turns does too much
 UNIT = re.compile("(?P<prefix>[nmu\N{MICRO SIGN}]?)(?P<base>rad|m|s)(?P<per>[/ ].*)?")
 PREFIXES = ("n", "u", "m", "")  # of m, rad and s, by thousands
 LARGE, LARGEST = 1e3, 1e4  # the least and the largest of some sizes from which the next prefix is said
@@ -120,10 +121,10 @@ def said(
     Returns:
         The words.
     """
-    factor, shown = SHOWN.get(unit, (1.0, unit))
-    factor *= phrase.times
     side, arm = int(value < 0.0), kind == "serial"
     who = phrase.arm_who or phrase.who if arm else phrase.who
+    factor, shown = SHARE_OF_TURN if arm and not who and unit == "1" else SHOWN.get(unit, (1.0, unit))
+    factor *= phrase.times
     mend = (phrase.arm_mend if arm else phrase.mend)[side]
     turn = "" if lead is None else f" ({_turned(abs(value) / lead * 360.0)} of its screw)"
     return Said(
@@ -178,8 +179,8 @@ def compose(parts: Sequence[Said], noun: str) -> str:
         before = subject
     if sure:
         return f"{words}{few}"
-    # Several values may be sure together though no single one is: what they have in common no reading may tell.
-    within = "only together are these values beyond chance" if len(parts) > 1 else "no more than chance would make it"
+    # Several values may be sure together though no single one is, and that is no word on whether they are.
+    within = "none of these is beyond chance by itself" if len(parts) > 1 else "no more than chance would make it"
     if np.isnan(shown[0].error):
         return f"{words}, {within}"
     return f"{words}, give or take {sizes_in_words([replace(shown[0], size=shown[0].error)])} ({within})"
