@@ -447,6 +447,26 @@ def test_readings_of_every_second_row_may_be_late(sound: tuple[MachineFile, Tabl
     assert "late from the first row on" in found.sure[0].words
 
 
+def test_a_machine_file_in_metres_is_not_cured_by_a_smaller_run(sound: tuple[MachineFile, Table]) -> None:
+    """A tripod of half a millimetre is none: the drawing is in another unit, and not every length of the run."""
+    file, table = sound
+    names = ("base_radius_mm", "platform_radius_mm", "link_length_mm")
+    metres = {name: 1e-3 * getattr(file.machine, name) for name in names}
+    travel = tuple((1e-3 * low, 1e-3 * high) for low, high in file.machine.travel_ends)
+    small = replace(file, machine=file.machine.model_copy(update={**metres, "slider_travel_mm": travel}))
+    found = check_setup(small, table)
+    assert [finding.mistake for finding in found.sure] == ["unit-scale"]
+    assert "the machine file's lengths taken as metres" in found.sure[0].words
+    assert found.file.machine.link_length_mm == pytest.approx(file.machine.link_length_mm)
+    np.testing.assert_allclose(found.file.machine.travel_ends, file.machine.travel_ends)
+
+
+def test_without_readings_only_what_is_asked_holds_together(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    said = str(check_setup(file, table.replace(measured=np.full((table.rows, 3), np.nan))))
+    assert said == f"there are no readings; what is asked of the machine holds together ({table.rows} rows)"
+
+
 def test_azimuths_in_radians() -> None:
     file, table = load_machine(DATA / "machine.toml"), read_table(DATA / "run.csv")
     spec = file.machine.model_copy(update={"slider_azimuth_deg": (0.0, 2.0943951, 4.1887902)})

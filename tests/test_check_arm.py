@@ -106,3 +106,27 @@ def test_a_zero_is_cured_in_the_text_of_the_machine_file() -> None:
     assert cured.kind == "serial"
     assert cured.joint[1].theta_offset_deg == -90.0
     assert "Universal Robots" in found.file.text
+
+
+def test_the_drawing_of_another_arm_does_not_hold_together() -> None:
+    _, table = arm("ur10")
+    for name, left in (("kuka_iiwa", "no arm is built so far off"), ("ur10", "")):
+        file = load_machine(MACHINES / f"{name}.toml")
+        joints = file.machine.joints
+        q = np.column_stack([table.command, np.zeros((table.rows, 1))])[:, :joints]  # type: ignore[list-item]
+        said = check_setup(file, table.replace(command=q))
+        assert not said.findings and (left in said.unexplained if left else said.unexplained == "")
+
+
+def test_the_other_convention_is_told_by_its_name() -> None:
+    file, table = arm("ur10")
+    text = file.text.replace('convention = "standard"', 'convention = "modified"')
+    assert text != file.text
+    said = check_setup(parse_machine(text), table)
+    assert 'with convention = "standard" in the machine file' in said.unexplained and said.ok
+
+
+def test_a_place_alone_does_not_tell_how_an_arm_stands() -> None:
+    file, table = arm("ur10")
+    said = check_setup(file, table.replace(command=None, target=table.measured))
+    assert "no joint commands" in said.too_little

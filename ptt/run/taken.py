@@ -54,7 +54,10 @@ def set_up_lines(problem: Problem) -> list[str]:
                 " correction that was sent; if targets have a frame of their own, state it under [targets] in the"
                 " machine file"
             )
-    lines += [_frame_words(taken) for taken in _taken(problem) if taken["rms_mm"] > WORTH_MM]
+    arm = problem.file.machine.kind == "serial"
+    lines += [_frame_words(taken, arm=arm) for taken in _taken(problem) if taken["rms_mm"] > WORTH_MM]
+    if arm and problem.table.command is None:
+        lines.append("no joint commands: at each target the posture nearest the middle of the joints is assumed")
     return lines + _base_words(problem)
 
 
@@ -82,7 +85,7 @@ def _base_words(problem: Problem) -> list[str]:
     return lines
 
 
-def _frame_words(taken: dict[str, Any]) -> str:
+def _frame_words(taken: dict[str, Any], *, arm: bool) -> str:
     """What a tracker frame took, and where the drawing is to blame for it rather than the tracker's place."""
     where = f"{taken['run']}: " if taken["run"] else ""
     shift = ", ".join(f"{value:.3f}" for value in taken["shift_mm"])
@@ -95,7 +98,8 @@ def _frame_words(taken: dict[str, Any]) -> str:
         return words
     return (
         f"{words}; as they come they lie only {taken['as_read_mm']:.3f} mm from their targets, so it is no matter of "
-        "the tracker's place: the drawing or the commands are off, check radii, link length, slider zeros and side"
+        "the tracker's place: the drawing or the commands are off, check "
+        + ("lengths, offsets and convention of the joints" if arm else "radii, link length, slider zeros and side")
     )
 
 

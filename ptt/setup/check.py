@@ -8,7 +8,7 @@ from ptt.machine import MachineFile, ThreePttSpec
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import stated_frame
 from ptt.setup.arm import FEWEST as FEWEST_OF_ARM
-from ptt.setup.arm import find_arm
+from ptt.setup.arm import find_arm, unexplained_arm
 from ptt.setup.base import find_base
 from ptt.setup.candidates import read_off
 from ptt.setup.clock import find_speed
@@ -53,7 +53,7 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
         findings += [
             item for item in found if (item.mistake, item.words) not in {(f.mistake, f.words) for f in findings}
         ]
-        open_ends += [] if any(item.sure for item in found) else unexplained(after)
+        open_ends += [] if any(item.sure for item in found) else _unexplained(after)
         cured = after.file
         stations.append(after)
         parts.append(after.table.replace(target=stated.as_stated(after.table.target)))
@@ -66,6 +66,10 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
     return Check(tuple(findings), written(cured, file), whole, table.rows, little, "; ".join(open_ends[:1]))
 
 
+def _unexplained(setup: Setup) -> list[str]:
+    return unexplained(setup) if isinstance(setup.file.machine, ThreePttSpec) else unexplained_arm(setup)
+
+
 def too_little(file: MachineFile, table: Table) -> str:
     """Why targets, commands and readings cannot be held against each other; '' where they can.
 
@@ -74,6 +78,8 @@ def too_little(file: MachineFile, table: Table) -> str:
         table: the run.
     """
     arm = not isinstance(file.machine, ThreePttSpec)
+    if arm and table.command is None:
+        return "there are no joint commands, and a place alone does not tell how an arm stands"
     sent = np.isfinite(table.target).all(axis=1) & (not arm)
     place = table.target
     if table.command is not None:

@@ -11,6 +11,14 @@ from ptt.setup.setup import Hypothesis, Setup, Undo
 
 SHORTEST, LONGEST = 60.0, 1e4  # mm: links of machines that carry a reflector
 UNEVEN = 0.1  # deg
+LONG = 20.0  # lengths of a link: no travel is longer, but one in millimetres beside radii and links in metres
+
+
+def is_no_machine(spec: ThreePttSpec) -> bool:
+    """Whether the links of a drawing are in another unit than millimetres: in that some machine has them."""
+    return not SHORTEST <= spec.link_length_mm <= LONGEST and any(
+        SHORTEST <= factor * spec.link_length_mm <= LONGEST for factor in UNITS.values()
+    )
 
 
 def mistakes_in(setup: Setup) -> list[Hypothesis]:
@@ -65,9 +73,14 @@ def drawing_slips(setup: Setup) -> Iterator[Hypothesis]:
     for unit, factor in UNITS.items():
         if not SHORTEST <= factor * link <= LONGEST or (SHORTEST <= link <= LONGEST and setup.table.command is None):
             continue  # a machine of that size may well be, where nothing but the reach of targets speaks against it
-        lengths = {
+        lengths: dict[str, object] = {
             "base_radius_mm": factor * base, "platform_radius_mm": factor * platform, "link_length_mm": factor * link
         }  # fmt: skip
+        low, high = spec.whole_travel
+        if high - low < LONG * link:
+            one_for_all = not isinstance(spec.slider_travel_mm[0], tuple)
+            ends = tuple((factor * lowest, factor * highest) for lowest, highest in spec.travel_ends)
+            lengths["slider_travel_mm"] = ends[0] if one_for_all else ends
         fix = f"write base_radius_mm = {factor * base:g} and so on, in mm"
         yield Hypothesis("unit-scale", f"the machine file's lengths taken as {unit}", fix, drawn_with(**lengths), 0.1)
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ptt.machine import ThreePttSpec
 from ptt.setup.candidates import read_off, slider_formulas
 from ptt.setup.drawing import mistakes_in
 from ptt.setup.fitted import SLIP, fitted_mistakes
@@ -55,8 +54,6 @@ def differ(setup: Setup) -> bool:
 
 def unexplained(setup: Setup) -> list[str]:
     """One sentence where the columns of a 3-PTT disagree by more than any machine is built off its drawing."""
-    if not isinstance(setup.file.machine, ThreePttSpec):
-        return []
     left = judge(thinned(setup, MOST_ROWS), ()).agreement.rms if is_off(setup) else np.zeros(0)
     if not np.nan_to_num(left).max(initial=0.0) > UNHEARD:
         return _partly_off(setup)

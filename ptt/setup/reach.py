@@ -5,7 +5,7 @@ import torch
 
 from ptt.machine import ThreePttSpec
 from ptt.setup.candidates import mirrors, scales, units
-from ptt.setup.drawing import drawing_slips
+from ptt.setup.drawing import drawing_slips, is_no_machine
 from ptt.setup.result import Finding
 from ptt.setup.score import agree, build
 from ptt.setup.setup import Setup, drawn, used_rows
@@ -61,7 +61,7 @@ def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
         At most one finding, and the files with it undone.
     """
     before = _out_of_travel(setup)
-    if before is None or before < NEARLY_ALL:
+    if before is None or before < NEARLY_ALL or is_no_machine(drawn(setup)):
         return [], setup
     inside = []
     for hypothesis in scales(setup):

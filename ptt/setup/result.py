@@ -4,6 +4,8 @@ import html
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
+import numpy as np
+
 from ptt.record import Record
 from ptt.setup.names import Mistake
 
@@ -86,7 +88,13 @@ class Check:
         last = [f"too little to judge the set-up by: {self.too_little}"] if self.too_little else []
         last += [self.unexplained] if self.unexplained else []
         lines = [*(str(finding) for finding in self.findings), *last]
-        return "\n".join(lines) or f"the set-up holds together ({self.rows} rows)"
+        return "\n".join(lines) or f"{self._held} holds together ({self.rows} rows)"
+
+    @property
+    def _held(self) -> str:
+        """What was looked at: without readings only what was sent."""
+        read = self.table is None or bool(np.isfinite(self.table.measured).all(axis=1).any())
+        return "the set-up" if read else "there are no readings; what is asked of the machine"
 
     def _repr_html_(self) -> str:
         """The findings in a notebook."""
