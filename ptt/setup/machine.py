@@ -55,11 +55,16 @@ class MachineSaid:
         home = ", ".join(f"b{leg + 1} = {value:.3f}" for leg, value in enumerate(self.home_mm))
         ends = ", ".join(f"{low:g} to {high:g}" for low, high in dict.fromkeys(map(tuple, self.travel_mm.T.tolist())))
         sideways, low, high = self.reach_mm
+        reach = (
+            f"reach: {sideways:.0f} mm sideways at z = 0 in every direction; "
+            f"z from {low:.0f} to {high:.0f} mm in the middle"
+        )
+        if not np.isfinite(self.reach_mm).all():
+            reach = "reach: none in the middle, for the sliders at x = y = z = 0 lie outside the travel"
         lines = [
             f"{self.name}: the tool is at x = y = z = 0 with the sliders at {home} mm",
             f"travel {ends} mm",
-            f"reach: {sideways:.0f} mm sideways at z = 0 in every direction; "
-            f"z from {low:.0f} to {high:.0f} mm in the middle",
+            reach,
         ]
         return "\n".join([*lines, *(f"remark: {remark}" for remark in self.remarks)])
 

@@ -139,7 +139,7 @@ def refuse_worse(left: ErrorLeft, name: str, source: str) -> None:
     """
     if left.format > left.drawing + WORSE or not np.isfinite(left.format):
         raise InputError(
-            f"{name} cannot say this drawing (rails that lean, azimuths that are uneven): it would miss by"
+            f"{name} cannot say this drawing (rails that lean or azimuths that are uneven): it would miss by"
             f" {left.format:.0f} um, the drawing as it is by {left.drawing:.0f} um",
             where=source,
             fix="take --to c, onnx or table, or correct the programs: ptt program",

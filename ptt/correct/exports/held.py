@@ -23,7 +23,7 @@ CONTEXTS = {
     "temperature": "the format knows no temperature",
     "speed": "the format knows no speed",
     "time": "the format knows no time",
-    "direction": "the format does not remember from which side a slider came",
+    "direction": "the format does not remember from which side a joint came",
 }
 
 

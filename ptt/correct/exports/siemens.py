@@ -99,10 +99,11 @@ def _rounded(tables: AxisTables, unit: float) -> AxisTables:
 
 
 def _backlash(ground: Ground, unit: float) -> str:
-    gaps = ", ".join(f"{2.0 * unit * half:.{DIGITS}f}" for half in by_direction(ground))
+    gaps = ", ".join(f"{round(2.0 * unit * half, DIGITS) + 0.0:.{DIGITS}f}" for half in by_direction(ground))
+    name = "deg" if ground.compensator.model.file.machine.kind == "serial" else "mm"
     return (
-        f"MD32450 $MA_BACKLASH of the axes takes {gaps}, instead of what `ptt program` does at a reversal: once that is"
-        ' set, the machine file says [controller] compensates = ["backlash"]'
+        f"MD32450 $MA_BACKLASH of the axes takes {gaps} {name}, instead of what `ptt program` does at a reversal: once "
+        'that is set, the machine file says [controller] compensates = ["backlash"]'
     )
 
 
