@@ -63,7 +63,7 @@ def measured(seed: int, rows: int = 200, rounds: int = 2, places: np.ndarray = P
 @pytest.fixture(autouse=True)
 def drawn_right(monkeypatch: pytest.MonkeyPatch) -> None:
     """What base reflectors leave open is told apart from what sizes of the drawing may: these are taken for right."""
-    for place in ("judge.ladder.climb", "diagnosis.verdict", "correct.training.train"):
+    for place in ("judge.ladder.climb", "diagnosis.telling.verdict", "correct.training.train"):
         monkeypatch.setattr(f"ptt.{place}.beside_unnamed", lambda fitted, problem: fitted)
 
 

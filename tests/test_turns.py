@@ -9,13 +9,17 @@ import pytest
 import torch
 
 from ptt.correct.compensate import compensate
+from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.layout import sizes
+from ptt.fitting import kept as kept_module
 from ptt.fitting.kept import kept_covariance
+from ptt.fitting.packed import pack
 from ptt.fitting.turns import unturned
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
+from ptt.machine_schema import CovarianceSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import linearise
 from ptt.model.entries import read_model
@@ -97,3 +101,36 @@ def test_what_a_controller_adds_comes_at_once(both) -> None:
     jacobian = linearise(terms, problem.view).jacobian
     assert jacobian.shape[2] == sum(sum(sizes(effect, 3)) for effect, _ in terms)
     assert not unturned(terms, problem.view, jacobian, torch.full((3,), 2.0, dtype=torch.float64)).any()
+
+
+SMALL = np.array([30.0, 10.0, 5.0]) + np.cumsum(np.random.default_rng(2).normal(0.0, 0.15, (40, 3)), axis=0)
+
+
+def wound_up(length: float) -> Model:
+    values = {"height_mm": ParameterEntry(value=(0.03,) * 3, std=0.0), "length_mm": ParameterEntry(value=(length,) * 3)}
+    model = read_model(replace(FILE, effect=(EffectEntry(name="windup", parameters=values),)))
+    spec = CovarianceSpec(of=("windup height_mm 1",), root=pack(np.full((1, 1), 1e-4)), values="", heldout_mm=0.005)
+    digest = kept_module._digests(model)[0]
+    return read_model(replace(model.file, covariance=spec.model_copy(update={"values": digest})))
+
+
+def test_small_steps_hang_on_from_which_side_the_joints_came() -> None:
+    model = wound_up(8.0)
+    unsaid = compensate(model, make_table(SMALL))
+    assert unsaid.status[0] == "ok" and (unsaid.status[1:10] == "uncertain").all()
+    said = np.full((40, 3), np.nan)
+    said[0] = 1.0
+    stated = compensate(model, make_table(SMALL, direction=said))
+    assert (stated.status == "ok").all() and not stated.approach.any()
+    far_apart = compensate(wound_up(0.5), make_table(far(20)))
+    assert (far_apart.status == "ok").all()
+
+
+def test_what_hangs_on_the_way_to_the_first_row_is_said() -> None:
+    table = make_table(SMALL)
+    counted = tally(table, compensate(wound_up(8.0), table))
+    (line,) = (line for line in counted.warnings("t.csv", network=False) if "uncertain" in line)
+    assert "from which side the joints come to the first row matters and is not said" in line and "dir1.." in line
+    assert (
+        counted.approached == counted.status["uncertain"] and (counted + counted).approached == 2 * counted.approached
+    )

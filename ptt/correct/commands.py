@@ -30,6 +30,7 @@ class Commands:
             from the nearest target that is sent, (n, k); NaN elsewhere, and where not even that works.
         nearest_gap: how far that place is from the target, (n,) mm.
         sigma: what parameters and network leave uncertain of where the tool will be, (n,) mm; NaN where nothing tells.
+        approach: what of that hangs on from which side the joints came to the first row, (n,) mm.
     """
 
     q: np.ndarray
@@ -44,6 +45,7 @@ class Commands:
     nearest: np.ndarray
     nearest_gap: np.ndarray
     sigma: np.ndarray
+    approach: np.ndarray
 
     @property
     def sent(self) -> np.ndarray:

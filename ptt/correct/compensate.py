@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.correct.blocks import settle_blocks
 from ptt.correct.commands import ROUNDING, UNCERTAIN, Commands, sent_rows
-from ptt.correct.doubt import NetworkError, command_sigma, doubtful
+from ptt.correct.doubt import NetworkError, approach_doubt, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
 from ptt.correct.settle import Solved, first_order, nearest_commands
 from ptt.correct.task import Task
@@ -138,10 +138,12 @@ def finish(
     solved, status, shift = settled
     sent = sent_rows(status)
     in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(part.wanted.numpy())
-    sigma, promised = np.full(len(sent), np.nan), None
+    sigma, approach, promised = np.full(len(sent), np.nan), np.zeros(len(sent)), None
     if sent[own].any():
         terms, paced = [*part.steady, *part.turning], part.paced(sent)
         sigma, promised = command_sigma(plan.model, paced, terms, solved.q, in_domain, plan.network)
+        approach = approach_doubt(paced, terms, solved.q)
+        sigma = np.hypot(sigma, approach)
     q, height, sent, sigma, shift = solved.q[own].numpy(), solved.height[own], sent[own], sigma[own], shift[own]
     status = status[own].copy()
     missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
@@ -153,7 +155,7 @@ def finish(
     nothing, sigma = np.full(q.shape, np.nan), np.where(sent, sigma, np.nan)
     return Commands(
         q + blank, reversed_ + blank, status, in_domain[own], shift, simple.numpy() + reversed_, gap, plan.words,
-        missed, nothing, nothing[:, 0].copy(), sigma,
+        missed, nothing, nothing[:, 0].copy(), sigma, np.where(sent, approach[own], 0.0),
     )  # fmt: skip
 
 

@@ -1,8 +1,9 @@
 """How sure a command is: what the fit left uncertain at its target, and whether that is more than was promised."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from ptt.correct.task import Task
@@ -10,6 +11,9 @@ from ptt.fitting.kept import Kept, kept_covariance
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
+from ptt.run.backlash.reversal import STANDSTILL
+
+CHANCE = 0.5  # that a joint came from the other side than that on which it goes on
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,33 @@ def command_sigma(
         return sigma, None if kept is None else kept.promised
     # The errors of held-out rows have in them what the parameters leave open there; more than that they do not know.
     return np.maximum(sigma, np.where(in_domain, network.inside, network.outside)), network.inside
+
+
+def approach_doubt(task: Task, terms: Shifts, q: Tensor) -> np.ndarray:
+    """What hangs on from which side the joints came to the first row, where the targets do not say (`dir1..`).
+
+    A drive that winds up has not turned over for dozens of small steps. The first row itself arrives as the second
+    moves, and a joint that never moves counts as +1, by convention (`ptt.run.travel`): neither is doubted.
+
+    Args:
+        task: the targets.
+        terms: effects of the machine with their parameters.
+        q: commands, (n, k), finite.
+
+    Returns:
+        (n,) mm, standard deviation.
+    """
+    known, view = [(effect, theta) for effect, theta in terms if effect.reverses and len(theta)], task.see(q)
+    stated = task.targets.direction
+    untold = torch.ones_like(q, dtype=torch.bool) if stated is None else torch.as_tensor(~(np.abs(stated) > 0.0))
+    moving = (q.amax(dim=0) - q.amin(dim=0)) > STANDSTILL
+    turned = view.starts[:, None] & untold & moving
+    if not known or not turned.any():
+        return np.zeros(len(q))
+    other = replace(view, direction=torch.where(turned, -view.direction, view.direction))
+    apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]).sum(dim=0)
+    off = CHANCE**0.5 * torch.einsum("nck,nk->nc", view.jacobian, apart).norm(dim=1)
+    return np.asarray(torch.where(view.starts, torch.zeros_like(off), off).numpy())
 
 
 def doubtful(sigma: np.ndarray, shift: np.ndarray, promised: float | None) -> np.ndarray:

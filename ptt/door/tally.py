@@ -28,6 +28,7 @@ class Tally:
         reversal: largest reversal compensation, mm or rad.
         words: who compensates what at a reversal.
         arm: whether joints turn.
+        approached: rows that are uncertain mostly because nobody knows from which side the joints came to the first.
     """
 
     rows: int
@@ -40,7 +41,8 @@ class Tally:
     missed: float
     reversal: float
     words: str
-    arm: bool
+    arm: bool = False
+    approached: int = 0
 
     @property
     def sent(self) -> int:
@@ -61,6 +63,7 @@ class Tally:
             max(self.reversal, other.reversal),
             self.words,
             self.arm,
+            self.approached + other.approached,
         )
 
     def figures(self) -> dict[str, Any]:
@@ -89,7 +92,12 @@ class Tally:
             count = f"{self.rows - self.sent} of {self.rows} rows are not sent"
             lines.append(f"{source}: {count}: {'; '.join(kind for kind in kinds if kind)}")
         if unsure := self._told(UNCERTAIN):
-            lines.append(f"{source}: {unsure}: sent, but {self._why_unsure()}")
+            why = [] if self.approached == self.status[UNCERTAIN] else [self._why_unsure()]
+            if self.approached:
+                many = f" for {self.approached} of them" if why else ""
+                way = "state it in columns dir1.. there, or begin with a longer way"
+                why.append(f"from which side the joints come to the first row matters{many} and is not said: {way}")
+            lines.append(f"{source}: {unsure}: sent, but {'; '.join(why)}")
         if self.missed > ROUNDING:
             lines.append(
                 f"{source}: commands miss by up to {1e3 * self.missed:.0f} um as the model has it: some moves after a"
@@ -133,4 +141,6 @@ def tally(table: Table, commands: Commands) -> Tally:
     sigma = float(known.max()) if len(known) else None
     inside = int(commands.in_domain.sum())
     words, arm = commands.reversal_note, table.joint_prefix == "q"
-    return Tally(len(sent), counts, first, inside, gap, shift, sigma, missed, reversal, words, arm)
+    mostly = (commands.status == UNCERTAIN) & (2.0 * np.square(commands.approach) > np.square(commands.sigma))
+    approached = int(mostly.sum())
+    return Tally(len(sent), counts, first, inside, gap, shift, sigma, missed, reversal, words, arm, approached)

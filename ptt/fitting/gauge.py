@@ -135,7 +135,7 @@ def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
 def _gram(linear: Linear) -> np.ndarray:
     """Normal equations of all columns, reflectors fixed to the base included, (u, u)."""
     together = np.concatenate([linear.columns[linear.rows], linear.base_columns])
-    return _square(together.reshape(-1, together.shape[-1]))
+    return _square(together.reshape(together.shape[0] * together.shape[1], together.shape[2]))  # there may be none
 
 
 def _without(gram: np.ndarray, own: np.ndarray, rest: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
