@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.correct.compensate import compensate
-from ptt.correct.context import missing_context, require_context
+from ptt.correct.context import beyond_context, missing_context, require_context
 from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.registry import make_effect
@@ -250,6 +250,17 @@ def test_a_load_is_asked_for_where_the_model_moves_with_it():
     clears = {"joint_clearance": {"clearance_mm": [0.02] * 3}}
     assert len(missing_context(with_effects(**clears), TARGETS)) == 1
     assert missing_context(with_effects(weighs, **clears), TARGETS) == []  # the platform's weight decides the side
+
+
+def test_loads_and_warmth_beyond_the_models_run_are_said():
+    model = with_effects(column_bend={"sway_mm_per_kg": [0.01, 0.0], "slope_per_kg": [0.0, 0.0]})
+    history = ({"kind": "added", "ranges": {"payload_kg": [0.0, 6.0], "temp_c": [18.0, 27.0]}},)
+    model = replace(model, file=replace(model.file, history=history))
+    load = np.array([0.0, 6.04, 50.0])
+    table = make_table(np.array([[0.0, 0.0, 5.0 * row] for row in range(3)]), payload_kg=load, temp_c=np.full(3, 60.0))
+    (line,) = beyond_context(model, table)  # no effect of it follows the warmth
+    assert "payload goes beyond the model's run (0 to 6 kg) by up to 44 in 1 of 3 rows; how column-bend follows" in line
+    assert beyond_context(model, table.replace(payload_kg=np.minimum(load, 6.0))) == []
 
 
 def test_an_empty_load_is_refused_only_where_it_decides():

@@ -4,10 +4,7 @@ from typing import Any
 
 from ptt.again.before import Before
 from ptt.run.problem import Problem
-from ptt.run.ranges import ranges_of
-
-SEEN = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
-LEAST = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # that is worth a word
+from ptt.run.ranges import LEAST, SEEN, ranges_of
 
 
 def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:

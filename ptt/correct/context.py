@@ -11,6 +11,7 @@ from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.blanks import without_empty
+from ptt.run.ranges import LEAST, SEEN
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import build_view
@@ -44,6 +45,36 @@ def missing_context(model: Model, targets: Table) -> list[str]:
         if users:
             verb = "depends" if len(users) == 1 else "depend"
             lines.append(f"{', '.join(users)} {verb} on {need}, {targets.source} has no {column}: {assumed} is assumed")
+    return lines
+
+
+def beyond_context(model: Model, targets: Table) -> list[str]:
+    """Loads, warmth and speeds of targets that a model follows and its run did not have.
+
+    Args:
+        model: the model.
+        targets: the targets.
+
+    Returns:
+        One sentence for each such column.
+    """
+    steps = [step for step in model.file.history if isinstance(step.get("ranges"), Mapping)]
+    then: Mapping[str, tuple[float, float]] = steps[-1]["ranges"] if steps else {}
+    lines = []
+    for column, (need, unit) in SEEN.items():
+        values = getattr(targets, column)
+        if column not in then or values is None or not np.isfinite(values).any():
+            continue
+        low, high = then[column]
+        beyond = (values < low - LEAST[column]) | (values > high + LEAST[column])
+        users = _followers(model, targets, need) if beyond.any() else []
+        if users:
+            worst, count = float(np.nanmax(np.maximum(low - values, values - high))), int(beyond.sum())
+            verb = "follows" if len(users) == 1 else "follow"
+            lines.append(
+                f"{targets.source}: {need} goes beyond the model's run ({low:.3g} to {high:.3g} {unit}) by up to "
+                f"{worst:.3g} in {count} of {targets.rows} rows; how {', '.join(users)} {verb} it there nobody measured"
+            )
     return lines
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
-from ptt.correct.context import missing_context, require_context
+from ptt.correct.context import beyond_context, missing_context, require_context
 from ptt.correct.training.train import correction_of
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
@@ -182,7 +182,8 @@ def warnings_of(machine: Model, table: Table, counted: Tally) -> tuple[str, ...]
     network = machine.compensator.network is not None
     bare = [] if machine.physics.terms or network else [BARE]
     unsure = [line] if (line := why_not_kept(machine.physics)) else []
-    return (*bare, *unsure, *missing_context(machine.physics, table), *counted.warnings(table.source, network=network))
+    context = [*missing_context(machine.physics, table), *beyond_context(machine.physics, table)]
+    return (*bare, *unsure, *context, *counted.warnings(table.source, network=network))
 
 
 def _invert(machine: Model, table: Table, reversal: Reversal | None, limit_mm: float, progress: Progress) -> Commands:
