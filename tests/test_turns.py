@@ -18,6 +18,7 @@ from ptt.fitting.packed import pack
 from ptt.fitting.turns import unturned
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
+from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
 from ptt.machine_schema import CovarianceSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
@@ -54,7 +55,7 @@ def near() -> np.ndarray:
     return (far(60)[:, None] + np.cumsum(steps, axis=0)).reshape(-1, 3)
 
 
-def solved(places: np.ndarray, folder: Path) -> MachineFile:
+def ladder_of(places: np.ndarray, folder: Path) -> tuple[Ladder, Path]:
     """A machine with play, measured at places, its play added to the model."""
     machine = FILE.machine.model_dump(mode="json", exclude_none=True)
     rig = parse_rig(
@@ -63,8 +64,13 @@ def solved(places: np.ndarray, folder: Path) -> MachineFile:
     run = simulate(rig, pd.DataFrame(places, columns=["x_cmd", "y_cmd", "z_cmd"]))
     write_run(run.frame, folder / "run.csv")
     problem = build_problem(FILE, read_table(folder / "run.csv"))
-    ladder = climb(Model(FILE), problem, [library()["backlash"]()])
-    return parse_machine(format_machine(record(ladder, "ptt add", [folder / "run.csv"])))
+    return climb(Model(FILE), problem, [library()["backlash"]()]), folder / "run.csv"
+
+
+def solved(places: np.ndarray, folder: Path) -> MachineFile:
+    """Its model, as a file keeps it."""
+    ladder, run = ladder_of(places, folder)
+    return parse_machine(format_machine(record(ladder, "ptt add", [run])))
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +81,17 @@ def both(tmp_path_factory) -> tuple[MachineFile, MachineFile]:
 def test_a_run_knows_how_soon_play_is_taken_up_where_it_went_back_a_little(both) -> None:
     from_far, from_near = (kept_covariance(read_model(file)).turns for file in both)
     assert min(from_far) > 1.0 and max(from_near) < 0.3
+
+
+def test_what_no_reading_near_a_reversal_tells_is_said(tmp_path) -> None:
+    def said(places: np.ndarray) -> list[str]:
+        folder = tmp_path / str(len(places))
+        folder.mkdir()
+        return [item.text for item in ladder_of(places, folder)[0].report.unobservable if item.effect == "backlash"]
+
+    assert said(near()) == []
+    (line,) = said(far())
+    assert "whether play of joints 1, 2 and 3 is taken up at once cannot be told from a wind-up over 2 mm" in line
 
 
 def test_commands_that_go_back_by_less_than_was_measured_are_uncertain(both) -> None:

@@ -13,6 +13,7 @@ from ptt.fitting.orientation import orientation_of
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import residual_of, rms
 from ptt.fitting.stretches import Stretch, name_stretches
+from ptt.fitting.turns import open_turns
 from ptt.model.model import Model, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.problem import Problem
@@ -138,7 +139,7 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
     return FitReport(
         fitted.status, int(rows.sum()), fitted.chi2, fitted.freedom, fitted.rank, len(fitted.unknowns),
         fitted.iterations, _values(fitted), _frames(fitted), tuple(map(Far, lines, far)), stretches, errors,
-        fitted.noise.to_dict(), correlations(fitted), unobservable(fitted),
+        fitted.noise.to_dict(), correlations(fitted), (*unobservable(fitted), *open_turns(fitted)),
         observability_indices(
             project_off(fitted.information, np.flatnonzero(fitted.layout.owner >= 0)), int(rows.sum())
         ),

@@ -10,10 +10,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.layout import family, sizes
+from ptt.effects.layout import sizes
 from ptt.effects.memory import gradual_reversal
+from ptt.effects.parameter import Parameter
+from ptt.effects.phrases import listed
 from ptt.effects.reversal import Backlash, Windup, gap_of
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.observability import Combination
 from ptt.fitting.result import FitResult
 from ptt.model.chain import Shifts, linearise
 from ptt.run.problem import Problem
@@ -21,6 +24,8 @@ from ptt.run.view import View
 
 SEEN = 4.0  # squared standard deviations by which wind-up over a travel has to differ from play to be told from it
 SHORTER = np.geomspace(1.0, 1e-3, 25)  # of the usual travel: wind-up over none longer is as likely as play
+LONG_TRAVEL = 0.25  # of the usual travel: nearer to a reversal hardly a command ends
+SMALL = 0.2  # of the largest play: what is less is not spoken of
 CHANCE = 0.5  # that what is lost is wind-up, where no reading tells
 
 
@@ -41,7 +46,7 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
     few = take(sound, sample_stretches(sound, SAMPLE)) if sound.table.rows > LONG else sound
     used, sigma = torch.as_tensor(few.used), fitted.noise.total / np.sqrt(3.0)
     jacobian = linearise(terms, few.view).jacobian
-    usual = next(parameter for parameter in Windup.parameters if parameter.stem == "length").on(family(few.view)).usual
+    usual = _travel(fitted).usual
     open_yet, lengths = torch.ones(few.view.joints, dtype=torch.bool), torch.zeros(few.view.joints, dtype=torch.float64)
     for share in SHORTER:
         trial = torch.full_like(lengths, usual * float(share))
@@ -49,6 +54,27 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
         lengths = torch.where(open_yet & (square < SEEN), trial, lengths)
         open_yet = open_yet & (square >= SEEN)
     return replace(fitted, turns=tuple(lengths.tolist()))
+
+
+def open_turns(fitted: FitResult) -> tuple[Combination, ...]:
+    """Of which joints the readings do not tell along which travel behind a reversal their play is taken up.
+
+    Args:
+        fitted: the fit, with its turns.
+
+    Returns:
+        One for each effect that is play, where there is such a joint.
+    """
+    travel, found = _travel(fitted), list[Combination]()
+    open_yet = np.array(fitted.turns) > LONG_TRAVEL * travel.usual
+    for term in fitted.model.terms if fitted.turns else ():
+        if isinstance(term.effect, Backlash):
+            gap = gap_of(term.theta)[0].numpy()
+            joints = [str(joint + 1) for joint in np.flatnonzero(open_yet & (gap > SMALL * np.abs(gap).max()))]
+            what = f"whether play of joint{'s' * (len(joints) > 1)} {listed(joints)} is taken up at once"
+            partner = f"a wind-up over {max(fitted.turns):.2g} {travel.unit} (short moves back and forth tell)"
+            found += [Combination(term.effect.key, what, (partner,), {})] if joints else []
+    return tuple(found)
 
 
 def unturned(terms: Shifts, view: View, jacobian: Tensor, lengths: Tensor) -> Tensor:
@@ -72,3 +98,9 @@ def unturned(terms: Shifts, view: View, jacobian: Tensor, lengths: Tensor) -> Te
             found += jacobian[:, :, first : first + view.joints] * (gap * behind)[:, None]
         first += sum(sizes(effect, view.joints))
     return found * CHANCE**0.5
+
+
+def _travel(fitted: FitResult) -> Parameter:
+    """The length of a wind-up on this kind of machine."""
+    length = next(parameter for parameter in Windup.parameters if parameter.stem == "length")
+    return length.on(fitted.model.file.machine.kind)
