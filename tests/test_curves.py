@@ -87,7 +87,7 @@ def test_a_row_that_a_law_that_bends_reaches_after_all_is_no_gross_error():
 def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_foretells(monkeypatch):
     found = explained(*rails(4.0))
     assert set(found.state.keys) == {"guide-straightness", "tower-position", "tower-tilt"}
-    real = steps.hide
+    real = steps.hold_back
 
     def hide(scorer, keys, key):
         trial = real(scorer, keys, key)
@@ -96,7 +96,7 @@ def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_foretel
         )
         return trial if "guide-straightness" in keys else unfaithful
 
-    monkeypatch.setattr(steps, "hide", hide)
+    monkeypatch.setattr(steps, "hold_back", hide)
     assert not hide(found.scorer, ["tower-tilt"], "tower-tilt").faithful
     assert steps.name_steps(found.scorer, found.state).faithful
 

@@ -162,7 +162,7 @@ def test_what_does_not_foretell_hidden_readings_is_no_name(monkeypatch):
     _, problem = hidden("tower-position", 33, rows=100)
     named = diagnose(Model(MACHINE), problem)
     assert named.verdict == "missing" and named.suggested[0][0] == "tower-position"
-    monkeypatch.setattr(steps, "hide", lambda *_: gaining(-9.0))  # as if more were worse
+    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(-9.0))  # as if more were worse
     doubted = diagnose(Model(MACHINE), problem)
     assert doubted.verdict == "unknown" and not doubted.suggested
     assert doubted.depends_on  # what it follows is said all the same
@@ -213,7 +213,7 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     """And it foretells hidden readings by more than chance lets it do; one that takes most may be near."""
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
-    monkeypatch.setattr(steps, "hide", lambda *_: gaining(more))
+    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(more))
     monkeypatch.setattr(steps, "tool_doubt", lambda *_: 0.0)
     for name, answer in (("share_of", 0.5), ("ties", ()), ("_in_order", ["e"] if sure else [])):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
@@ -246,7 +246,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
         )  # fmt: skip
     scorer.opens = lambda keys: lambda atom: not there
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
-    monkeypatch.setattr(steps, "hide", lambda *_: gaining(9.0))
+    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(9.0))
     for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ()), ("_leads", False)):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     assert [step.key for step in steps.name_steps(scorer, scorer.score("eu", WHITE)).steps] == named
@@ -256,7 +256,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
 def test_what_comes_back_with_its_pose_is_an_unknown_beside_which_a_name_takes_more(monkeypatch, worth, pose, named):
     scorer = Sums({"e": 100.0, "": 100.0 - worth, "v": 100.0 - worth})
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: 9.0 - 2.0 * ("e" in keys))
-    monkeypatch.setattr(steps, "hide", lambda scorer, keys, key: gaining(9.0 if len(keys) else 0.0))
+    monkeypatch.setattr(steps, "hold_back", lambda scorer, keys, key: gaining(9.0 if len(keys) else 0.0))
     monkeypatch.setattr(steps, "_leads", lambda *_: False)
     for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ())):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
@@ -269,7 +269,7 @@ def test_beside_an_unknown_what_the_tracker_does_is_named_if_hidden_readings_gai
     scorer = Sums({"eu": 100.0, "e": 90.0, "u": 30.0, "uv": 40.0})
     scorer.system.atoms["e"].effect.stage = "metrology"
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: beside if "e" in keys else 9.0)
-    monkeypatch.setattr(steps, "hide", lambda *_: gaining(9.0))
+    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(9.0))
     for name, answer in (("tool_doubt", 20.0), ("share_of", 0.5), ("ties", ())):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     assert [step.key for step in steps.name_steps(scorer, scorer.score("eu", WHITE)).steps] == named

@@ -8,7 +8,7 @@ import pytest
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.evidence.hidden import FAITHFUL, Trial, hide
+from ptt.diagnosis.evidence.hidden import FAITHFUL, Trial, hold_back
 from ptt.diagnosis.evidence.row_sums import hide_rows
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.plainest import PLAIN
@@ -128,6 +128,6 @@ def test_what_keeps_others_from_values_that_cannot_be_needs_no_hidden_rows():
     problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     found = find(Model(drawn.rig.machine), problem, library(), lambda _: None)
     assert found.state.keys == ("joint-clearance", "link-length")
-    trial = hide(found.scorer, found.state.keys, "link-length")
+    trial = hold_back(found.scorer, found.state.keys, "link-length")
     assert trial.needed and trial.speaks(PLAIN) and not replace(trial, needed=False).speaks(PLAIN)
-    assert not hide(found.scorer, found.state.keys, "joint-clearance").needed
+    assert not hold_back(found.scorer, found.state.keys, "joint-clearance").needed

@@ -17,7 +17,7 @@ SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
 
 
 @dataclass(frozen=True)
-class Turn:
+class Rotation:
     """How the values of an effect or a block follow from those of the fewer columns that its rows tell apart.
 
     Attributes:
@@ -50,7 +50,7 @@ class Atom:
             of its columns; None where any may be.
         largest: values beyond which no cause is what it is called, in this shape, (m,) in units of its columns; None
             where any may be.
-        turn: from its columns to its values; None where each column is one.
+        turned: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.
         fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
@@ -70,7 +70,7 @@ class Atom:
     effect: Effect | None = None
     shape: Mapping[str, Tensor] | None = None
     block: Block | None = None
-    turn: Turn | None = None
+    turned: Rotation | None = None
     joint: np.ndarray | None = None
     fine: np.ndarray | None = None
     tested: bool = True
@@ -96,11 +96,11 @@ class Atom:
             values: of its columns.
             scale: (P,) of all columns of the system.
         """
-        return self.sizes(scale) * (values if self.turn is None else self.turn.ways @ values)
+        return self.sizes(scale) * (values if self.turned is None else self.turned.ways @ values)
 
     def sizes(self, scale: np.ndarray) -> np.ndarray:
         """Units of its linear values, (w,); `scale` as in `amplitudes`."""
-        return scale[self.columns] if self.turn is None else self.turn.scale
+        return scale[self.columns] if self.turned is None else self.turned.scale
 
 
 def is_effect(atom: Atom) -> bool:

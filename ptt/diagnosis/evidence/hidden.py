@@ -87,7 +87,7 @@ def _gains(gained: np.ndarray, least: float) -> bool:
     return bool(others > 0.0 and gained.sum() > least)
 
 
-def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
+def hold_back(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
     """Hide each block of travel in turn from atoms with and without one of them.
 
     Args:
@@ -101,11 +101,11 @@ def hide(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
     whole = scorer.score(keys, WHITE)
     where = whole.keys, key
     if where not in scorer.trials:
-        scorer.trials[where] = _hide(scorer, whole, scorer.score(without(whole, key), WHITE))
+        scorer.trials[where] = _hold_back(scorer, whole, scorer.score(without(whole, key), WHITE))
     return scorer.trials[where]
 
 
-def _hide(scorer: Scorer, whole: State, fewer: State) -> Trial:
+def _hold_back(scorer: Scorer, whole: State, fewer: State) -> Trial:
     """A set against the same less an atom."""
     place = {column: number for number, column in enumerate(whole.columns)}
     among = [place[column] for column in fewer.columns]

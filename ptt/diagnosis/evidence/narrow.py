@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import Atom, Turn
+from ptt.diagnosis.evidence.atoms import Atom, Rotation
 
 WIDE = 50  # columns up to which an atom costs a search little
 MAP = 150  # columns from which an effect is a map of harmonics, mostly the same few curves: it pays on any run
@@ -45,7 +45,7 @@ class Narrowed:
         found = np.empty((first + sum(len(self.atoms[key].columns) for key in self.turned), *behind.shape[1:]))
         np.take(behind, self.stay, axis=0, out=found[:first], mode="clip")  # without a check it needs no second copy
         for key in self.turned:
-            turn = self.atoms[key].turn
+            turn = self.atoms[key].turned
             assert turn is not None
             own, last = behind[self.old[key]], first + turn.ways.shape[1]
             width = int(np.prod(own.shape[1:]))
@@ -85,9 +85,9 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
         behind = columns.transpose()[atom.columns]
         ways, group = _seen(behind.reshape(len(behind), behind[0].size), atom.group, atom.most)
         own = np.arange(first, first + len(group))
-        turn = Turn(ways, atom.group, scale[atom.columns])
+        turn = Rotation(ways, atom.group, scale[atom.columns])
         free = np.zeros(len(own), dtype=bool)
-        found[key] = replace(atom, columns=own, group=group, bounded=free, turn=turn, joint=None)
+        found[key] = replace(atom, columns=own, group=group, bounded=free, turned=turn, joint=None)
         first += len(group)
     return Narrowed(found, place, stay, tuple(wide), {key: atoms[key].columns for key in wide})
 

@@ -91,8 +91,8 @@ class State:
         own, phi = np.concatenate([self.of(atom.key) for atom in atoms]), self.posterior.phi
         values = [atom.amplitudes(self.posterior.values[self.of(atom.key)], scale) for atom in atoms]
         size = np.concatenate([atom.sizes(scale) for atom in atoms])
-        ways = linalg.block_diag(*(np.eye(len(a.columns)) if a.turn is None else a.turn.ways for a in atoms))
-        groups = [(atom.group if atom.turn is None else atom.turn.group, self.scales[atom.key]) for atom in atoms]
+        ways = linalg.block_diag(*(np.eye(len(a.columns)) if a.turned is None else a.turned.ways for a in atoms))
+        groups = [(atom.group if atom.turned is None else atom.turned.group, self.scales[atom.key]) for atom in atoms]
         before = np.sqrt(phi * np.concatenate([scales[group] for group, scales in groups]))
         unseen = before[:, None] * (np.eye(len(ways)) - ways @ ways.T) * before
         spread = ways @ self.covariance[np.ix_(own, own)] @ ways.T + unseen
@@ -106,9 +106,9 @@ class State:
             scale: (P,) of all columns of the system.
         """
         own, phi, size = self.of(atom.key), self.posterior.phi, atom.sizes(scale)
-        if atom.turn is None:
+        if atom.turned is None:
             return self.std[own] * size, np.sqrt(self.posterior.prior[own] * phi) * size
-        ways, before = atom.turn.ways, self.scales[atom.key][atom.turn.group] * phi
+        ways, before = atom.turned.ways, self.scales[atom.key][atom.turned.group] * phi
         unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
         after = np.einsum("ij,jk,ik->i", ways, phi * self.inverse[np.ix_(own, own)], ways, optimize=True) + unseen
         return np.sqrt(after) * size, np.sqrt(before) * size

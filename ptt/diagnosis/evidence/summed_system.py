@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.sampled import Held
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.memory import Hidden, Memory, Sums, hide
+from ptt.diagnosis.noise.memory import Hidden, Memory, Sums, hidden_from
 
 
 @dataclass
@@ -62,4 +62,4 @@ class SummedSystem(System):
         both = np.ix_(*(np.append(chosen, len(self.scale)),) * 2)
         for index, (white, in_mm, rows) in self.hidden_sums.items():
             if index >= 0:
-                yield hide(white[both], in_mm[both], rows)
+                yield hidden_from(white[both], in_mm[both], rows)

@@ -176,7 +176,7 @@ def block_sums(joined: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray
     return white, in_mm, len(joined)
 
 
-def hide(white: np.ndarray, in_mm: np.ndarray, rows: int) -> Hidden:
+def hidden_from(white: np.ndarray, in_mm: np.ndarray, rows: int) -> Hidden:
     """A held-out block from its normal sums."""
     return HiddenSums(white[:-1, :-1], white[:-1, -1], float(white[-1, -1]), rows, in_mm)
 

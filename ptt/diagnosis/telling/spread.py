@@ -65,19 +65,19 @@ def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:
         unseen = phi * (across / prior[group]) @ across.T
         covariance = covariance + (wider[name] - 1.0) * unseen + np.outer(moved, moved) * (2.0 / max(decided, FEWEST))
     known = _of_values(atom, covariance, scorer.system.scale)
-    if atom.turn is None:
+    if atom.turned is None:
         return known
-    ways, before = atom.turn.ways, state.scales[atom.key][atom.turn.group] * phi
-    before = before * np.array([wider.get((atom.key, group), _wider(0.0)) for group in atom.turn.group.tolist()])
+    ways, before = atom.turned.ways, state.scales[atom.key][atom.turned.group] * phi
+    before = before * np.array([wider.get((atom.key, group), _wider(0.0)) for group in atom.turned.group.tolist()])
     unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
     return np.asarray(known + unseen * atom.sizes(scorer.system.scale) ** 2)
 
 
 def _of_values(atom: Atom, covariance: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Mean squares of an atom's linear values in their units, (w,), from a covariance of its columns."""
-    if atom.turn is None:
+    if atom.turned is None:
         return np.asarray(np.diag(covariance) * atom.sizes(scale) ** 2)
-    ways = atom.turn.ways
+    ways = atom.turned.ways
     return np.asarray(np.einsum("ij,jk,ik->i", ways, covariance, ways, optimize=True) * atom.sizes(scale) ** 2)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_metrology, is_sudden
-from ptt.diagnosis.evidence.hidden import Trial, held_out, hide, left_of
+from ptt.diagnosis.evidence.hidden import Trial, held_out, hold_back, left_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import holds_unknown
@@ -91,7 +91,7 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         likely += [key for key in leading if ahead[key] > 0.0]
     every = loose(scorer, state)
     beside = {key: _beside(scorer, every, key) for key in likely}
-    trials = {key: hide(scorer, beside[key], key) for key in likely}
+    trials = {key: hold_back(scorer, beside[key], key) for key in likely}
     whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
     faithful = all(trials[key].faithful for key in whole or likely)
     speaking = [
@@ -126,7 +126,7 @@ def _leads(scorer: Scorer, key: str) -> bool:
     Blocks that bend to anything can do the work of such a one within a few nats, once it is out. No form of theirs that
     is only approximate leaves as much over.
     """
-    return hide(scorer, (key,), key).speaks(share=LEADING)
+    return hold_back(scorer, (key,), key).speaks(share=LEADING)
 
 
 def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
@@ -172,7 +172,7 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
     Blocks may be needed to make good for what an effect does that is not there.
     """
     while named:
-        trials = {key: hide(scorer, _beside(scorer, named, key), key) for key in named}
+        trials = {key: hold_back(scorer, _beside(scorer, named, key), key) for key in named}
         silent = [key for key, trial in trials.items() if not share and _is_silent(scorer.system.atoms[key], trial)]
         vain = [key for key, trial in trials.items() if key not in silent and not trial.speaks(share=share)]
         if not vain:
