@@ -290,7 +290,7 @@ def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_wel
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
     without = {"ef": {"e": 20.0, "f": 62.0}, "f": {"f": 61.0}}
     monkeypatch.setattr(
-        steps, "hide", lambda scorer, keys, key: gaining(without["".join(keys)][key] - errors["".join(keys)])
+        steps, "hold_back", lambda scorer, keys, key: gaining(without["".join(keys)][key] - errors["".join(keys)])
     )
     assert steps._delivered(Sums({}), ["e", "f"], 0.0) == ["f"]
 
