@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from ptt.correct.compensate import compensate
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.layout import sizes
@@ -151,3 +152,16 @@ def test_what_hangs_on_the_way_to_the_first_row_is_said() -> None:
     assert (
         counted.approached == counted.status["uncertain"] and (counted + counted).approached == 2 * counted.approached
     )
+
+
+def test_a_diagnosis_says_what_play_may_be_as_well(tmp_path) -> None:
+    words = []
+    for places in (far(), near()):
+        folder = tmp_path / str(len(places))
+        folder.mkdir()
+        _, run = ladder_of(places, folder)
+        found = diagnose(Model(FILE), build_problem(FILE, read_table(run)))
+        assert found.suggested[0][0] == "backlash"
+        words.append(found.candidates[0].words)
+    assert "but for wind-up over less than 2 mm, nearer to a reversal than any reading" in words[0]
+    assert "wind-up" not in words[1]

@@ -4,6 +4,7 @@ Readings far behind a reversal tell how much is lost there, not along which trav
 Friction Model, 1968) look alike to them. Commands that go back by less than that are beyond what was measured.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.observability import Combination
 from ptt.fitting.result import FitResult
 from ptt.model.chain import Shifts, linearise
+from ptt.model.model import Term
 from ptt.run.problem import Problem
 from ptt.run.view import View
 
@@ -65,16 +67,37 @@ def open_turns(fitted: FitResult) -> tuple[Combination, ...]:
     Returns:
         One for each effect that is play, where there is such a joint.
     """
-    travel, found = _travel(fitted), list[Combination]()
-    open_yet = np.array(fitted.turns) > LONG_TRAVEL * travel.usual
-    for term in fitted.model.terms if fitted.turns else ():
-        if isinstance(term.effect, Backlash):
-            gap = gap_of(term.theta)[0].numpy()
-            joints = [str(joint + 1) for joint in np.flatnonzero(open_yet & (gap > SMALL * np.abs(gap).max()))]
-            what = f"whether play of joint{'s' * (len(joints) > 1)} {listed(joints)} is taken up at once"
-            partner = f"a wind-up over {max(fitted.turns):.2g} {travel.unit} (short moves back and forth tell)"
-            found += [Combination(term.effect.key, what, (partner,), {})] if joints else []
+    found = []
+    for term in fitted.model.terms:
+        if joints := _unseen(fitted, term):
+            which = f"joint{'s' * (len(joints) > 1)} {listed([str(joint) for joint in joints])}"
+            partner = f"a wind-up over {_windup(fitted, joints)} (short moves back and forth tell)"
+            found.append(Combination(term.effect.key, f"whether play of {which} is taken up at once", (partner,), {}))
     return tuple(found)
+
+
+def like_windup(fitted: FitResult, term: Term) -> str:
+    """What a play may be as well, since no reading lies near a reversal; '' where one tells, and for what is no play.
+
+    Args:
+        fitted: the fit, with its turns.
+        term: one of its effects.
+    """
+    joints = _unseen(fitted, term)
+    return f"wind-up over less than {_windup(fitted, joints)}, nearer to a reversal than any reading" if joints else ""
+
+
+def _unseen(fitted: FitResult, term: Term) -> list[int]:
+    """Numbers of the joints of a play of which no reading tells how it is taken up."""
+    if not isinstance(term.effect, Backlash) or not fitted.turns:
+        return []
+    gap, long = gap_of(term.theta)[0].numpy(), np.array(fitted.turns) > LONG_TRAVEL * _travel(fitted).usual
+    return [int(joint) + 1 for joint in np.flatnonzero(long & (gap > SMALL * np.abs(gap).max()))]
+
+
+def _windup(fitted: FitResult, joints: Sequence[int]) -> str:
+    """The longest travel of a wind-up of some joints that no reading tells from play."""
+    return f"{max(fitted.turns[joint - 1] for joint in joints):.2g} {_travel(fitted).unit}"
 
 
 def unturned(terms: Shifts, view: View, jacobian: Tensor, lengths: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ from ptt.diagnosis.evidence.hidden import held_out
 from ptt.diagnosis.evidence.probability import Probability
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import own_drift, unwitnessed
+from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.absent import absent_effects
 from ptt.diagnosis.telling.coincidence import coincidences
@@ -23,6 +24,7 @@ from ptt.diagnosis.telling.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.layout import bounds_of
 from ptt.fitting.linear import tried_sizes
+from ptt.fitting.turns import like_windup, with_turns
 from ptt.model.model import Model, Term, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.noise import Noise
@@ -197,6 +199,7 @@ def candidates_of_steps(
     named = told.steps
     parts = told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)
     doubt = 1e3 * float(np.linalg.norm(parts))
+    turned = with_turns(found.fitted, without_carried(problem, found))
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
         term = next((item for item in terms if item.effect.key == name), None)
@@ -206,7 +209,8 @@ def candidates_of_steps(
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
         loose = found.fitted.loose_of
-        words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside, loose)
+        unless = f", but for {alike}" if (alike := like_windup(turned, term)) else ""
+        words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside, loose, unless)
         result.append(
             Candidate(
                 name,

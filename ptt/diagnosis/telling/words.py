@@ -99,6 +99,7 @@ def explain_step(
     doubt_um: float | None = None,
     beside: Sequence[Term] = (),
     loose: Loose | None = None,
+    unless: str = "",
 ) -> str:
     """One step in two or three sentences; what cannot be told apart comes first.
 
@@ -113,6 +114,7 @@ def explain_step(
         doubt_um: how far the machine may have the tool elsewhere beside the error after it; None where nobody asks.
         beside: the other terms of the fit, from whose values the readings have to tell its own.
         loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
+        unless: what else would look the same that was not tested, with its reason; '' for nothing.
 
     Returns:
         For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
@@ -129,7 +131,7 @@ def explain_step(
         fall += f"; {doubt}"
     if tie:
         return f"{tie} As {term.effect.key}: {head}; {fall}."
-    alone = "Nothing else explains it as well; " if not told.alike and now < before else ""
+    alone = f"Nothing else explains it as well{unless}; " if not told.alike and now < before else ""
     return f"{capital(head)}. {capital(alone + fall)}."
 
 
