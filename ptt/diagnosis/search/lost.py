@@ -46,7 +46,10 @@ def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> M
 
 
 def _ways(model: Model) -> Iterator[Model]:
-    """The models in which one of both has all that a joint loses on reversal: the gap, and twice the height."""
+    """The models in which one of both has all that a joint loses on reversal: the gap, and twice the height.
+
+    Where both are there and the wind-up has what is play, also both with all of it in the gap, the wind-up anew.
+    """
     terms = {term.effect.key: term for term in model.terms}
     play, gradual = terms.get(Backlash.name), terms.get(Windup.name)
     if play is None and gradual is None:
@@ -57,6 +60,14 @@ def _ways(model: Model) -> Iterator[Model]:
         yield replace(model, terms=rest) + Term(Backlash(), torch.cat([lost, lost.new_ones(1)]))
     if play is not None:
         yield replace(model, terms=rest) + Windup()
+    if play is not None and gradual is not None and _is_play(gradual):
+        yield replace(model, terms=rest) + Term(Backlash(), torch.cat([lost, lost.new_ones(1)])) + Windup()
+
+
+def _is_play(gradual: Term) -> bool:
+    """Whether a wind-up takes less travel than it loses, which no drive does that goes on: it stands in for play."""
+    height, length = gradual.theta.abs().chunk(2)
+    return bool((2.0 * height > length).any())
 
 
 def _lost(term: Term | None) -> Tensor | None:
