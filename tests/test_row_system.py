@@ -9,7 +9,7 @@ import pytest
 from ptt.diagnosis.evidence import hidden as hidden_module
 from ptt.diagnosis.evidence import memories
 from ptt.diagnosis.evidence.atoms import BLOCK_ODDS, MEMORY_ODDS, Atom
-from ptt.diagnosis.evidence.hidden import held_out, hide
+from ptt.diagnosis.evidence.hidden import held_out, hold_back
 from ptt.diagnosis.evidence.memories import prior_of
 from ptt.diagnosis.evidence.row_sums import SumsOfRows
 from ptt.diagnosis.evidence.row_system import RowSystem
@@ -113,12 +113,12 @@ def test_columns_of_blocks_are_their_features_in_units_of_noise() -> None:
 
 def test_what_hidden_rows_say_is_asked_of_them_once(monkeypatch: pytest.MonkeyPatch) -> None:
     scorer = Scorer(system_of())
-    first, error = hide(scorer, ("a", "b"), "a"), held_out(scorer, ("a", "b"))
+    first, error = hold_back(scorer, ("a", "b"), "a"), held_out(scorer, ("a", "b"))
     told = np.array([_left_out(("a", "b"), block) for block in range(4)])
     np.testing.assert_allclose(error, np.sqrt(told.sum() / ROWS), rtol=1e-6)
-    fewer = hide(scorer, ("a", "b"), "b")
+    fewer = hold_back(scorer, ("a", "b"), "b")
     monkeypatch.setattr(hidden_module, "_foretold", None)
-    assert hide(scorer, ("b", "a"), "a") is first and held_out(scorer, ("b", "a")) == error
+    assert hold_back(scorer, ("b", "a"), "a") is first and held_out(scorer, ("b", "a")) == error
     np.testing.assert_allclose(fewer.with_it, first.with_it, rtol=1e-12)  # of the same set
     assert not np.allclose(fewer.without, first.without)
 
