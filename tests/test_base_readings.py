@@ -194,6 +194,15 @@ def test_reflectors_read_under_each_others_name_hold_no_frame() -> None:
     assert build_problem(problem.file, swapped).base is not None  # --anyway goes on
 
 
+def test_a_reflector_that_is_left_out_or_not_drawn_is_no_sound_set_up() -> None:
+    problem = measured_run(KNOCK)
+    wrong = problem.table.measured + np.array([40.0, 0.0, 0.0]) * (problem.table.name == "base 2")[:, None]
+    (found,) = check_setup(problem.file, problem.table.replace(measured=wrong)).findings
+    assert not found.sure and "by distances to the others base 2 is not where" in found.words
+    (found,) = check_setup(problem.file, renamed(problem, {"base 3": "post"})).findings
+    assert not found.sure and "the run reads post at the base, which the machine file does not have" in found.words
+
+
 def test_reflectors_that_disagree_and_nobody_knows_which_are_named() -> None:
     problem = measured_run(KNOCK)
     wrong = problem.table.measured + np.array([4.0, -3.0, 0.0]) * np.isin(problem.table.name, ["base 2"])[:, None]

@@ -181,6 +181,24 @@ def untrue_base(file: MachineFile, table: Table) -> str:
     return misplaced(read, fit, {name: np.array(drawn[name].xyz_mm) for name in fit}, sigma)
 
 
+def odd_base(file: MachineFile, table: Table) -> tuple[list[str], list[str]]:
+    """Base reflectors that a run reads and the machine file lacks, and those that lie where it does not have them.
+
+    Args:
+        file: the machine.
+        table: the rows of one set-up of the tracker.
+
+    Returns:
+        Names of both.
+    """
+    here = (table.role == "base") & np.isfinite(table.measured).all(axis=1)
+    drawn = {point.name for point in file.tracker.base_point}
+    when = {name: np.flatnonzero(here & (table.name == name)) for name in dict.fromkeys(table.name[here].tolist())}
+    known = {name: rows for name, rows in when.items() if name in drawn}
+    sound = _sound(file, table, known) if len(known) >= ENOUGH else known
+    return [name for name in when if name not in drawn], [name for name in known if name not in sound]
+
+
 def _sound(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Rows of the sound visits to each reflector that has some."""
     drawn = {point.name: point for point in file.tracker.base_point}

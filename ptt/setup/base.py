@@ -1,6 +1,8 @@
 """Base reflectors that do not lie to each other as the machine file has them."""
 
-from ptt.run.base_frame import BASE_FIX, untrue_base
+from dataclasses import replace
+
+from ptt.run.base_frame import BASE_FIX, odd_base, untrue_base
 from ptt.setup.columns import said
 from ptt.setup.result import Finding
 from ptt.setup.setup import Setup
@@ -15,5 +17,13 @@ def find_base(setup: Setup) -> list[Finding]:
     Returns:
         At most one finding.
     """
-    words = untrue_base(setup.file, setup.table) if setup.file.tracker.frame == "measured" else ""
-    return [said(setup, "base-reflectors", words, BASE_FIX)] if words else []
+    if setup.file.tracker.frame != "measured":
+        return []
+    if words := untrue_base(setup.file, setup.table):
+        return [said(setup, "base-reflectors", words, BASE_FIX)]
+    unknown, off = odd_base(setup.file, setup.table)
+    if unknown:
+        words = f"the run reads {', '.join(unknown)} at the base, which the machine file does not have"
+        return [replace(said(setup, "base-reflectors", words, "add a [[tracker.base_point]] for each"), sure=False)]
+    words = f"by distances to the others {', '.join(off)} is not where [[tracker.base_point]] has it, and is left out"
+    return [replace(said(setup, "base-reflectors", words, BASE_FIX), sure=False)] if off else []
