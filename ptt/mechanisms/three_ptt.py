@@ -58,7 +58,8 @@ class ThreePtt:
     def from_spec(cls, spec: ThreePttSpec) -> ThreePtt:
         """Build the mechanism that a machine file describes.
 
-        A leaning rail turns about its slider's place at p = 0, so the home pose is that of the upright machine.
+        A leaning rail turns about its slider's place at p = 0, so the home pose is that of the upright machine, as long
+        as the slider stays on its side of the link.
 
         Args:
             spec: the [machine] section.

@@ -1,13 +1,15 @@
 """The drawing as the controller knows it: slider heights of a tool position in closed form."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ptt.machine import ThreePttSpec
 
 Array = np.ndarray
+
+ROUNDING = 1e-6  # mm
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def draw_machine(spec: ThreePttSpec) -> Drawing:
     side = 1.0 if spec.sliders == "above" else -1.0
     rise = side * math.sqrt(spec.link_length_mm**2 - (spec.base_radius_mm - spec.platform_radius_mm) ** 2)
     across = np.cos(lean)[:, None] * outward - np.sin(lean)[:, None] * up
-    return Drawing(
+    drawing = Drawing(
         outward=outward,
         sideways=sideways,
         rail=np.sin(lean)[:, None] * outward + np.cos(lean)[:, None] * up,
@@ -73,6 +75,18 @@ def draw_machine(spec: ThreePttSpec) -> Drawing:
         side=side,
         travel=np.transpose(spec.travel_ends),
     )
+    return _anchored(drawing)
+
+
+def _anchored(drawing: Drawing) -> Drawing:
+    """The drawing with home and pivot where its sliders stand at p = 0.
+
+    A rail that leans so far that its slider would be on the other side of the link there has it elsewhere than upright.
+    """
+    apart = nominal_sliders(drawing, np.zeros((1, 3)))[0] - drawing.home
+    if not (np.abs(apart) > ROUNDING).any():  # nor where p = 0 is out of reach
+        return drawing
+    return replace(drawing, home=drawing.home + apart, pivot=drawing.pivot + apart[:, None] * drawing.rail)
 
 
 def nominal_sliders(drawing: Drawing, tool: Array) -> Array:
