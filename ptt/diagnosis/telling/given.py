@@ -2,9 +2,14 @@
 
 from dataclasses import replace
 
-from ptt.effects import library
+import numpy as np
+
+from ptt.diagnosis.telling.enough import enough
+from ptt.effects import Library, library
+from ptt.fitting.opening import opening_rows
 from ptt.fitting.solve import hold
 from ptt.model.model import Model
+from ptt.run.problem import Problem
 
 
 def at_its_word(model: Model) -> Model:
@@ -37,3 +42,22 @@ def as_free_as(given: Model, model: Model) -> Model:
     fixed = {term.effect.key: term.fixed for term in given.terms}
     terms = (replace(term, fixed=fixed.get(term.effect.key, term.fixed)) for term in model.terms)
     return replace(model, terms=tuple(terms))
+
+
+def taken_up(model: Model, problem: Problem, known: Library | None) -> tuple[Model, Problem, Library, np.ndarray]:
+    """What a diagnosis begins with.
+
+    Args:
+        model: as given.
+        problem: the readings.
+        known: effects by name; None for the library.
+
+    Returns:
+        The model at its word; the readings without those that open a run; the effects; which rows open one, (n,) bool.
+
+    Raises:
+        TableError: too few readings for any verdict.
+    """
+    enough(problem)
+    opening = opening_rows(problem)
+    return at_its_word(model), problem.masked(opening), library() if known is None else known, opening

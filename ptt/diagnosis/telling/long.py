@@ -14,14 +14,12 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.telling.bins import follow_in_all_rows
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.enough import enough
-from ptt.diagnosis.telling.given import as_free_as, at_its_word
+from ptt.diagnosis.telling.given import as_free_as, taken_up
 from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.diagnosis.telling.verdict import conclude, diagnose
 from ptt.diagnosis.unknown.span import Span, span_of
-from ptt.effects import Library, library
+from ptt.effects import Library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
-from ptt.fitting.opening import opening_rows
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -83,12 +81,8 @@ def diagnose_long(
     Raises:
         TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
-    enough(problem)
-    known, given = library() if known is None else known, model
-    model = at_its_word(model)
-    tell = progress or (lambda what: None)
-    opening, whole = opening_rows(problem), problem
-    problem = problem.masked(opening)
+    given, whole, tell = model, problem, progress or (lambda what: None)
+    model, problem, known, opening = taken_up(model, problem, known)
     span = span_of(problem)
     kind = problem.file.machine.kind
     sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE[kind], STRETCH[kind]))

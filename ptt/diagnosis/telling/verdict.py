@@ -29,19 +29,18 @@ from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST, dependences, rest_of, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
-from ptt.diagnosis.telling.enough import enough
 from ptt.diagnosis.telling.exchange import Exchange, exchanges
 from ptt.diagnosis.telling.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
-from ptt.diagnosis.telling.given import as_free_as, at_its_word
+from ptt.diagnosis.telling.given import as_free_as, taken_up
 from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.diagnosis.telling.sizes import sized
 from ptt.diagnosis.telling.steps import Named, name_steps
 from ptt.diagnosis.telling.unknowns import Unknown, unknowns_of
 from ptt.diagnosis.telling.verdict_words import explain_verdict
-from ptt.effects import Library, library
+from ptt.effects import Library
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import numbers
-from ptt.fitting.opening import opening_rows, without_opening
+from ptt.fitting.opening import without_opening
 from ptt.fitting.solve import rms
 from ptt.model.model import Model, Term
 from ptt.plan.elsewhere import elsewhere
@@ -79,12 +78,8 @@ def diagnose(
     Raises:
         TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
-    enough(problem)
-    known, given = library() if known is None else known, model
-    model = at_its_word(model)
-    tell = progress or (lambda what: None)
-    opening, whole = opening_rows(problem), problem
-    problem = problem.masked(opening)
+    given, whole, tell = model, problem, progress or (lambda what: None)
+    model, problem, known, opening = taken_up(model, problem, known)
     found = find(model, problem, known, tell, steps)
     found, model, problem = on_smooth_way(found, model, problem, known, tell, steps)
     if found.opening is not None:
