@@ -163,7 +163,7 @@ def test_spatial_analyzer_with_targets() -> None:
         "1 ended on '*'",
         "group 'run1'",
         "paired by name",
-        "1 targets without reading: row 5 P4",
+        "1 target without reading: row 5 P4",
     ):
         assert finding in text
 
@@ -408,8 +408,8 @@ def test_pairing_by_repeated_names(tmp_path: Path) -> None:
     assert x == [2, 1, 2]
     assert measured == [2.1, 1.1, 2.2]
     assert "in the order of the readings" in text
-    assert "1 targets without reading: row 4 C" in text
-    assert "1 readings without target, left out: row 5 X" in text
+    assert "1 target without reading: row 4 C" in text
+    assert "1 reading without target, left out: row 5 X" in text
 
 
 OWN_TITLES = "name,time_s,payload_kg,temp_c,feed_mm_s,x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
@@ -502,7 +502,7 @@ def test_pairing_in_order(tmp_path: Path) -> None:
         pair(tmp_path, "x,y,z\n1.1,0,0\n2.1,0,0\n", targets)
     _, measured, text = pair(tmp_path, "x,y,z\n1.1,0,0\n2.1,0,0\n", targets, ask=say("order"))
     assert_array_equal(measured, [1.1, 2.1, np.nan])
-    assert "1 targets without reading: row 4" in text
+    assert "1 target without reading: row 4" in text
     with pytest.raises(TableError, match="name the points alike in both files"):
         pair(tmp_path, "x,y,z\n1,0,0\n2,0,0\n3,0,0\n4,0,0\n", targets)
 

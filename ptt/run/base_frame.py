@@ -251,8 +251,10 @@ def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> lis
         )
     seen = [name for name in drawn if (here & (table.name == name)).any()]
     if len(seen) < 3:
+        label = str(table.run_label[run])
+        which = label if label.startswith("run") else f"run {label}"
         raise TableError(
-            f'frame = "measured" but run {table.run_label[run]} reads only {len(seen)} base reflectors',
+            f'frame = "measured" but {which} reads only {len(seen)} base reflectors',
             where=table.source,
             fix='add rows with role = "base"; give runs between which the tracker was not moved one number in the '
             'column run; or set frame = "fitted" in the machine file',

@@ -223,9 +223,9 @@ def _gaps(export: Export, targets: Export, reading_of: np.ndarray, order: np.nda
     unmatched = np.setdiff1d(np.arange(export.n), reading_of[reading_of >= 0])
     found = []
     if missed.size:
-        found.append(f"{missed.size} targets without reading: {_listed(targets, missed)}")
+        found.append(f"{_counted(missed.size, 'target')} without reading: {_listed(targets, missed)}")
     if unmatched.size:
-        found.append(f"{unmatched.size} readings without target, left out: {_listed(export, unmatched)}")
+        found.append(f"{_counted(unmatched.size, 'reading')} without target, left out: {_listed(export, unmatched)}")
     return found
 
 
@@ -233,3 +233,7 @@ def _listed(export: Export, rows: np.ndarray) -> str:
     names = export.columns.get("name", np.full(export.n, ""))
     shown = [f"row {export.line[row]} {names[row]}".strip() for row in rows[:_SHOWN]]
     return ", ".join(shown) + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -118,7 +118,7 @@ def require_cells(
         raise TableError(
             "empty command",
             where=place(export, row, title),
-            fix="fill in what was sent, or remove the row with its reading",
+            fix="fill in what was sent, or remove the whole row",
         )
 
 
