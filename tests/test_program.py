@@ -52,7 +52,7 @@ def same_path(one: str, other: str, atol: float = 2e-5) -> None:
 
 
 def test_a_machine_as_drawn_keeps_its_program() -> None:
-    text = "%\nN1 G21 G90 G17 G54 (part)\nN2 T3 M6\nN3 S8000 M3\nG0 X10 Y-5\nZ2.5 ; down\ng1 x 20.5 f 300\n"
+    text = "%\nN1 G21 G90 G17 G54 G15 G40 G49 G50 G69 G80 (part)\nN2 T3 M6\nN3 S8000 M3\nG0 X10 Y-5\nZ2.5 ; down\ng1 x 20.5 f 300\n"
     text += "\nM8\nX-.5 Y+3\nM30\n%\n"
     written = corrected(text)
     same_path(text, written)
@@ -244,6 +244,7 @@ REFUSED = {
     "G55 G1 X5": "second work coordinate",
     "G91 G53 G0 X1": "G53 needs",
     "G123 X5": "is not known",
+    "G50 X5": "axis words beside G50",
     "G154 P3": "is not known",
     "G54.1 P1": "is not known",
     "G66 P9010": "is not known",

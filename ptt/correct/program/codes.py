@@ -1,0 +1,93 @@
+"""What the codes of a program do to its moves: which are known, which are refused, which have axis words of their own.
+
+G-codes and M-codes here are those of RS274/NGC and LinuxCNC, and what Marlin and RepRapFirmware add to them.
+"""
+
+from ptt.correct.program.words import EXPAND, Block, at_line
+from ptt.errors import InputError
+
+AXES, CARRIED = "XYZ", "ABCUVWE"
+MM = {200: 25.4, 210: 1.0}
+MOTIONS = (0, 10, 20, 30)
+SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
+HOME = (280, 300, 290, 320)  # G28 and G30, and G29 and G32 of printers, which probe: where these end nobody can say
+OWN_AXES = (40, *HOME, 920)  # codes that use axis words for something else than a move to a place
+LENGTHS = (430, 431, 432, 490)
+# What changes nothing but how moves are run or counted; a code that is not there may do anything, and is refused.
+HARMLESS = (
+    80, 90, 170, 180, 190, *MM, 400, *LENGTHS, 530, *SYSTEMS, 610, 611, 640, 800, 900, 901, 910, 911, 940, 960, 970,
+    980, 990,
+)  # fmt: skip
+# The same without axis words, which would mean something else beside them: what a preamble ends, and places kept.
+ALONE = (110, 131, 150, 220, 230, 250, 281, 301, 401, 500, 501, 620, 670, 690, 921)
+RETRACT = 100  # without a place or an offset: a printer draws its filament back
+REFUSED = {
+    50: "a spline", 51: "a spline", 52: "a spline", 53: "a spline",
+    70: "diameters for X", RETRACT: "a change of offsets", 160: "polar coordinates",
+    330: "a thread", 331: "a tapping cycle",
+    382: "a probing move", 383: "a probing move", 384: "a probing move", 385: "a probing move",
+    410: "cutter compensation", 411: "cutter compensation", 420: "cutter compensation", 421: "cutter compensation",
+    510: "scaling", 520: "a move of the origin", 680: "a turn of the coordinates", 730: "a canned cycle",
+    740: "a canned cycle", 760: "a threading cycle", 930: "inverse time feed", 950: "feed per turn of the spindle",
+    **{code: "a canned cycle" for code in range(810, 900, 10)},
+}  # fmt: skip
+CALLS = (970, 980, 990)  # M97, M98, M99
+# M-codes beside which axis words are a move: those of RS274. Further ones have axis words of their own.
+BESIDE_MOVES = (*range(0, 10), 19, 30, *range(48, 54), *range(60, 67))
+# Of motors, speeds, limits and outputs: where the tool goes stays.
+SETTINGS = (
+    17, 18, 67, 68, 84, 125, 201, 202, 203, 204, 205, 208, 211, 350,
+    425, 566, 569, 584, 593, 600, 851, 906, 907, 911, 913, 914, 915, 916, 917,
+)  # fmt: skip
+MOVES_ORIGIN = (92, 206, 218, 290, 428, 579, 665, 666, 669)  # counts per mm, offsets, the controller's own geometry
+
+
+def refuse(block: Block, codes: list[int], source: str) -> None:
+    """Refuse a block whose moves, or what moves after it, nobody but the controller can tell.
+
+    Args:
+        block: the line.
+        codes: its G-codes, ten times their numbers.
+        source: file name for messages.
+
+    Raises:
+        InputError: it is one.
+    """
+    where = at_line(source, block.line)
+    for code in codes:
+        if code == RETRACT and not any(word.letter in ("L", *AXES) for word in block.words):
+            continue
+        if code in REFUSED:
+            raise InputError(f"G{code / 10:g}, {REFUSED[code]}, cannot be corrected", where=where, fix=EXPAND)
+        if code in ALONE and any(word.letter in AXES + CARRIED for word in block.words):
+            raise InputError(f"axis words beside G{code / 10:g}", where=where, fix="split the line")
+        if code not in (*MOTIONS, *OWN_AXES, *HARMLESS, *ALONE):
+            what = f"what G{code / 10:g} does is not known" if code >= 0 else "G without a number"
+            raise InputError(f"{what}: it may move the tool, or what moves after it", where=where, fix=EXPAND)
+    calls = [word for word in block.words if word.letter == "O" or (word.letter == "M" and word.code in CALLS)]
+    if any(not (word.letter == "O" and block.words[0] is word and len(block.words) == 1) for word in calls):
+        raise InputError(f"{calls[0].text}: a subprogram is worked out by the controller only", where=where, fix=EXPAND)
+    if sum(code in MOTIONS for code in codes) > 1:
+        raise InputError("two kinds of moves in one line", where=where, fix="split the line")
+    _refuse_settings(block, codes, where)
+
+
+def _refuse_settings(block: Block, codes: list[int], where: str) -> None:
+    """Refuse M-codes that move what the program's places are counted from, or whose axis words nobody knows."""
+    letters = {word.letter for word in block.words} & set(AXES + CARRIED)
+    for number in own_words(block):
+        if number in MOVES_ORIGIN and letters != {"E"}:
+            what = f"M{number} changes what the controller makes of places"
+            raise InputError(what, where=where, fix="take it out, and set it in the controller before the run")
+        moves = any(code in MOTIONS for code in codes)
+        if letters and moves and number in (*SETTINGS, *MOVES_ORIGIN):
+            raise InputError(f"M{number} and a move in one line", where=where, fix="split the line")
+        if letters and not moves and number not in (*SETTINGS, *MOVES_ORIGIN):
+            what = f"what M{number} does with {', '.join(sorted(letters))} is not known"
+            raise InputError(what, where=where, fix="take it out, or state G0 or G1 in this line if it is a move")
+
+
+def own_words(block: Block) -> list[int]:
+    """Numbers of a block's M-codes that have axis words of their own."""
+    numbers = [word.code // 10 for word in block.words if word.letter == "M"]
+    return [number for number in numbers if number not in BESIDE_MOVES]
