@@ -52,7 +52,8 @@ def same_path(one: str, other: str, atol: float = 2e-5) -> None:
 
 
 def test_a_machine_as_drawn_keeps_its_program() -> None:
-    text = "%\nN1 G21 G90 G17 G54 G15 G40 G49 G50 G69 G80 (part)\nN2 T3 M6\nN3 S8000 M3\nG0 X10 Y-5\nZ2.5 ; down\ng1 x 20.5 f 300\n"
+    text = "%\nN1 G21 G90 G17 G54 G15 G40 G49 G50 G69 G80 (part)\nN2 T3 M6\nN3 S8000 M3\nG0 X10 Y-5\nZ2.5"
+    text += " ; down\ng1 x 20.5 f 300\n"
     text += "\nM8\nX-.5 Y+3\nM30\n%\n"
     written = corrected(text)
     same_path(text, written)
