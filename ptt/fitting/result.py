@@ -46,6 +46,7 @@ class FitResult:
             nobody asked. The covariance is without them: where the run went the values make good for them.
         turns: travel of a wind-up of each joint that the readings cannot tell from the play that the model has, mm or
             rad; () where nobody asked, or it has none.
+        least: names of unknowns of which the readings tell only that they are no smaller.
     """
 
     model: Model
@@ -67,6 +68,7 @@ class FitResult:
     doubt: np.ndarray | None = None
     unnamed: Unnamed | None = None
     turns: tuple[float, ...] = ()
+    least: tuple[str, ...] = ()
 
     @property
     def values(self) -> np.ndarray:
@@ -110,6 +112,7 @@ class FitResult:
         """Unknowns that the data, not the prior, decide, (u,) bool."""
         own = np.diag(self.covariance) / self.layout.scale**2
         told = ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
+        told &= ~np.isin(self.layout.names, self.least)
         if self.unnamed is None:
             return told
         return told & (self.open <= PRIOR_HALF * (self.sizes * self.layout.scale) ** 2)

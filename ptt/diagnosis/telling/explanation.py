@@ -24,7 +24,7 @@ from ptt.diagnosis.telling.words import explain_step
 from ptt.effects import Effect
 from ptt.fitting.layout import bounds_of
 from ptt.fitting.linear import tried_sizes
-from ptt.fitting.turns import like_windup, with_turns
+from ptt.fitting.turns import like_windup, marked, with_turns
 from ptt.model.model import Model, Term, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.noise import Noise
@@ -200,6 +200,7 @@ def candidates_of_steps(
     parts = told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)
     doubt = 1e3 * float(np.linalg.norm(parts))
     turned = found.fitted if found.sample is not None else with_turns(found.fitted, without_carried(problem, found))
+    terms = tuple(marked(term, turned.least) for term in terms)
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
         term = next((item for item in terms if item.effect.key == name), None)
