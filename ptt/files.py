@@ -3,9 +3,9 @@
 import errno
 import os
 import platform
+import secrets
 import stat
 import sys
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,8 +15,6 @@ from ptt.errors import HostError, InputError, shown
 
 LARGEST = 2 * 1024**3  # bytes; ten million rows of a tracker run are 1.5 GB
 LARGEST_TOML = 64 * 1024**2  # bytes; a model of every effect with a thousand steps of history is 2 MB
-MASK = os.umask(0)  # what new files leave out; read once, since to ask is to change it for every thread
-os.umask(MASK)
 FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
@@ -131,13 +129,13 @@ def put_beside(target: Path, parts: Iterable[bytes]) -> str:
     Raises:
         OSError: it cannot be written; then nothing is left of it.
     """
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=temporary(target))
+    name = str(neighbour(target))  # not by tempfile, whose files are private whatever the umask says
+    handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
             file.writelines(parts)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(name, 0o666 & ~MASK)  # mkstemp makes files private
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
@@ -216,6 +214,11 @@ def cannot_write(path: str | Path, failed: OSError | ValueError) -> InputError |
 def temporary(target: Path) -> str:
     """How names of temporary neighbours of a file or folder begin: its own name, this machine, this process."""
     return f".{target.name}.{platform.node().replace('.', '-')}.{os.getpid()}."
+
+
+def neighbour(target: Path) -> Path:
+    """A temporary neighbour of a file or folder that is not there yet."""
+    return target.parent / f"{temporary(target)}{secrets.token_hex(8)}"
 
 
 def left_behind(target: Path) -> list[Path]:

@@ -5,13 +5,12 @@ import os
 import platform
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from ptt.errors import InputError
-from ptt.files import MASK, cannot_write, left_behind, temporary
+from ptt.files import cannot_write, left_behind, neighbour
 
 OLD = ".old"
 SWAP = {"Linux": ("renameat2", -100, 2), "Darwin": ("renameatx_np", -2, 2)}  # function, AT_FDCWD, flag of an exchange
@@ -38,14 +37,14 @@ def write_folder(path: str | Path, own: frozenset[str]) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _sweep(target, own)
-        new = Path(tempfile.mkdtemp(dir=target.parent, prefix=temporary(target)))
+        new = neighbour(target)
+        new.mkdir()
     except (OSError, ValueError) as error:
         raise cannot_write(path, error) from None
     try:
         yield new
         for each in [*new.iterdir(), new]:
             _flush(each)
-        os.chmod(new, 0o777 & ~MASK)  # mkdtemp makes folders private
         require_own(target, own)
         _put_in_place(new, target)
         _flush(target.parent)

@@ -62,7 +62,7 @@ def approach_doubt(task: Task, terms: Shifts, q: Tensor) -> np.ndarray:
     """What hangs on from which side the joints came to the first row, where the targets do not say (`dir1..`).
 
     A drive that winds up has not turned over for dozens of small steps. The first row itself arrives as the second
-    moves, and a joint that never moves counts as +1, by convention (`ptt.run.travel`): neither is doubted.
+    moves, and a joint that never moves in a run counts as +1, by convention (`ptt.run.travel`): neither is doubted.
 
     Args:
         task: the targets.
@@ -72,17 +72,22 @@ def approach_doubt(task: Task, terms: Shifts, q: Tensor) -> np.ndarray:
     Returns:
         (n,) mm, standard deviation.
     """
-    known, view = [(effect, theta) for effect, theta in terms if effect.reverses and len(theta)], task.see(q)
+    drives = [(effect, theta) for effect, theta in terms if effect.stage == "drive" and len(theta)]
+    known, view = [(effect, theta) for effect, theta in drives if effect.reverses], task.see(q)
     stated = task.targets.direction
     untold = torch.ones_like(q, dtype=torch.bool) if stated is None else torch.as_tensor(~(np.abs(stated) > 0.0))
-    moving = (q.amax(dim=0) - q.amin(dim=0)) > STANDSTILL
+    moved = (q.diff(dim=0, prepend=q[:1]).abs() > STANDSTILL) & ~view.starts[:, None]
+    run = torch.cumsum(view.starts, dim=0) - int(view.starts[0])  # of each row, as the list has them
+    moving = torch.zeros(int(run.max()) + 1, view.joints, dtype=torch.int64).index_add(0, run, moved.long())[run] > 0
     turned = view.starts[:, None] & untold & moving
     if not known or not turned.any():
         return np.zeros(len(q))
     other = replace(view, direction=torch.where(turned, -view.direction, view.direction))
     apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]).sum(dim=0)
     off = CHANCE**0.5 * torch.einsum("nck,nk->nc", view.jacobian, apart).norm(dim=1)
-    return np.asarray(torch.where(view.starts, torch.zeros_like(off), off).numpy())
+    ever = moved.any(dim=1).cumsum(dim=0)
+    stands = ever == torch.where(view.starts, ever, torch.zeros_like(ever)).cummax(dim=0).values  # where the run began
+    return np.asarray(torch.where(stands, torch.zeros_like(off), off).numpy())
 
 
 def doubtful(sigma: np.ndarray, shift: np.ndarray, promised: float | None) -> np.ndarray:

@@ -109,7 +109,9 @@ class Tally:
         return lines
 
     def _why_unsure(self) -> str:
-        if self.status[UNCERTAIN] == self.sent and self.missed <= ROUNDING:  # of a model that helped not all are so
+        if (
+            self.status[UNCERTAIN] == self.sent and not self.approached and self.missed <= ROUNDING
+        ):  # of a model that helped not all are so
             return (
                 "no command is sure: the model foretells hidden readings no better than the drawing does, or its values"
                 " are less sure than its held-out error says"

@@ -136,11 +136,13 @@ def _table_of(
     judge_order: bool,
     digest: str = "",
 ) -> Table:
-    if joints is None:
-        joints, prefix = joints_told(export)
+    poses = None
     if targets is not None:
         wanted = Request("beside", request.mapping.targets or Mapping(), request.ask)
         poses = read_any(targets, wanted)
+    if joints is None:
+        joints, prefix = joints_told(*(each for each in (export, poses) if each is not None))
+    if poses is not None:
         table_fields(poses, joints, prefix, "targets")  # so that errors name the right file
         export = pair_targets(export, poses, request)
     values = {name: float(value) for name, value in set_values.items() if name != "order"}

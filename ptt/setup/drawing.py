@@ -11,7 +11,7 @@ from ptt.setup.setup import Hypothesis, Setup, Undo
 
 SHORTEST, LONGEST = 60.0, 1e4  # mm: links of machines that carry a reflector
 UNEVEN = 0.1  # deg
-LONG = 20.0  # lengths of a link: no travel is longer, but one in millimetres beside radii and links in metres
+LONG = 3.0  # lengths of a link: few travels are longer, but those in millimetres beside links in cm or inches
 
 
 def is_no_machine(spec: ThreePttSpec) -> bool:

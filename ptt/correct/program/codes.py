@@ -10,7 +10,8 @@ AXES, CARRIED = "XYZ", "ABCUVWE"
 MM = {200: 25.4, 210: 1.0}
 MOTIONS = (0, 10, 20, 30)
 SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
-HOME = (280, 300, 290, 320)  # G28 and G30, and G29 and G32 of printers, which probe: where these end nobody can say
+PROBES = (290, 320)  # of printers; with a place they are something else on other controllers
+HOME = (280, 300, *PROBES)  # where these end nobody can say
 OWN_AXES = (40, *HOME, 920)  # codes that use axis words for something else than a move to a place
 LENGTHS = (430, 431, 432, 490)
 # What changes nothing but how moves are run or counted; a code that is not there may do anything, and is refused.
@@ -32,8 +33,8 @@ REFUSED = {
     **{code: "a canned cycle" for code in range(810, 900, 10)},
 }  # fmt: skip
 CALLS = (970, 980, 990)  # M97, M98, M99
-# M-codes beside which axis words are a move: those of RS274. Further ones have axis words of their own.
-BESIDE_MOVES = (*range(0, 10), 19, 30, *range(48, 54), *range(60, 67))
+# M-codes beside which axis words are a move: those of RS274, and clamps. Further ones have axis words of their own.
+BESIDE_MOVES = (*range(0, 17), 19, 30, *range(48, 54), *range(60, 67))
 # Of motors, speeds, limits and outputs: where the tool goes stays.
 SETTINGS = (
     17, 18, 67, 68, 84, 125, 201, 202, 203, 204, 205, 208, 211, 350,
@@ -59,7 +60,10 @@ def refuse(block: Block, codes: list[int], source: str) -> None:
             continue
         if code in REFUSED:
             raise InputError(f"G{code / 10:g}, {REFUSED[code]}, cannot be corrected", where=where, fix=EXPAND)
-        if code in ALONE and any(word.letter in AXES + CARRIED for word in block.words):
+        placed = any(word.letter in AXES + CARRIED for word in block.words)
+        if code in PROBES and any(other in MOTIONS for other in codes):
+            raise InputError(f"G{code / 10:g} and a move in one line", where=where, fix="split the line")
+        if code in (*ALONE, *PROBES) and placed:
             raise InputError(f"axis words beside G{code / 10:g}", where=where, fix="split the line")
         if code not in (*MOTIONS, *OWN_AXES, *HARMLESS, *ALONE):
             what = f"what G{code / 10:g} does is not known" if code >= 0 else "G without a number"
@@ -76,7 +80,8 @@ def _refuse_settings(block: Block, codes: list[int], where: str) -> None:
     """Refuse M-codes that move what the program's places are counted from, or whose axis words nobody knows."""
     letters = {word.letter for word in block.words} & set(AXES + CARRIED)
     for number in own_words(block):
-        if number in MOVES_ORIGIN and letters != {"E"}:
+        asks = number != 428 and not any(word.letter not in "NM" for word in block.words)  # alone it only reports
+        if number in MOVES_ORIGIN and letters != {"E"} and not asks:
             what = f"M{number} changes what the controller makes of places"
             raise InputError(what, where=where, fix="take it out, and set it in the controller before the run")
         moves = any(code in MOTIONS for code in codes)

@@ -24,6 +24,7 @@ FOREIGN = {
     "^": ("a polar coordinate", ALONE),
     "(": ("a comment without end", "is not closed"),
 }
+WORDS = re.compile(r"(\s*[A-Za-z]\s*[-+]?\s*[\d.]+)+\s*([(;].*)?")
 TEXT = (23, 32, 117, 118)  # M-codes behind which the rest of the line is a file's name or a message
 EXPAND = "let the post-processor or the controller's interpreter write the program out, and correct that"
 
@@ -113,6 +114,12 @@ def read_blocks(text: str, source: str) -> list[Block]:
     return [_read(number, line, source) for number, line in enumerate(lines if lines[-1] else lines[:-1], 1)]
 
 
+def _is_text(parts: list[Word | str], word: Word, rest: str) -> bool:
+    """Whether what follows a word is a file's name or a message: behind such an M-code at the line's head, no words."""
+    first = all(isinstance(part, Word) and part.letter == "N" for part in parts[:-1])
+    return first and word.letter == "M" and word.code // 10 in TEXT and bool(rest.strip()) and not WORDS.fullmatch(rest)
+
+
 def _read(number: int, line: str, source: str) -> Block:
     parts: list[Word | str] = []
     place = 0
@@ -131,7 +138,7 @@ def _read(number: int, line: str, source: str) -> Block:
                 raise InputError(f"'{found[0].strip()}' is beyond any machine", where=where, fix="correct the line")
             word = Word(found["letter"].upper(), value, found[0].strip())
             parts.append(word)
-            if word.letter == "M" and word.code // 10 in TEXT and line[found.end() :].strip():
+            if _is_text(parts, word, line[found.end() :]):
                 parts.append(line[found.end() :])
                 break
         elif not found["space"]:

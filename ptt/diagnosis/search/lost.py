@@ -38,10 +38,11 @@ def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> M
     most = best.chi2 + 2.0 * phi * odds
     for way in ways:
         # What a prior pulls at is counted while a fit is under way, and sizes are learned in between.
-        other = fit_dated(way, problem, found, 2.0 * most)
-        dearer = 2.0 * phi * UNUSUAL if Windup.name in way.keys else 0.0  # its lengths are free besides
-        if other.status != HOPELESS and other.chi2 < most - dearer:
-            best, most = other, other.chi2
+        other, anew = fit_dated(way, problem, found, 2.0 * most), {Backlash.name, Windup.name} <= set(way.keys)
+        # One of them alone saves the other's name; the lengths of a wind-up that was not there before are free besides.
+        cost = other.chi2 + 2.0 * phi * (odds if anew else UNUSUAL if Windup.name in way.keys else 0.0)
+        if other.status != HOPELESS and cost < most:
+            best, most = other, cost
     return best.model
 
 

@@ -101,9 +101,12 @@ def _by_name(export: Export, targets: Export) -> tuple[np.ndarray, np.ndarray, s
     """Readings to targets of their name: to the only one, k-th to k-th, or where a reading is missing, in order."""
     wanted = targets.columns["name"].tolist()
     names = np.array(_comparable(export.columns["name"].tolist(), wanted), dtype=object)
-    timed, target_of = _by_clock(export), np.full(export.n, -1, dtype=np.int64)
-    target_of[timed] = _targets_of(names[timed].tolist(), wanted, export, targets)
-    _require_order(target_of[timed], timed, export, targets)
+    target_of = _targets_of(names.tolist(), wanted, export, targets)
+    if _mixes_visits(target_of, targets):
+        timed = _by_clock(export)
+        target_of[timed] = _targets_of(names[timed].tolist(), wanted, export, targets)
+        if _mixes_visits(target_of[timed], targets):
+            raise _disordered(target_of, export, targets)
     paired = target_of[target_of >= 0]
     rows = np.flatnonzero(target_of >= 0)
     if len(set(paired.tolist())) < len(paired) and (np.diff(paired) < 0).any():
@@ -146,30 +149,38 @@ def _by_clock(export: Export) -> np.ndarray:
     return np.argsort(time, kind="stable") if np.isfinite(time).all() else np.arange(export.n)
 
 
-def _require_order(target_of: np.ndarray, timed: np.ndarray, export: Export, targets: Export) -> None:
-    """Refuse readings in another order than the targets where a place is visited again: which visit is which?
-
-    Args:
-        target_of: target of each reading in the order in which they were taken, (n,) int; -1 where there is none.
-        timed: that order, (n,) int.
-        export: the readings.
-        targets: the targets.
-
-    Raises:
-        TableError: they are so.
-    """
+def _visited_again(target_of: np.ndarray, targets: Export) -> np.ndarray:
+    """Readings of places that are visited again, of which only the order tells which visit they are of, (m,) int."""
     listed, rows = targets.columns["name"], np.flatnonzero(target_of >= 0)
     visits = Counter(name for name, _ in set(zip(listed.tolist(), _places(targets).tolist(), strict=True)))
-    again = rows[np.array([visits[name] > 1 for name in listed[target_of[rows]].tolist()], dtype=bool)]
-    back = np.diff(target_of[rows]) < 0
-    if len(again) and back.sum() > _MOST_BACK * len(back):
-        row = timed[again[0]]
-        raise TableError(
-            f"'{shown(export.columns['name'][row])}' is listed more than once, and the readings are in another order "
-            "than the targets; which reading belongs to which is not certain",
-            where=f"{export.source} row {export.line[row]}",
-            fix="give the readings in the order of the targets, or the time of each in a column time_s",
-        )
+    return rows[np.array([visits[name] > 1 for name in listed[target_of[rows]].tolist()], dtype=bool)]
+
+
+def _mixes_visits(target_of: np.ndarray, targets: Export) -> bool:
+    """Whether readings in another order than the targets are of places that are visited again.
+
+    A list that is run again goes back to its first target, or to the first that was read; one out of order goes back
+    with every second step.
+
+    Args:
+        target_of: target of each reading in some order, (n,) int; -1 where there is none.
+        targets: the targets.
+    """
+    paired = target_of[target_of >= 0]
+    if not len(_visited_again(target_of, targets)):
+        return False
+    back = (np.diff(paired) < 0) & (paired[1:] > paired.min())
+    return bool(back.sum() > _MOST_BACK * len(back))
+
+
+def _disordered(target_of: np.ndarray, export: Export, targets: Export) -> TableError:
+    row = _visited_again(target_of, targets)[0]
+    return TableError(
+        f"'{shown(export.columns['name'][row])}' is listed more than once, and the readings are in another order "
+        "than the targets; which reading belongs to which is not certain",
+        where=f"{export.source} row {export.line[row]}",
+        fix="give the readings in the order of the targets, or the time of each in a column time_s",
+    )
 
 
 def _places(targets: Export) -> np.ndarray:

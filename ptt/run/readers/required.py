@@ -127,9 +127,9 @@ def place(export: Export, row: int, title: str) -> str:
     return f"{export.source} row {export.line[row]}, column {title}"
 
 
-def joints_told(export: Export) -> tuple[int, str]:
+def joints_told(*exports: Export) -> tuple[int, str]:
     """How many joints the columns are of, and their letter, where no machine file says so: sliders or an arm's."""
-    angles = foreign_to(export, "b")
+    angles = max((foreign_to(export, "b") for export in exports), key=len)
     return (len(angles), "q") if angles else (3, "b")
 
 
