@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.correct.compensate import compensate
-from ptt.correct.context import beyond_context, missing_context, require_context
+from ptt.correct.context import beyond_context, beyond_lines, missing_context, require_context
 from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.registry import make_effect
@@ -258,9 +258,12 @@ def test_loads_and_warmth_beyond_the_models_run_are_said():
     model = replace(model, file=replace(model.file, history=history))
     load = np.array([0.0, 6.04, 50.0])
     table = make_table(np.array([[0.0, 0.0, 5.0 * row] for row in range(3)]), payload_kg=load, temp_c=np.full(3, 60.0))
-    (line,) = beyond_context(model, table)  # no effect of it follows the warmth
+    found = beyond_context(model, table)  # no effect of it follows the warmth
+    (line,) = beyond_lines([found, ()], "t.csv", 3)
     assert "payload goes beyond the model's run (0 to 6 kg) by up to 44 in 1 of 3 rows; how column-bend follows" in line
-    assert beyond_context(model, table.replace(payload_kg=np.minimum(load, 6.0))) == []
+    assert beyond_context(model, table.replace(payload_kg=np.minimum(load, 6.0))) == ()
+    (twice,) = beyond_lines([found, found], "t.csv", 6)
+    assert "by up to 44 in 2 of 6 rows" in twice
 
 
 def test_an_empty_load_is_refused_only_where_it_decides():

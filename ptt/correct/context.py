@@ -1,7 +1,7 @@
 """What a model asks of the context of its targets: loads, warmth, speed and time that their list may not tell."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -48,20 +48,39 @@ def missing_context(model: Model, targets: Table) -> list[str]:
     return lines
 
 
-def beyond_context(model: Model, targets: Table) -> list[str]:
+@dataclass(frozen=True)
+class Beyond:
+    """Rows whose load, warmth or speed a model follows and its run did not have.
+
+    Attributes:
+        column: of the targets.
+        users: keys of the effects that follow it.
+        run: lowest and highest of the model's run.
+        rows: how many there are.
+        worst: how far beyond, at the most.
+    """
+
+    column: str
+    users: tuple[str, ...]
+    run: tuple[float, float]
+    rows: int
+    worst: float
+
+
+def beyond_context(model: Model, targets: Table) -> tuple[Beyond, ...]:
     """Loads, warmth and speeds of targets that a model follows and its run did not have.
 
     Args:
         model: the model.
-        targets: the targets.
+        targets: the targets, or a part of them.
 
     Returns:
-        One sentence for each such column.
+        One for each such column.
     """
     steps = [step for step in model.file.history if isinstance(step.get("ranges"), Mapping)]
     then: Mapping[str, tuple[float, float]] = steps[-1]["ranges"] if steps else {}
-    lines = []
-    for column, (need, unit) in SEEN.items():
+    found = []
+    for column, (need, _) in SEEN.items():
         values = getattr(targets, column)
         if column not in then or values is None or not np.isfinite(values).any():
             continue
@@ -69,11 +88,29 @@ def beyond_context(model: Model, targets: Table) -> list[str]:
         beyond = (values < low - LEAST[column]) | (values > high + LEAST[column])
         users = _followers(model, targets, need) if beyond.any() else []
         if users:
-            worst, count = float(np.nanmax(np.maximum(low - values, values - high))), int(beyond.sum())
+            worst = float(np.nanmax(np.maximum(low - values, values - high)))
+            found.append(Beyond(column, tuple(users), (low, high), int(beyond.sum()), worst))
+    return tuple(found)
+
+
+def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> list[str]:
+    """The same in words, of all parts of a list together.
+
+    Args:
+        parts: of each part.
+        source: file name for messages.
+        rows: of the whole list.
+    """
+    lines = []
+    for column, (need, unit) in SEEN.items():
+        own = [each for part in parts for each in part if each.column == column]
+        if own:
+            (low, high), users = own[0].run, list(dict.fromkeys(user for each in own for user in each.users))
+            worst, count = max(each.worst for each in own), sum(each.rows for each in own)
             verb = "follows" if len(users) == 1 else "follow"
             lines.append(
-                f"{targets.source}: {need} goes beyond the model's run ({low:.3g} to {high:.3g} {unit}) by up to "
-                f"{worst:.3g} in {count} of {targets.rows} rows; how {', '.join(users)} {verb} it there nobody measured"
+                f"{source}: {need} goes beyond the model's run ({low:.3g} to {high:.3g} {unit}) by up to {worst:.3g} in "
+                f"{count} of {rows} rows; how {', '.join(users)} {verb} it there nobody measured"
             )
     return lines
 

@@ -1,6 +1,6 @@
 """`ptt.predict`: the commands that put the real tool on its targets."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
-from ptt.correct.context import beyond_context, missing_context, require_context
+from ptt.correct.context import Beyond, beyond_context, beyond_lines, missing_context, require_context
 from ptt.correct.training.train import correction_of
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
@@ -171,18 +171,23 @@ def tell_frames(frames: Iterable[RunFrame], note: Note) -> None:
             note(f"targets are taken to be in {frame.words}")
 
 
-def warnings_of(machine: Model, table: Table, counted: Tally) -> tuple[str, ...]:
+def warnings_of(
+    machine: Model, table: Table, counted: Tally, parts: Sequence[Sequence[Beyond]] | None = None
+) -> tuple[str, ...]:
     """What a person should know before commands are sent.
 
     Args:
         machine: the model.
         table: the targets, or some of them.
         counted: what became of all of them.
+        parts: loads, warmth and speeds beyond the model's run, part by part; None: the table is all targets.
     """
     network = machine.compensator.network is not None
     bare = [] if machine.physics.terms or network else [BARE]
     unsure = [line] if (line := why_not_kept(machine.physics)) else []
-    context = [*missing_context(machine.physics, table), *beyond_context(machine.physics, table)]
+    parts = [beyond_context(machine.physics, table)] if parts is None else parts
+    rows = sum(counted.status.values())
+    context = [*missing_context(machine.physics, table), *beyond_lines(parts, table.source, rows)]
     return (*bare, *unsure, *context, *counted.warnings(table.source, network=network))
 
 

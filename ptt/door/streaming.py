@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ptt.correct.compensate import LIMIT_MM, Reversal, plan_of
+from ptt.correct.context import Beyond, beyond_context
 from ptt.correct.stream import Stream
 from ptt.correct.training.train import correction_of
 from ptt.door.model import Model
@@ -128,12 +129,12 @@ def predict_file(
         compensator = model.compensator
         plan = plan_of(compensator.model, reversal, limit_mm, compensator.error)
         stream = Stream(plan, spool, partial(_aid, model), folder)
-        counted, titles = _invert(stream, progress)
+        counted, titles, beyond = _invert(stream, model, progress)
         if not stream.sent:
             stream.find_nearest()
         texts = map_cores(partial(_text, stream, titles), range(len(stream.bounds)))
         write_parts(out, texts)
-        warnings = warnings_of(model, sample, counted)
+        warnings = warnings_of(model, sample, counted, beyond)
     return Streamed(str(out), counted, compensator.network is not None, limit_mm, tuple(frames), warnings)
 
 
@@ -157,17 +158,18 @@ def _aid(model: Model, table: Table) -> tuple[Any, Any]:
     return (None, None) if network is None else (correction_of(network), network.inside)
 
 
-def _invert(stream: Stream, progress: Progress) -> tuple[Tally, list[str]]:
-    """Figures of all commands, and the titles of their file."""
-    figures, titles = list[Tally](), list[str]()
+def _invert(stream: Stream, model: Model, progress: Progress) -> tuple[Tally, list[str], list[tuple[Beyond, ...]]]:
+    """Figures of all commands, the titles of their file, and what goes beyond the model's run, part by part."""
+    figures, titles, beyond = list[Tally](), list[str](), list[tuple[Beyond, ...]]()
     for index, part in enumerate(stream.invert(progress)):
         table = stream.table(index)
         figures.append(tally(table, part.commands))
+        beyond.append(beyond_context(model.physics, table))
         titles = merged(titles, list(sliders_columns(table, part.commands, sent=True)))
     if not stream.sent:
         table, part = stream.table(0), stream.part(0)
         titles = merged(titles, list(sliders_columns(table, part.commands, sent=False)))
-    return reduce(add, figures), titles
+    return reduce(add, figures), titles, beyond
 
 
 def merged(titles: Sequence[str], more: Sequence[str]) -> list[str]:

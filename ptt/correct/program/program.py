@@ -9,7 +9,7 @@ import torch
 
 from ptt.correct.commands import Commands, sent_rows
 from ptt.correct.compensate import LIMIT_MM, compensate
-from ptt.correct.context import beyond_context, missing_context
+from ptt.correct.context import beyond_context, beyond_lines, missing_context
 from ptt.correct.program.cut import Frame, Places, beside, look_along, thin_out
 from ptt.correct.program.modal import Read, read_moves
 from ptt.correct.program.moves import Move
@@ -159,7 +159,7 @@ def _command(
         limit=limit,
         network=compensator.error,
     )
-    return commands, [*missing_context(model, table), *beyond_context(model, table)]
+    return commands, [*missing_context(model, table), *beyond_lines([beyond_context(model, table)], source, table.rows)]
 
 
 def _refuse(read: Read, places: Places, commands: Commands, source: str) -> None:
