@@ -109,8 +109,8 @@ def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> l
             worst, count = max(each.worst for each in own), sum(each.rows for each in own)
             verb = "follows" if len(users) == 1 else "follow"
             lines.append(
-                f"{source}: {need} goes beyond the model's run ({low:.3g} to {high:.3g} {unit}) by up to {worst:.3g} in "
-                f"{count} of {rows} rows; how {', '.join(users)} {verb} it there nobody measured"
+                f"{source}: {need} goes beyond the model's run ({low:.3g} to {high:.3g} {unit}) by up to {worst:.3g} "
+                f"in {count} of {rows} rows; how {', '.join(users)} {verb} it there nobody measured"
             )
     return lines
 
