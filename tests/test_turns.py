@@ -165,3 +165,16 @@ def test_a_diagnosis_says_what_play_may_be_as_well(tmp_path) -> None:
         words.append(found.candidates[0].words)
     assert "but for wind-up over less than 2 mm, nearer to a reversal than any reading" in words[0]
     assert "wind-up" not in words[1]
+
+
+def test_a_gap_that_no_move_takes_up_is_known_to_be_no_smaller_and_no_more(tmp_path) -> None:
+    """Up, and once down by less than the gap: any larger one would read the same."""
+    up = np.column_stack([np.zeros(60), np.zeros(60), np.linspace(-40.0, 40.0, 60)])
+    up[30:, 2] -= 1.365  # 9 um below the row before
+    ladder, _ = ladder_of(up, tmp_path)
+    assert 0.0 < up[29, 2] - up[30, 2] < 0.2 * GAP
+    (term,) = (term for term in ladder.model.terms if term.effect.name == "backlash")
+    assert not term.measured[:3].any()
+    taken, _ = ladder_of(near(), tmp_path)
+    (term,) = (term for term in taken.model.terms if term.effect.name == "backlash")
+    assert term.measured[:3].all() and float(term.std[:3].max()) < 0.01
