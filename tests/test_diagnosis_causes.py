@@ -44,12 +44,18 @@ def told(level: str, seed: int) -> tuple[Truth, Diagnosis]:
         ("single", 610010),  # a third of a screw's travel, over which its curve is mostly straight
         ("single", 610014),  # one stated figure for axes of unlike noise
         ("multi", 612005),  # a slip whose place two curves had taken, which left nothing to date it by
-        ("multi", 840000),  # gross errors that a wander followed, so that nobody saw them
+        pytest.param(
+            "multi", 840000, marks=pytest.mark.long
+        ),  # gross errors that a wander followed, so that nobody saw them
         ("none", 840012),  # four set-ups of ten readings each, whose freedom a wander took for calm
-        ("none", 1030020),  # a stand that moves the sharp axis of a tracker as far as its blunt ones
+        pytest.param(
+            "none", 1030020, marks=pytest.mark.long
+        ),  # a stand that moves the sharp axis of a tracker as far as its blunt ones
         ("none", 1030009),  # half a minute of a wander of ten, in a frame that the file trusts
         ("none", 1100236),  # a wander of which knocks had taken so much that nothing of it was left to see
-        ("none", 1100194),  # a sharp axis into which the noise of blunt ones was carried, and told as following z
+        pytest.param(
+            "none", 1100194, marks=pytest.mark.long
+        ),  # a sharp axis into which the noise of blunt ones was carried, and told as following z
         ("none", 1100488),  # four gross errors of 32 readings, where chance would spoil three
         ("multi", 1100058),  # a drift that a slow wander follows as well
     ],

@@ -110,7 +110,7 @@ def speeds(meant: str, sent: np.ndarray, target: np.ndarray, feed: np.ndarray) -
 
 
 @pytest.mark.parametrize("moves", ["sliders", "straight"])
-@pytest.mark.parametrize("path", [helix, raster, cloud])
+@pytest.mark.parametrize("path", [helix, pytest.param(raster, marks=pytest.mark.long), cloud])
 @pytest.mark.parametrize("meant", ["both sides", "the move there", "the tool's way there"])
 def test_whatever_speed_a_row_means_the_lag_alone_is_told(path: Callable, meant: str, moves: str) -> None:
     file = replace(BENCH, machine=BENCH.machine.model_copy(update={"moves": moves}))

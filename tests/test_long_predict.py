@@ -110,7 +110,7 @@ CLOCKS = {
 }
 
 
-@pytest.mark.parametrize("clock", CLOCKS)
+@pytest.mark.parametrize("clock", ["slow", pytest.param("fast", marks=pytest.mark.long), "as fast as the lag", "feed"])
 @pytest.mark.parametrize(("play", "pace"), [(True, SMOOTH), *((False, pace) for pace in PACES)])
 def test_axes_that_lag_settle_at_standstill_whole_and_in_blocks(
     bench: MachineFile, monkeypatch, clock, play, pace

@@ -44,7 +44,7 @@ def circles(gap: np.ndarray, lag: np.ndarray, start: float) -> Table:
     return make_table(target, sent, measured=(there + noise).round(3), feed_mm_s=feed, time_s=time)
 
 
-@pytest.mark.parametrize("start", [0.7, 2.9])
+@pytest.mark.parametrize("start", [0.7, pytest.param(2.9, marks=pytest.mark.long)])
 def test_play_and_a_lag_on_small_circles_are_all_that_is_told(start: float) -> None:
     gap, lag = np.array([0.0, 0.12, 0.12]), np.array([0.01, 0.0, 0.0])
     found = diagnose(Model(MACHINE), build_problem(MACHINE, circles(gap, lag, start)))

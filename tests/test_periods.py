@@ -52,7 +52,7 @@ def test_what_each_pose_has_to_itself_is_worth_no_line(turning):
     assert find_period(found.scorer, replace(nothing, memory=Memory(pose=1e3)), problem) is None
 
 
-@pytest.mark.parametrize("period", [1.7, 2.3])
+@pytest.mark.parametrize("period", [1.7, pytest.param(2.3, marks=pytest.mark.long)])
 def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(period: float) -> None:
     """Two readings a wave are what even steps need; poses at random tell finer ones too."""
     drawn = draw_rig("none", 5, MACHINE, "volume", rows=90)
