@@ -198,7 +198,7 @@ def test_a_reflector_that_is_left_out_or_not_drawn_is_no_sound_set_up() -> None:
     problem = measured_run(KNOCK)
     wrong = problem.table.measured + np.array([40.0, 0.0, 0.0]) * (problem.table.name == "base 2")[:, None]
     (found,) = check_setup(problem.file, problem.table.replace(measured=wrong)).findings
-    assert not found.sure and "by distances to the others base 2 is not where" in found.words
+    assert not found.sure and "not where [[tracker.base_point]] has them: base 2" in found.words
     (found,) = check_setup(problem.file, renamed(problem, {"base 3": "post"})).findings
     assert not found.sure and "the run reads post at the base, which the machine file does not have" in found.words
 

@@ -22,8 +22,8 @@ IN_PART = 0.98  # share in unseen directions from which nothing of a parameter i
 SHOWN = 12  # outliers and correlations listed in the text
 MOST_LISTED = 8  # values of one curve that are listed: the picture of a longer one says more than its values
 MEASURED = {
-    "yes": "measured", "in part": "measured in combinations", "no": "not measured", "fixed": "fixed",
-    "searched": "searched",
+    "yes": "measured", "in part": "measured in combinations", "at least": "known from below",
+    "no": "not measured", "fixed": "fixed", "searched": "searched",
 }  # fmt: skip
 
 
@@ -36,7 +36,8 @@ class Value:
         name: with unit, as in 'gap_mm 2'.
         value: in that unit.
         std: standard error; None where it was held or searched.
-        measured: 'yes', 'in part' (only combinations with others are), 'no', 'fixed' or 'searched'.
+        measured: 'yes', 'in part' (only combinations with others are), 'at least' (a larger one would read the same),
+            'no', 'fixed' or 'searched'.
     """
 
     effect: str
@@ -174,6 +175,7 @@ def _values(fitted: FitResult) -> tuple[Value, ...]:
                 continue
             if flag:
                 how = "yes" if fitted.measured[place] else "no" if unseen[place] > IN_PART else "in part"
+                how = "at least" if layout.names[place] in fitted.least else how
                 found.append(Value(term.effect.key, name, value, float(std[place]), how))
                 place += 1
             else:
@@ -243,6 +245,8 @@ def _lines_of(values: tuple[Value, ...]) -> list[str]:
 def _words(value: Value) -> str:
     if value.std is None:
         return f"{value.value:.6g}  ({value.measured})"
+    if value.measured == "at least":
+        return f"at least {value.value:.6g}: no move of the run takes a larger one up"
     if value.measured == "no":
         return "not measured: held by its usual size"
     share = f" ({abs(value.std / value.value):.1%})" if value.value else ""

@@ -21,14 +21,14 @@ from ptt.fitting.observability import Combination
 from ptt.fitting.result import FitResult
 from ptt.fitting.stated import fitted_terms
 from ptt.model.chain import Shifts, linearise
-from ptt.model.model import Term
+from ptt.model.model import Term, parameter_names
 from ptt.run.problem import Problem
 from ptt.run.view import View
 
 SEEN = 4.0  # squared standard deviations by which wind-up over a travel has to differ from play to be told from it
 SHORTER = np.geomspace(1.0, 1e-3, 25)  # of the usual travel: wind-up over none longer is as likely as play
 LONG_TRAVEL = 0.25  # of the usual travel: nearer to a reversal hardly a command ends
-FURTHER = 5.0  # standard errors by which a gap is tried larger
+FURTHER = 5.0  # standard errors by which a gap is tried larger, a fifth of it at the least
 SMALL = 0.2  # of the largest play: what is less is not spoken of
 CHANCE = 0.5  # that what is lost is wind-up, where no reading tells
 
@@ -57,50 +57,51 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
         square = (unturned(terms, few.view, jacobian, trial)[used] / sigma).square().sum(dim=(0, 1)) / CHANCE
         lengths = torch.where(open_yet & (square < SEEN), trial, lengths)
         open_yet = open_yet & (square >= SEEN)
-    least = [name for term in fitted.model.terms for name in _never_taken_up(term, few, jacobian, sigma)]
+    least = [name for term in fitted.model.terms for name in _never_taken_up(term, few, sigma)]
     own, covariance = np.flatnonzero(np.isin(fitted.layout.names, least)), fitted.covariance.copy()
     covariance[own, own] += fitted.layout.scale[own] ** 2
     turned = replace(fitted, turns=tuple(lengths.tolist()), least=tuple(least), covariance=covariance)
     return replace(turned, model=replace(turned.model, terms=fitted_terms(turned))) if least else turned
 
 
-def marked(term: Term, least: Sequence[str]) -> Term:
+def marked(fitted: FitResult, term: Term) -> Term:
     """A term whose gaps that are known to be no smaller, and no more, have no standard error.
 
     Args:
-        term: the effect.
-        least: names of such unknowns.
+        fitted: the fit, with its turns.
+        term: one of its effects.
     """
-    names = [
-        f"{term.effect.key} gap_{unit} {joint + 1}" for unit in ("mm", "rad") for joint in range(len(term.theta) - 1)
-    ]
-    own = [number % (len(term.theta) - 1) for number, name in enumerate(names) if name in least]
-    if not own or term.std is None:
+    if not isinstance(term.effect, Backlash) or term.std is None:
         return term
+    own = np.isin(_gap_names(term, fitted.model.file.machine.kind), fitted.least)
     std = term.std.clone()
-    std[own] = torch.nan
+    std[:-1][torch.as_tensor(own)] = torch.nan
     return replace(term, std=std)
 
 
-def _never_taken_up(term: Term, problem: Problem, jacobian: Tensor, sigma: float) -> list[str]:
+def _gap_names(term: Term, kind: str) -> list[str]:
+    """Names of the gaps of a play among a fit's unknowns."""
+    return [f"{term.effect.key} {name}" for name in parameter_names(term.effect, kind, len(term.theta) - 1)[:-1]]
+
+
+def _never_taken_up(term: Term, problem: Problem, sigma: float) -> list[str]:
     """Names of gaps that no move of the run takes up on both sides: a larger one would read the same."""
     gap, waits = gap_of(term.theta) if isinstance(term.effect, Backlash) else (torch.zeros(0), False)
     if not waits or term.std is None:
         return []
-    view, names = problem.view, []
-    unit = term.effect.parameters[0].on(problem.file.machine.kind).name
-    by_joint = view.jacobian.square().sum(dim=1)  # shape: (n, k)
+    view, names = problem.view, _gap_names(term, problem.file.machine.kind)
+    by_joint, found = view.jacobian.square().sum(dim=1).numpy(), []  # shape: (n, k)
     for joint in np.flatnonzero((gap > 0.0).numpy()):
         larger = term.theta.clone()
-        larger[joint] += max(FURTHER * float(term.std[joint].nan_to_num()), 0.2 * float(gap[joint]))
+        larger[joint] += max(FURTHER * float(term.std[joint].nan_to_num()), SMALL * float(gap[joint]))
         more = (term.effect.shift(larger, view) - term.effect.shift(term.theta, view))[:, joint].numpy()
         square = 0.0
         for run in np.unique(view.run[problem.used].numpy()):  # what is the same all along, zeros and frames have
             rows = problem.used & (view.run.numpy() == run)
             apart = more[rows] - np.median(more[rows])
-            square += float((by_joint[rows, joint].numpy() * apart**2).sum()) / sigma**2
-        names += [f"{term.effect.key} {unit} {joint + 1}"] if square < 1.0 else []
-    return names
+            square += float((by_joint[rows, joint] * apart**2).sum()) / sigma**2
+        found += [names[joint]] if square < 1.0 else []
+    return found
 
 
 def open_turns(fitted: FitResult) -> tuple[Combination, ...]:

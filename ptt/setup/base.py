@@ -25,5 +25,5 @@ def find_base(setup: Setup) -> list[Finding]:
     if unknown:
         words = f"the run reads {', '.join(unknown)} at the base, which the machine file does not have"
         return [replace(said(setup, "base-reflectors", words, "add a [[tracker.base_point]] for each"), sure=False)]
-    words = f"by distances to the others {', '.join(off)} is not where [[tracker.base_point]] has it, and is left out"
+    words = f"left out, by distances to the others not where [[tracker.base_point]] has them: {', '.join(off)}"
     return [replace(said(setup, "base-reflectors", words, BASE_FIX), sure=False)] if off else []

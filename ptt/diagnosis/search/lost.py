@@ -39,9 +39,10 @@ def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> M
     for way in ways:
         # What a prior pulls at is counted while a fit is under way, and sizes are learned in between.
         other, anew = fit_dated(way, problem, found, 2.0 * most), {Backlash.name, Windup.name} <= set(way.keys)
-        # One of them alone saves the other's name; the lengths of a wind-up that was not there before are free besides.
-        cost = other.chi2 + 2.0 * phi * (odds if anew else UNUSUAL if Windup.name in way.keys else 0.0)
-        if other.status != HOPELESS and cost < most:
+        # One of them alone saves the other's name; the lengths of a wind-up that takes all of it are free besides.
+        cost = other.chi2 + (2.0 * phi * odds if anew else 0.0)
+        dearer = 2.0 * phi * UNUSUAL if Windup.name in way.keys and not anew else 0.0
+        if other.status != HOPELESS and cost < most - dearer:
             best, most = other, cost
     return best.model
 

@@ -200,7 +200,7 @@ def candidates_of_steps(
     parts = told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)
     doubt = 1e3 * float(np.linalg.norm(parts))
     turned = found.fitted if found.sample is not None else with_turns(found.fitted, without_carried(problem, found))
-    terms = tuple(marked(term, turned.least) for term in terms)
+    terms = tuple(marked(turned, term) for term in terms)
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
         term = next((item for item in terms if item.effect.key == name), None)

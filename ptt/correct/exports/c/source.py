@@ -175,7 +175,7 @@ def _serial(arm: Serial, file: MachineFile, parts: Parts) -> str:
     errors = np.zeros((arm.joints, 5)) if parts.chain is None else parts.chain
     chains = _chain("ptt_drawn", drawn) + _chain("ptt_true", drawn + errors)
     text = table("ptt_tool_point", arm.tool_mm, note="in the last link's frame, mm")
-    text += table("ptt_limit", arm.limits().T.numpy(), note="rad") + table("ptt_middle", middle(arm), note="rad")
+    text += table("ptt_middle", middle(arm), note="rad")
     masses = [(joint.mass_kg or 0.0, joint.com_mm or (0.0, 0.0, 0.0)) for joint in spec.joint]
     if "force" in parts.needs or "ptt_down" in parts.functions:
         text += table("ptt_down", gravity_of(spec), note="direction in which weights pull")
