@@ -14,7 +14,7 @@ from ptt.correct.settle import Solved, hand_on, settle
 from ptt.correct.task import Behind, Task
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches
 from ptt.run.backlash.reversal import STANDSTILL
-from ptt.run.pace import shows_feed
+from ptt.run.corners import shows_feed
 from ptt.run.table import Table, take_rows
 
 ROWS = CHUNK - 2 * BESIDE  # of a block, so that with those beside it is one chunk

@@ -13,7 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.run.pace import Pace, Shares
+from ptt.run.pace import Pace
+from ptt.run.slopes import Shares
 
 NUDGE = 1.0 + 1e-6  # of the lag: where it is just as long as a move to a stop, no command of that row moves the axis
 

@@ -14,6 +14,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.run.corners import begun_again, corners_of, entered_anew, shows_feed
+from ptt.run.slopes import Ends, Shares, added, bend_of, short_stretches, splines
+
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
@@ -21,15 +24,8 @@ SMOOTH, MEAN, EVEN, STRAIGHT = PACES = (0, 1, 2, 3)  # what rows mean by the spe
 # that of a smooth way, or of the move to a corner; the parabola's through three rows, everywhere; that of the move to
 # the row, everywhere, its joints running evenly; the same, its tool running straight
 SLOW = 4.0  # lags: a row later an axis is 98 % of the way to its speed
-TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
-SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
-PAUSE = 10.0  # times the usual move, and what most moves take beyond their feed: nobody waits that long on the way
 ROUNDED = 0.2  # s: what follows a move this short is rounded off, the mean of both sides; ten lags of a usual drive
 INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
-REPEATED = 1e-9  # mm: a pose that is told twice
-
-Shares = tuple[np.ndarray, np.ndarray, np.ndarray]  # place in a sum, interval between two rows, its weight
-Ends = tuple[np.ndarray, np.ndarray]  # how a move sets off and arrives: beyond that of an even one, per move
 
 
 @dataclass(frozen=True)
@@ -64,20 +60,15 @@ class Pace:
             (n, k) mm/s or rad/s, zero where nothing tells.
         """
         slope = np.diff(q, axis=0) / self.lasts[:, None]
-        total = _added(self.straight, slope, len(q))
+        total = added(self.straight, slope, len(q))
         if self.bend is not None:
             total += self.bend
         if len(self.owner):
             from scipy.linalg import solve_banded  # scipy.interpolate takes half a second to load
 
-            slopes = solve_banded((1, 1), self.bands, _added(self.right, slope, len(self.owner)))
+            slopes = solve_banded((1, 1), self.bands, added(self.right, slope, len(self.owner)))
             np.add.at(total, self.owner, self.part[:, None] * slopes)
         return total
-
-
-def shows_feed(table: "Table") -> bool:
-    """Whether the feed tells speeds."""
-    return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
 
 
 def line_ends(jacobian: Tensor, q: Tensor, p: Tensor) -> Ends:
@@ -171,10 +162,10 @@ def pace_of(
     sound = (lasts > INSTANT) & ~starts[1:]
     lasts = np.where(sound, lasts, np.inf)
     before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
-    bends, changes = _corners(moved, length, lasts, sound)
-    entered = ~starts & _begun_again(length, sound, table)
+    bends, changes = corners_of(moved, length, lasts, sound)
+    entered = ~starts & begun_again(length, sound, table)
     if way in (SMOOTH, MEAN):
-        entered |= _entered(lasts, bends, table)
+        entered |= entered_anew(lasts, bends, table)
     if entered.any():
         return pace_of(p, starts | entered, table, ends, way, lag)
     changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
@@ -186,143 +177,6 @@ def pace_of(
         share = np.divide(before, before + after, out=np.zeros_like(before), where=inner & (way == MEAN))
         leaving, bends = np.where(alone & ~starts, share, leaving), bends | alone
     corners = np.flatnonzero(bends | changes)
-    splines = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
-    bend = None if ends is None else _bend(lasts, sound, corners, leaving, ends)
-    return Pace(lasts, _straight(lasts, sound, corners, leaving), *_splines(lasts, splines, leaving), bend)
-
-
-def _entered(lasts: np.ndarray, bends: np.ndarray, table: "Table") -> np.ndarray:
-    """Rows at which a sweep begins anew though the table names no run, (n,).
-
-    By the clock there was time for more than the move to such a row, and the way would turn sharply there only to run
-    smoothly on: the tool came by a run-up that is not in the table, as a circle is entered when it is read on the move.
-
-    Args:
-        lasts: from row to row by the feed, (n - 1,) s; infinite where nothing tells.
-        bends: (n,) whether the tool turns sharply at a row.
-        table: the rows.
-    """
-    none = np.zeros_like(bends)
-    known = np.isfinite(lasts)
-    if table.time_s is None or not shows_feed(table) or not known.any():
-        return none
-    waited = np.diff(np.asarray(table.time_s, dtype=float)) - lasts
-    usual = max(float(np.median(lasts[known])), float(np.quantile(np.abs(waited[known]), 0.9)))
-    paused = known & (np.nan_to_num(waited, nan=0.0, neginf=0.0) > PAUSE * usual)
-    none[1:-1] = paused[:-1] & bends[1:-1] & ~bends[2:]
-    return none
-
-
-def _begun_again(length: np.ndarray, sound: np.ndarray, table: "Table") -> np.ndarray:
-    """Rows at which the last pose of a lap is told once more as the first of the next, (n,).
-
-    Hardly any time passes, so the machine does not stand there.
-
-    Args:
-        length: of the tool's way from row to row, (n - 1,) mm.
-        sound: whether a move tells a speed, (n - 1,) bool.
-        table: the rows.
-    """
-    begun = np.zeros(len(length) + 1, dtype=bool)
-    if table.time_s is None or not sound.any():
-        return begun
-    step = np.diff(np.asarray(table.time_s, dtype=float))
-    at_once = (length < REPEATED) & (PAUSE * step < np.median(step[sound]))
-    begun[1:-1] = at_once[:-1] & sound[1:]
-    return begun
-
-
-def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
-    """System of a spline's slopes over intervals of length step (n - 1,).
-
-    Source: C. de Boor, A Practical Guide to Splines, 1978, chapter IV.
-    """
-    rows = len(step) + 1
-    first, last = step[0] + step[1], step[-1] + step[-2]
-    bands, before, after = np.zeros((3, rows)), np.empty(rows), np.empty(rows)
-    bands[0, 2:], bands[1, 1:-1], bands[2, :-2] = step[:-1], 2.0 * (step[:-1] + step[1:]), step[1:]
-    bands[1, 0], bands[0, 1], bands[1, -1], bands[2, -2] = step[1], first, step[-2], last
-    before[1:-1], after[1:-1] = 3.0 * step[1:], 3.0 * step[:-1]
-    before[0], after[0] = (step[0] + 2.0 * first) * step[1] / first, step[0] ** 2 / first
-    before[-1], after[-1] = step[-1] ** 2 / last, (2.0 * last + step[-1]) * step[-2] / last
-    row = np.arange(rows)
-    interval = np.clip(row - 1, 0, rows - 3)
-    return bands, (np.tile(row, 2), np.concatenate([interval, interval + 1]), np.concatenate([before, after]))
-
-
-def _splines(
-    lasts: np.ndarray, stretches: list[tuple[int, int]], leaving: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, Shares]:
-    """One system for the splines of all stretches; whose rows the slopes are, and what they are of their velocities.
-
-    Args:
-        lasts: from row to row, (n - 1,) s.
-        stretches: first and last row of each.
-        leaving: what the stretch that begins at a row tells of its velocity, (n,); what it ends tells the rest.
-    """
-    bands, owner, part, shares, place = [np.zeros((3, 0))], [np.zeros(0, dtype=int)], [np.zeros(0)], [_none()], 0
-    for first, last in stretches:
-        band, (row, interval, weight) = _spline(lasts[first:last])
-        bands.append(band)
-        owner.append(np.arange(first, last + 1))
-        part.append(np.concatenate([leaving[[first]], np.ones(last - first - 1), 1.0 - leaving[[last]]]))
-        shares.append((row + place, interval + first, weight))
-        place += last + 1 - first
-    return np.concatenate(bands, axis=1), np.concatenate(owner), np.concatenate(part), _joined(shares)
-
-
-def _straight(lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray, leaving: np.ndarray) -> Shares:
-    """What intervals add to the rows of stretches of two or three rows."""
-    first, size = ends[:-1], np.diff(ends)
-    single = first[(size == 1) & sound[first]]
-    double = first[size == 2]
-    double = double[sound[double] & sound[double + 1]]
-    before = lasts[double] / (lasts[double] + lasts[double + 1])  # a parabola through the three
-    begun, left = np.concatenate([single, double]), np.concatenate([single + 1, double + 2])
-    return _joined(
-        [
-            (begun, begun, leaving[begun]),
-            (left, left - 1, 1.0 - leaving[left]),
-            (double + 1, double, 1.0 - before),
-            (double + 1, double + 1, before),
-        ]
-    )
-
-
-def _bend(lasts: np.ndarray, sound: np.ndarray, corners: np.ndarray, leaving: np.ndarray, ends: Ends) -> np.ndarray:
-    """What straight moves from corner to corner add to velocities, (n, k)."""
-    move = corners[:-1][(np.diff(corners) == 1) & sound[corners[:-1]]]
-    begin, end = (part[move] / lasts[move, None] for part in ends)
-    total = np.zeros((len(lasts) + 1, begin.shape[1]))
-    total[move] += leaving[move, None] * begin
-    total[move + 1] += (1.0 - leaving[move + 1])[:, None] * end
-    return total
-
-
-def _none() -> Shares:
-    return np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
-
-
-def _joined(shares: list[Shares]) -> Shares:
-    row, interval, weight = (np.concatenate(parts) for parts in zip(*shares, strict=True))
-    return row, interval, weight
-
-
-def _added(shares: Shares, slope: np.ndarray, rows: int) -> np.ndarray:
-    """Sums of weighted slopes (n - 1, k), (rows, k)."""
-    row, interval, weight = shares
-    total = np.zeros((rows, slope.shape[1]))
-    np.add.at(total, row, weight[:, None] * slope[interval])
-    return total
-
-
-def _corners(
-    moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows at which the tool turns sharply or stands, and the first and last; rows at which its speed changes."""
-    rate = length / lasts
-    unit = moved / np.maximum(length, 1e-9)[:, None]
-    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < TURN
-    change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
-    ends = np.array([True])
-    return np.concatenate([ends, bend | ~sound[1:] | ~sound[:-1], ends]), np.concatenate([~ends, change, ~ends])
+    smooth = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
+    bend = None if ends is None else bend_of(lasts, sound, corners, leaving, ends)
+    return Pace(lasts, short_stretches(lasts, sound, corners, leaving), *splines(lasts, smooth, leaving), bend)

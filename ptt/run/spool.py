@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.run.pace import shows_feed
+from ptt.run.corners import shows_feed
 from ptt.run.table import Table, take_rows
 
 KEPT = 3  # parts that stay in memory after they were asked for

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
 from ptt.run.backlash.reversal import STANDSTILL, hold_direction
-from ptt.run.pace import TURN
+from ptt.run.corners import TURN
 
 if TYPE_CHECKING:
     from ptt.run.table import Table

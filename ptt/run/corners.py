@@ -1,0 +1,71 @@
+"""Where a travel turns sharply, stands, changes its speed or begins anew."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ptt.run.table import Table
+
+TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
+SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
+PAUSE = 10.0  # times the usual move, and what most moves take beyond their feed: nobody waits that long on the way
+REPEATED = 1e-9  # mm: a pose that is told twice
+
+
+def shows_feed(table: "Table") -> bool:
+    """Whether the feed tells speeds."""
+    return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
+
+
+def corners_of(
+    moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows at which the tool turns sharply or stands, and the first and last; rows at which its speed changes."""
+    rate = length / lasts
+    unit = moved / np.maximum(length, 1e-9)[:, None]
+    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < TURN
+    change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
+    ends = np.array([True])
+    return np.concatenate([ends, bend | ~sound[1:] | ~sound[:-1], ends]), np.concatenate([~ends, change, ~ends])
+
+
+def entered_anew(lasts: np.ndarray, bends: np.ndarray, table: "Table") -> np.ndarray:
+    """Rows at which a sweep begins anew though the table names no run, (n,).
+
+    By the clock there was time for more than the move to such a row, and the way would turn sharply there only to run
+    smoothly on: the tool came by a run-up that is not in the table, as a circle is entered when it is read on the move.
+
+    Args:
+        lasts: from row to row by the feed, (n - 1,) s; infinite where nothing tells.
+        bends: (n,) whether the tool turns sharply at a row.
+        table: the rows.
+    """
+    none = np.zeros_like(bends)
+    known = np.isfinite(lasts)
+    if table.time_s is None or not shows_feed(table) or not known.any():
+        return none
+    waited = np.diff(np.asarray(table.time_s, dtype=float)) - lasts
+    usual = max(float(np.median(lasts[known])), float(np.quantile(np.abs(waited[known]), 0.9)))
+    paused = known & (np.nan_to_num(waited, nan=0.0, neginf=0.0) > PAUSE * usual)
+    none[1:-1] = paused[:-1] & bends[1:-1] & ~bends[2:]
+    return none
+
+
+def begun_again(length: np.ndarray, sound: np.ndarray, table: "Table") -> np.ndarray:
+    """Rows at which the last pose of a lap is told once more as the first of the next, (n,).
+
+    Hardly any time passes, so the machine does not stand there.
+
+    Args:
+        length: of the tool's way from row to row, (n - 1,) mm.
+        sound: whether a move tells a speed, (n - 1,) bool.
+        table: the rows.
+    """
+    begun = np.zeros(len(length) + 1, dtype=bool)
+    if table.time_s is None or not sound.any():
+        return begun
+    step = np.diff(np.asarray(table.time_s, dtype=float))
+    at_once = (length < REPEATED) & (PAUSE * step < np.median(step[sound]))
+    begun[1:-1] = at_once[:-1] & sound[1:]
+    return begun
