@@ -96,3 +96,16 @@ def test_a_first_row_is_entered_as_the_second_sets_off_though_the_joint_turns_on
     turning = np.array([[0.0, 0.0], [-0.5, 1.0], [2.0, 0.0]])  # joint 1 goes down half a millimetre first
     direction = arrival_direction(q, turning, np.array([True, False, False]))
     np.testing.assert_array_equal(direction, [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+
+
+def test_an_arm_keeps_its_posture_on_a_straight_move():
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machines" / "ur10.toml")
+    far = replace(file, machine=file.machine.model_copy(update={"moves": "straight"}))
+    posture = np.array([0.3, -2.1, 1.9, -1.4, -1.5, 2.4])  # far from the middle of the travel
+    commands = posture + np.cumsum(np.random.default_rng(8).normal(0.0, 0.03, (40, 6)), axis=0)
+    table = make_table(None, command=commands)
+    straight, even = build_view(far, table), build_view(file, table)
+    assert (straight.turning - straight.q).abs().max() < 0.06  # within a move or two of its end, in the same posture
+    clear = (np.abs(np.diff(commands, axis=0)) > 0.02)[:, :3]  # the last three joints hardly move the tool
+    agree = (straight.direction == even.direction).numpy()[1:, :3][clear]
+    assert agree.mean() > 0.95

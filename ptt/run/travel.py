@@ -110,12 +110,16 @@ def arrival_direction(q: np.ndarray, turning: np.ndarray, starts: np.ndarray) ->
 
 
 def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) -> np.ndarray:
-    """Where each joint turned last while the tool ran straight from the row before."""
-    part = torch.linspace(0.0, 1.0, TRANSIT_STEPS + 1, dtype=torch.float64)[1:-1]
-    before = torch.cat([p[:1], p[:-1]])
-    way = before[:, None, :] + part[None, :, None] * (p - before)[:, None, :]  # shape: (n, s, 3)
-    inner = mechanism.inverse(way.reshape(-1, 3)).reshape(len(p), len(part), -1)
-    joints = torch.cat([torch.cat([q[:1], q[:-1]])[:, None], inner, q[:, None]], dim=1).numpy()  # shape: (n, s + 2, k)
+    """Where each joint turned last while the tool ran straight from the row before.
+
+    An arm keeps its posture on the way, and whatever it has to spare moves as evenly as the tool lets it.
+    """
+    part = torch.linspace(0.0, 1.0, TRANSIT_STEPS + 1, dtype=torch.float64)[1:-1, None]
+    before, begun = torch.cat([p[:1], p[:-1]]), torch.cat([q[:1], q[:-1]])
+    way = before[:, None, :] + part * (p - before)[:, None, :]  # shape: (n, s, 3)
+    even = begun[:, None, :] + part * (q - begun)[:, None, :]  # shape: (n, s, k)
+    inner = mechanism.inverse(way.reshape(-1, 3), near=even.reshape(-1, q.shape[1])).reshape(even.shape)
+    joints = torch.cat([begun[:, None], inner, q[:, None]], dim=1).numpy()  # shape: (n, s + 2, k)
     value, turned = last_turn(joints)
     return np.where(turned & ~starts[:, None] & np.isfinite(value), value, q.numpy())
 
