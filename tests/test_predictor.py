@@ -63,6 +63,15 @@ def test_effects_that_need_the_rows_ahead_are_refused(bench: MachineFile) -> Non
         Predictor(Compensator(Model(bench) + lag, None, {}))
 
 
+@COMPILED
+@pytest.mark.parametrize(
+    "target", [np.zeros((4, 2)), np.zeros((4, 4)), np.zeros(2), (0.0, 0.0, 0.0, 0.0), np.zeros((1, 2, 3))]
+)
+def test_targets_of_another_shape_are_refused(bench: MachineFile, target: object) -> None:
+    with pytest.raises(InputError, match="mm"):
+        Predictor(_compensator(bench))(target)  # type: ignore[arg-type]
+
+
 def test_without_a_compiler_the_way_out_is_named(bench: MachineFile, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(PttError, match="no C compiler"):

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O3", "-shared", "-fPIC")
 HERE = "-march=native"  # it runs where it is built; not every compiler knows the word
-STATE_BYTES = 64 * 1024  # more than the state of any machine
+STATE = (
+    "\nconst unsigned long ptt_state_bytes = sizeof(ptt_state);\n"  # so that nobody has to guess how much to set aside
+)
 CODES = ("ok", "outside the training domain: physics alone", "out of reach", "near singular")
 
 
@@ -54,9 +56,10 @@ class Predictor:
             )
         self.joints = compensator.model.joints
         self.code = 0
-        self._library = _build(source.header, source.body)
+        self._library = _build(source.header, source.body + STATE)
         self._command, self._commands = self._library.ptt_command, self._library.ptt_commands
-        self._state = ctypes.create_string_buffer(STATE_BYTES)
+        size = ctypes.c_ulong.in_dll(self._library, "ptt_state_bytes").value
+        self._state = (ctypes.c_double * -(-size // ctypes.sizeof(ctypes.c_double)))()  # doubles, so that it is aligned
         self._context = _Context(0.0, compensator.model.file.machine.reference_temp_c, 0.0, 0.0)
         self._p, self._q = (ctypes.c_double * 3)(), (ctypes.c_double * self.joints)()
         self._near = ctypes.byref(self._context)
@@ -87,14 +90,22 @@ class Predictor:
 
         Returns:
             (k,) or (n, k) mm or rad; NaN where nothing is to be sent.
+
+        Raises:
+            InputError: targets of any other shape.
         """
         if isinstance(p, np.ndarray) and p.ndim == 2:
             return self._rows(p)
-        self._p[0], self._p[1], self._p[2] = p
+        try:
+            self._p[0], self._p[1], self._p[2] = p
+        except (TypeError, ValueError) as error:
+            raise InputError("a target has three numbers", fix="give x, y, z in mm, or an (n, 3) array") from error
         self.code = self._command(self._p, self._near, self._state, self._q)
         return np.array(self._q)
 
     def _rows(self, p: np.ndarray) -> np.ndarray:
+        if p.shape[1] != 3:
+            raise InputError(f"targets have {p.shape[1]} columns", fix="give x, y, z in mm, (n, 3)")
         rows = np.ascontiguousarray(p, dtype=np.float64)
         q = np.empty((len(rows), self.joints))
         count = ctypes.c_long(len(rows))
