@@ -1,5 +1,6 @@
 """Reversals shorter than any that was measured: play that nobody saw being taken up is no promise there."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
 from ptt.machine_schema import CovarianceSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
-from ptt.model.chain import linearise
+from ptt.model.chain import linearise, predict
 from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate
@@ -31,6 +32,7 @@ from ptt.rig.simulate import write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import make_table
+from ptt.run.viewing import build_view
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 DRAWN = load_machine(DATA / "machine.toml")
@@ -178,3 +180,23 @@ def test_a_gap_that_no_move_takes_up_is_known_to_be_no_smaller_and_no_more(tmp_p
     taken, _ = ladder_of(near(), tmp_path)
     (term,) = (term for term in taken.model.terms if term.effect.name == "backlash")
     assert term.measured[:3].all() and float(term.std[:3].max()) < 0.01
+
+
+def test_each_joint_may_have_come_from_the_other_side_by_itself() -> None:
+    model = wound_up(8.0)
+    sent = compensate(model, make_table(SMALL))
+    terms = [(term.effect, term.theta) for term in model.terms]
+
+    def tool(sides: np.ndarray | None) -> np.ndarray:
+        direction = np.full((40, 3), np.nan)
+        if sides is not None:
+            direction[0] = sides
+        table = make_table(SMALL, command=sent.q, direction=None if sides is None else direction)
+        return predict(terms, build_view(FILE, table)).p.numpy()
+
+    usual = build_view(FILE, make_table(SMALL, command=sent.q)).direction[0].numpy()
+    flips = np.array(list(itertools.product((1.0, -1.0), repeat=3)))
+    off = np.array([np.linalg.norm(tool(usual * flip) - tool(None), axis=1) for flip in flips])
+    rms = np.sqrt(np.square(off).mean(axis=0))
+    assert rms[1:6].min() > 0.01
+    np.testing.assert_allclose(sent.approach[1:6], rms[1:6], rtol=0.1)

@@ -84,7 +84,9 @@ def approach_doubt(task: Task, terms: Shifts, q: Tensor) -> np.ndarray:
         return np.zeros(len(q))
     other = replace(view, direction=torch.where(turned, -view.direction, view.direction))
     apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]).sum(dim=0)
-    off = CHANCE**0.5 * torch.einsum("nck,nk->nc", view.jacobian, apart).norm(dim=1)
+    each = view.jacobian * apart[:, None, :]  # shape: (n, 3, k)
+    # Each joint may have come from the other side by itself: the mean square of so many coins.
+    off = (CHANCE**2 * each.sum(dim=2).square() + CHANCE * (1.0 - CHANCE) * each.square().sum(dim=2)).sum(dim=1).sqrt()
     ever = moved.any(dim=1).cumsum(dim=0)
     stands = ever == torch.where(view.starts, ever, torch.zeros_like(ever)).cummax(dim=0).values  # where the run began
     return np.asarray(torch.where(stands, torch.zeros_like(off), off).numpy())
