@@ -171,6 +171,23 @@ def test_a_measured_frame_comes_from_the_base_reflectors():
     assert np.isnan(found.aligned[role == "base"]).all()
 
 
+def test_visits_to_the_base_between_poses_leave_the_noise_as_it_is():
+    file = load_machine(DATA / "machine.toml")
+    point = file.tracker.base_point[0]
+    there = np.concatenate([PLACES, PLACES])  # each pose twice, reached from the same side
+    readings = there + 0.003 * RANDOM.normal(size=there.shape)
+    alone = make_table(there, measured=readings)
+    visits = np.arange(3, 80, 7)
+    role, name = np.insert(np.full(80, "pose"), visits, "base"), np.insert(np.full(80, ""), visits, point.name)
+    among = make_table(
+        np.insert(there, visits, np.nan, axis=0), measured=np.insert(readings, visits, point.xyz_mm, axis=0),
+        role=role, name=name.astype(f"<U{len(point.name)}"),
+    )  # fmt: skip
+    without, beside = (errors_of(table, None, frame="trusted").noise for table in (alone, among))
+    assert without.freedom == beside.freedom > 30
+    np.testing.assert_allclose(beside.covariance, without.covariance, rtol=1e-9)
+
+
 def test_the_command_prints_the_documented_keys(tmp_path):
     write_table(run(0.2, name=NAMES), tmp_path / "b.csv")
     write_table(run(0.01, PLACES[:30], name=NAMES[:30]), tmp_path / "a.csv")

@@ -81,6 +81,10 @@ def test_a_damaged_entry_is_refused_and_a_persons_own_is_left_alone(problem: Pro
     assert read_entries(parse_machine(head + '\n[[history]]\nnote = "greased the screws"\n')) == ()
     with pytest.raises(MachineError, match="history entry without 'date'"):
         read_entries(parse_machine(head + '\n[[history]]\nkind = "added"\n'))
+    entry = record(climb(Model(problem.file), problem, [KNOWN["backlash"]()]), "add", [{"file": "a", "sha256": "b"}])
+    broken = replace(entry, history=({**entry.history[0], "rows": "many"},))
+    with pytest.raises(MachineError, match=r"history entry that cannot be read .*'many'"):
+        read_entries(broken)
 
 
 def test_add_then_remove_then_fit_on_the_command_line(folder: Path) -> None:

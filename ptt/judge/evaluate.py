@@ -10,13 +10,14 @@ from ptt.errors import TableError
 from ptt.judge.gross import gross_rows
 from ptt.judge.match import match_rows, targets_of
 from ptt.machine import MachineFile
+from ptt.run.backlash.reversal import travel_direction
 from ptt.run.base_frame import into_base
 from ptt.run.frames import align
 from ptt.run.noise import Noise, given_noise
 from ptt.run.problem import build_problem
 from ptt.run.same_pose import count_places, same_places
 from ptt.run.table import Table
-from ptt.run.travel import arrival_direction, run_starts
+from ptt.run.travel import run_starts
 
 AXES = ("x", "y", "z")
 SIDES = ("before", "after")
@@ -243,11 +244,13 @@ def _align(
 
 def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None) -> Noise | None:
     asked = table.target if table.command is None else table.command
-    held = np.where(np.isfinite(asked), asked, 0.0)
+    direction = travel_direction(asked, run_starts(table.run)).astype(float)
+    if table.direction is not None and table.direction.shape == direction.shape:
+        direction = np.where(np.abs(table.direction) > 0.0, table.direction, direction)
     sigma = None if file is None else file.tracker.sigma_mm
     # As in a problem: encoders that report where an arm stands differ from repeat to repeat, and so does its place.
     scatter = measured - target if table.joint_prefix == "q" else measured
-    return given_noise(table, scatter, arrival_direction(held, held, run_starts(table.run)), sigma)
+    return given_noise(table, scatter, direction, sigma)
 
 
 def _found(errors: Errors) -> np.ndarray:

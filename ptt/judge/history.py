@@ -112,8 +112,11 @@ def read_entries(file: MachineFile) -> tuple[Entry, ...]:
     entries = [row for row in file.history if "kind" in row]
     try:
         return tuple(_read(row) for row in entries)
-    except (KeyError, TypeError, ValueError) as error:
+    except KeyError as error:
         raise MachineError(f"history entry without {error}", where=file.source, fix="remove that [[history]]") from None
+    except (TypeError, ValueError) as error:
+        words = f"history entry that cannot be read ({error})"
+        raise MachineError(words, where=file.source, fix="remove that [[history]]") from None
 
 
 def runs_of(entries: Sequence[Entry]) -> list[list[Entry]]:
