@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -153,6 +154,15 @@ def test_a_folder_that_holds_something_else_is_not_made_a_store(tmp_path):
     (tmp_path / "fleet.duckdb").write_text("not a database, but long enough to be looked into " * 400)
     with pytest.raises(InputError, match="cannot be opened"):
         open_store(tmp_path)
+
+
+def test_what_a_broken_off_init_left_is_in_nobodys_way(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    left = tmp_path / f".fleet.duckdb.{platform.node().replace('.', '-')}.{gone.pid}.0123"
+    left.write_text("half of it")
+    create_store(tmp_path)
+    assert not left.exists() and open_store(tmp_path).ask("SELECT run FROM runs") == []
 
 
 def test_dates_are_read_from_a_name_or_said(tmp_path):

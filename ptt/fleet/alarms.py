@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date, timedelta
 from typing import Literal
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy import stats
 from ptt.effects.phrases import SHOWN, figure
 from ptt.fleet.trends import ALPHA, Movement, Moves
 from ptt.record import Record
+from ptt.run.dates import day_at
 
 Trend = Literal["drift", "jump", "unlike", "new", "changed", "setup", "failed"]
 MONTH = 30.44  # days
@@ -83,7 +83,7 @@ def _drift(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> 
     elif movement.size * now < 0:
         end = ", toward zero"
     else:
-        when = _day(days[-1] + left)
+        when = day_at(days[-1] + left).isoformat()
         end = f", and passes its usual size of {amount(usual, names.units[place])} about {when}"
     pace = amount(abs(size), names.units[place], std)
     words = f"{names.labels[place]} {way} by {pace} a month, {amount(now * usual, names.units[place])} now{end}"
@@ -96,10 +96,10 @@ def _jump(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> A
     size, std = movement.size * usual, movement.std * usual
     runs = np.flatnonzero(days >= movement.day)
     after = float(moves.course[runs[0], place]) * usual
-    when = _day(movement.day)
+    when = day_at(movement.day).isoformat()
     back = ", as after a repair" if abs(after) < GONE * abs(after - size) else ""
     words = (
-        f"{names.labels[place]} jumped by {amount(size, unit, std, sign=True)} between {_day(movement.before)} and "
+        f"{names.labels[place]} jumped by {amount(size, unit, std, sign=True)} between {day_at(movement.before)} and "
         f"{when}, from {amount(after - size, unit)} to {amount(after, unit)}{back}"
     )
     return _alarm(names, place, "jump", words, size, std, when)
@@ -150,8 +150,3 @@ def amount(value: float, unit: str, std: float | None = None, *, sign: bool = Fa
         error = figure(std * factor)
         text = f"{abs(value) * factor:.{len(error.partition('.')[2])}f} +- {error}"
     return f"{'-' if value < 0 else '+' if sign else ''}{text} {name}".strip()
-
-
-def _day(days: float) -> str:
-    """A number of days since 1 January 1970 as a date."""
-    return (date(1970, 1, 1) + timedelta(days=round(days))).isoformat()

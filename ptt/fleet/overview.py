@@ -13,6 +13,7 @@ from ptt.fleet.past import RUNS, Past, of_changes, of_runs, past_of, unsettled
 from ptt.fleet.store import Store, shown
 from ptt.fleet.trends import Moves, Series, movements
 from ptt.record import Record
+from ptt.run.dates import days_of
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,7 @@ def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
         information[number][np.ix_(at, at)] = np.reshape(row["information"], (len(at), len(at)))
         score[number, at] = row["score"]
     labels, units, usual = zip(*known.values(), strict=True)
-    days = np.array([row["date"].timestamp() / 86400.0 for row in told])
+    days = np.array([days_of(row["date"]) for row in told])
     return Names(tuple(known), labels, units, np.array(usual)), Series(tuple(known), days, information, score)
 
 

@@ -22,7 +22,7 @@ class Done(Record):
     Attributes:
         verdicts: verdict -> runs.
         elsewhere: runs that wait because another process works on their machines.
-        lost: runs that no worker lived through; they wait for the next time.
+        lost: runs that no worker brought back, and why; they wait for the next time.
     """
 
     keys: ClassVar[str] = "runs, verdicts, elsewhere, lost"
@@ -47,7 +47,7 @@ class Done(Record):
         if self.elsewhere:
             lines.append(f"{self.elsewhere} more wait for another `ptt fleet run` that works on their machines")
         if self.lost:
-            lines.append(f"{len(self.lost)} runs were lost with their workers and wait: {', '.join(self.lost)}")
+            lines.append(f"{len(self.lost)} runs did not come back and wait: {', '.join(self.lost)}")
         return "\n".join(lines)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ptt.errors import InputError
-from ptt.files import sha256, write_parts
+from ptt.files import neighbour, sha256, sweep, write_parts
 from ptt.fleet.database import duckdb, insert, now, rows, transaction
 from ptt.fleet.readings import write_readings
 from ptt.fleet.schema import TABLES, VERSION
@@ -81,10 +81,12 @@ def create_store(folder: str | Path) -> Store:
     duckdb()
     if store.file.exists():
         raise InputError("is a fleet's store already", where=str(folder), fix="go on with it, or name another folder")
+    if place.is_dir():
+        sweep(store.file)  # of one that was broken off
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise InputError("is not an empty folder", where=str(folder), fix="name a new folder")
     place.mkdir(parents=True, exist_ok=True)
-    part = place / f".{FILE}.part"
+    part = neighbour(store.file)
     with transaction(part) as connection:
         connection.execute(TABLES)
         insert(connection, "about", key="version", value=VERSION)

@@ -111,6 +111,16 @@ def cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             local.close()
 
 
+def _why(failed: BaseException) -> str:
+    """What kept a run from being worked on: its workers died, or what they said, in a line."""
+    from distributed import KilledWorker
+
+    if isinstance(failed, KilledWorker):
+        return "its workers died"
+    said = str(failed).strip().splitlines()
+    return f"its worker says {type(failed).__name__}{': ' + said[0] if said else ''}"
+
+
 def _distribute(
     store: Store, name: str, client: Any, work: Callable[[Task], Outcome], done: Done, tell: Callable[[str], None]
 ) -> None:
@@ -146,8 +156,8 @@ def _distribute(
             outcome = future.result()
             if keep(store, outcome):
                 done.count(outcome.verdict)
-        else:  # its workers died one after the other: whatever kills them must not end the rest
-            done.lost.append(f"{task.machine}, {task.file}")
+        else:  # its workers died one after the other, or are of another make: that must not end the rest
+            done.lost.append(f"{task.machine}, {task.file} ({_why(future.exception())})")
             given_up.setdefault(task.machine, []).append(task.run)
         future.release()
         submit(task.machine)

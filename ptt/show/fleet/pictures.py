@@ -1,7 +1,6 @@
 """Pictures of a fleet: everybody's error by month, and of one machine the error and the values that move."""
 
 from collections.abc import Sequence
-from datetime import date, datetime
 from io import BytesIO
 
 import numpy as np
@@ -14,6 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from ptt.effects.phrases import SHOWN
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
+from ptt.run.dates import days_of
 from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
 NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
@@ -81,10 +81,10 @@ def _strips(machines: Sequence[Standing]) -> bytes:
 def _draw_error(panel: Axes, machine: Standing) -> None:
     days, errors = zip(*_errors(machine), strict=True)
     panel.plot(days, errors, "o-", color=BLUE, label="error left with the model")
-    noise = [(_day(past.date), past.noise_um) for past in machine.past if past.noise_um is not None]
+    noise = [(days_of(past.date), past.noise_um) for past in machine.past if past.noise_um is not None]
     if noise:
         panel.plot([day for day, _ in noise], [each for _, each in noise], "--", color=DARK, label="noise")
-    accepted = [(_day(past.date), past.left_um) for past in machine.past if past.left_um is not None]
+    accepted = [(days_of(past.date), past.left_um) for past in machine.past if past.left_um is not None]
     if accepted:
         panel.plot(*zip(*accepted, strict=True), "D", color=ORANGE, label="with the model accepted then")
     panel.set_ylim(0.0, 1.15 * max([*errors, *(each for _, each in noise)]) or 1.0)
@@ -122,12 +122,7 @@ def _worth_drawing(machine: Standing) -> list[int]:
 
 
 def _errors(machine: Standing) -> list[tuple[float, float]]:
-    return [(_day(past.date), past.error_um) for past in machine.past if past.error_um is not None]
-
-
-def _day(when: datetime) -> float:
-    """Days since 1970, which is how matplotlib counts dates."""
-    return float((when.date() - date(1970, 1, 1)).days)
+    return [(days_of(past.date), past.error_um) for past in machine.past if past.error_um is not None]
 
 
 def _short(name: str) -> str:
