@@ -1,6 +1,7 @@
 """Parts of the studio by themselves: sessions on disk, who is let in, shared processes, the card, ghosts, columns."""
 
 import asyncio
+import errno
 import json
 import re
 import shutil
@@ -19,6 +20,7 @@ from nicegui import Client
 from ptt.challenge.challenge import open_challenge
 from ptt.commands.main import run
 from ptt.errors import InputError, SetupError
+from ptt.files import cannot_write
 from ptt.machine import load_machine, parse_machine
 from ptt.rig.draw_arm import draw_arm
 from ptt.run.readers import load_mapping
@@ -135,23 +137,26 @@ def test_the_newest_state_gets_on_the_disk_and_a_full_disk_says_so(tmp_path: Pat
         await keeper.kept()
         assert (written, place.load().first) == (["2026-01-01", "2026-01-03"], "2026-01-03")
         keeper.keep(states[3])
-        keeper.close()  # the server ends before its turn comes
-        assert place.load().first == "2026-01-04"
+        assert keeper.close() == ""  # the server ends before its turn comes
+        await keeper.kept()
+        assert (written[2:], place.load().first) == (["2026-01-04"], "2026-01-04")
 
     def full(session: Session) -> None:
-        raise InputError("the disk is full", where="session.json")
+        raise cannot_write(place.folder / "session.json", OSError(errno.ENOSPC, "No space left on device"))
 
     async def fail() -> None:
         keeper = Keeper(place, said.append)
         keeper.keep(states[0])
         await keeper.kept()
+        keeper.keep(states[1])
+        assert "No space left" in keeper.close()
 
     monkeypatch.setattr(place, "save", slow)
     asyncio.run(keep())
     assert said == []
     monkeypatch.setattr(place, "save", full)
     asyncio.run(fail())
-    assert len(said) == 1 and "cannot be kept on disk" in said[0] and "the disk is full" in said[0]
+    assert len(said) == 1 and "cannot be kept on disk" in said[0] and "No space left" in said[0]
 
 
 def test_a_session_belongs_to_the_browser_that_made_it(here: Path, tmp_path: Path):

@@ -42,7 +42,15 @@ def studio(
     from ptt.show.studio.server import serve
 
     opening = read_opening(run, model, also, targets, set_, map_, effects)
-    serve(opening, port, show, lambda place: typer.echo(f"ptt studio at {place} (Ctrl+C ends it)"), store, run_verb)
+    serve(
+        opening,
+        port,
+        show,
+        lambda place: typer.echo(f"ptt studio at {place} (Ctrl+C ends it)"),
+        lambda words: typer.echo(words, err=True),
+        store,
+        run_verb,
+    )
 
 
 def read_opening(

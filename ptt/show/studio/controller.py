@@ -99,12 +99,13 @@ class Studio(Doing):
             for listener in self._listeners[topic]:
                 listener()
 
-    def close(self) -> None:
-        """Stop what is running; an empty session leaves nothing behind."""
+    def close(self) -> str:
+        """Stop what is running; an empty session leaves nothing behind. Why it could not be kept, or ''."""
         self.cancel()
-        self._keeper.close()
+        words = self._keeper.close()
         if self.place.empty and not self.session.ready:
             self.place.remove()
+        return words
 
     def fail(self, words: str) -> None:
         """Show what went wrong; '' takes it away."""

@@ -1,9 +1,11 @@
 """Sessions written down beside the page: a disk that takes its time keeps nobody waiting for a picture."""
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
+from threading import Lock
 
-from ptt.errors import InputError
+from ptt.errors import PttError
 from ptt.show.studio.session import Session
 from ptt.show.studio.store import Place
 
@@ -19,12 +21,13 @@ class Keeper:
             failed: told why it cannot be kept.
         """
         self.place, self.failed = place, failed
-        self._next: Session | None = None
+        self._waiting: deque[Session] = deque(maxlen=1)
+        self._turn = Lock()
         self._task: asyncio.Task[None] | None = None
 
     def keep(self, session: Session) -> None:
         """Have a session written down, soon; needs a running loop."""
-        self._next = session
+        self._waiting.append(session)
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self._write())
 
@@ -33,21 +36,23 @@ class Keeper:
         if self._task is not None:
             await asyncio.shield(self._task)
 
-    def close(self) -> None:
-        """Write what is not written yet, now."""
-        if self._next is not None:
-            self._save(self._next)
+    def close(self) -> str:
+        """Write what is not written yet, now; why it could not be, '' where it was."""
+        return self._save()
 
     async def _write(self) -> None:
-        while self._next is not None:
-            session, self._next = self._next, None
-            if words := await asyncio.to_thread(self._save, session):
+        while self._waiting:
+            if words := await asyncio.to_thread(self._save):
                 self.failed(words)
 
-    def _save(self, session: Session) -> str:
-        """Why it could not be written; '' where it was."""
-        try:
-            self.place.save(session)
-        except InputError as error:
-            return f"this session cannot be kept on disk: {error}"
+    def _save(self) -> str:
+        """Write the newest state; one that is being written comes to its end first, so none follows a newer one."""
+        with self._turn:
+            if not self._waiting:  # written by who came before
+                return ""
+            session = self._waiting.pop()
+            try:
+                self.place.save(session)
+            except PttError as error:
+                return f"this session cannot be kept on disk: {error}"
         return ""

@@ -44,6 +44,7 @@ def serve(
     port: int,
     show: bool,
     tell: Callable[[str], None],
+    warn: Callable[[str], None],
     root: Path | None = None,
     verb: Run | None = None,
 ) -> None:
@@ -54,6 +55,7 @@ def serve(
         port: where to listen; 0 takes a free one.
         show: whether a browser is opened.
         tell: says where the page is.
+        warn: told on the terminal what no page can show any more.
         root: folder that keeps sessions; None for the usual one.
         verb: how verbs of the command line are run.
 
@@ -61,7 +63,7 @@ def serve(
         InputError: the port is in use, or the folder cannot be written.
     """
     store, pool = Store(root), Pool(verb=verb)
-    pages = _Pages(store, pool, opening)
+    pages = _Pages(store, pool, opening, warn)
     _lay_out(pages)
     app.on_shutdown(pages.close)
     app.add_middleware(UploadLimit)
@@ -80,8 +82,8 @@ def serve(
 class _Pages:
     """The pages that are open: a session is on one of them at a time."""
 
-    def __init__(self, store: Store, pool: Pool, opening: Opening) -> None:
-        self.store, self.pool, self.opening = store, pool, opening
+    def __init__(self, store: Store, pool: Pool, opening: Opening, warn: Callable[[str], None]) -> None:
+        self.store, self.pool, self.opening, self.warn = store, pool, opening, warn
         self.studios: dict[str, Studio] = {}
 
     async def show(self, place: Place, view: str) -> None:
@@ -117,12 +119,16 @@ class _Pages:
         """End what calculates, and write down what is not written yet."""
         self.pool.close()
         for studio in list(self.studios.values()):
-            studio.close()
+            self._end(studio)
 
     def _left(self, studio: Studio, client: Client) -> None:
         if studio.client is client:  # else the page was loaded anew and lives on
             self.studios.pop(studio.place.key, None)
-            studio.close()
+            self._end(studio)
+
+    def _end(self, studio: Studio) -> None:
+        if words := studio.close():  # its page is gone, so the terminal is told
+            self.warn(words)
 
 
 def _lay_out(pages: _Pages) -> None:

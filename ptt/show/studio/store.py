@@ -66,7 +66,8 @@ class Place:
         """Write down a session; what was found is written once.
 
         Raises:
-            InputError: the disk is full, or the folder cannot be written.
+            InputError: the folder cannot be written.
+            HostError: the disk is full.
         """
         with self._turn:
             self._save(session)
