@@ -7,7 +7,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
-from ptt.diagnosis.search.moves import LEAST, NEAR, SEEN, TRIED, added, loose, worth_a_try
+from ptt.diagnosis.search.moves import LEAST, MISJUDGED, SEEN, TRIED, added, loose, worth_a_try
 
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 
@@ -100,7 +100,7 @@ def _beside(scorer: Scorer, best: State, key: str) -> State:
     The screen holds the curve as wide as it is. That the rest of it is narrower once its slope has a name, only an
     exact score tells.
     """
-    near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN - NEAR]
+    near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN - MISJUDGED]
     tried = [added(scorer, best, gain) for gain in near[:TRIED]]
     lenders = _lenders(scorer, best, key)
     if lenders:

@@ -14,11 +14,8 @@ from ptt.diagnosis.noise.memory import WHITE
 
 SEEN = 1.0  # nats by the screen from which an atom is worth an exact score
 TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and effects beside them
-MISJUDGED = 5.0  # nats by which variances that are learned anew may change what goes before any screen
-NEAR = 15.0  # nats by the screen within which another may do better than the one that goes
+MISJUDGED = 15.0  # nats by which what is not scored exactly may be off: variances of the others are learned anew
 SWAPS = 3
-SAFE = 40.0  # nats by Wald's statistic from which dropping an atom is not worth a try
-FREED = 10.0  # nats beyond its odds that an atom may bring by going: variances of others that it held up
 UNDERSTATED = 1.5  # times what the screen says that an atom may bring: in 93 choices of a real arm it lost no best one
 LEAST = 0.3  # nats that a move has to gain
 FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside it: its score need not be exact
@@ -48,15 +45,11 @@ def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
     # From a set that cannot be, and stays so whatever comes, any may go.
     most = max((other.total for other in moves), default=-np.inf)
-    may_go = [key for key in loose(scorer, state) if state.total + FREED + scorer.system.atoms[key].odds >= most]
-    if not np.isfinite(state.total):
-        return moves + _less(scorer, state, may_go, moves)
-    worth = {key: state.worth(key) for key in may_go}
-    likely = [key for key in may_go if worth[key] < scorer.system.atoms[key].odds + FREED]
-    moves += _less(scorer, state, likely, moves)
-    if any(other.total > state.total + LEAST for other in moves):
-        return moves
-    return moves + _less(scorer, state, [key for key in may_go if key not in likely and worth[key] < SAFE], moves)
+    odds = {key: scorer.system.atoms[key].odds + MISJUDGED for key in loose(scorer, state)}
+    may_go = [key for key in odds if state.total + odds[key] >= most]
+    if np.isfinite(state.total):
+        may_go = [key for key in may_go if state.worth(key) < odds[key]]
+    return moves + _less(scorer, state, may_go, moves)
 
 
 def _more(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
@@ -67,7 +60,7 @@ def _more(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     moves = list[State]()
     for gain in lead:
         ahead = max((other.total for other in moves), default=-np.inf)
-        if not np.isfinite(state.total) or ahead < state.total + UNDERSTATED * gain.nats + NEAR:
+        if not np.isfinite(state.total) or ahead < state.total + UNDERSTATED * gain.nats + MISJUDGED:
             moves.append(added(scorer, state, gain, _least(state, moves)))
     return moves
 
@@ -144,7 +137,7 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
             return moves
     may_go = loose(scorer, state)
     less = list[tuple[State, set[str] | None]]()
-    for key, others in scorer.replacements(state, may_go, allowed, NEAR + MISJUDGED).items():
+    for key, others in scorer.replacements(state, may_go, allowed, MISJUDGED).items():
         if others:
             less.append((scorer.score(without(state, key), state.memory, state.scales), others))
     if state.memory != WHITE:
@@ -174,5 +167,5 @@ def _swapped(scorer: Scorer, state: State, fewer: State, allowed: Allowed) -> li
     # no screen knows of that.
     form = sum(state.forms.get(key, 0.0) for key in set(state.keys) - set(fewer.keys))
     usual = max((gain.nats + form for gain, name in found if name in gone), default=state.total - fewer.total)
-    near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - NEAR, SEEN)]
+    near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - MISJUDGED, SEEN)]
     return [added(scorer, fewer, gain, state.total - FAR) for gain in near[:SWAPS]]
