@@ -552,3 +552,10 @@ def test_files_of_two_stations_are_named_where_the_machine_file_says_nothing_of_
     assert run_verb("check", *arguments) == 0
     (found,) = json.loads(capsys.readouterr().out)["findings"]
     assert found["sure"] and "the tracker stood elsewhere in" in found["words"]
+
+
+def test_std_columns_of_zeros_are_said_to_say_nothing(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    found = check_setup(file, table.replace(std=np.zeros((table.rows, 3))))
+    (said,) = found.findings
+    assert said.mistake == "noise-implausible" and "taken as not stated" in said.words and found.ok

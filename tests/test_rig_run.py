@@ -145,6 +145,8 @@ def test_bad_rigs(content: dict[str, object], message: str) -> None:
 
 
 def test_bad_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a machine file; name a rig"):
+        load_rig(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
     with pytest.raises(InputError, match="no such file"):
         load_rig(tmp_path / "none.toml")
     (tmp_path / "broken.toml").write_text("machine = ")

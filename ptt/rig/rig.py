@@ -125,6 +125,12 @@ def parse_rig(content: str | dict[str, Any], where: str = "rig.toml") -> Rig:
     try:
         document = _Document.model_validate(raw)
     except pydantic.ValidationError as error:
+        if isinstance(raw.get("machine"), dict) and "tracker" in raw and "seed" not in raw:
+            what, fix = (
+                "is a machine file",
+                f'name a rig that says machine = "{Path(where).name}" and what is hidden in it',
+            )
+            raise InputError(what, where=where, fix=fix) from None
         raise _explain(error, where) from None
     rig = Rig(
         _find_machine(document.machine, where),

@@ -39,6 +39,9 @@ def _noise(setup: Setup) -> Result | None:
     found = repeat_scatter(setup)
     if stated is None:
         return None
+    if not stated > 0.0:
+        words = f"{source} {_say(source)} that nothing scatters: taken as not stated"
+        return said(setup, "noise-implausible", words, "fill the columns, or leave them out", False), None
     if found is None:
         return _beyond_all(setup, stated, source)
     scatter, count = found
