@@ -1,4 +1,8 @@
-"""Commands one after the other in a fraction of a microsecond: the model's own C, built once and called from here."""
+"""Commands one after the other by the model's own C, built once and called from here.
+
+A command of an array takes about a microsecond or less, one that is asked for alone a few, most of it the call from
+Python (docs/export.md has figures).
+"""
 
 import ctypes
 import shutil

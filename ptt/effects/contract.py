@@ -26,7 +26,7 @@ CLOSE = 1e-5  # exact derivative against a central difference, share of the colu
 
 @dataclass(frozen=True)
 class CheckOutcome:
-    """CheckOutcome of one check.
+    """What one check of one effect on one family of mechanisms came to.
 
     Attributes:
         check: what was checked, in words.
