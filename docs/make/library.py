@@ -22,8 +22,10 @@ MORE = """
   line; `anyway=True` goes on although the set-up looks mistaken.
 - `ptt.effects.ColumnBend()` is an effect, as is `"column-bend"`; a class of your own that inherits
   `ptt.effects.Effect` is one as well ([effects.md](effects.md)).
-- What is wrong raises `ptt.errors.InputError` or `SetupError`, with the words of the command line
-  ([messages.md](messages.md)).
+- What is wrong raises a `ptt.errors.PttError` with the words of the command line ([messages.md](messages.md)); catch
+  that one. Its kinds are `InputError` (a file, a value or a combination that you can mend), `SetupError` (a mistake in
+  the set-up), `PosesError` (poses that cannot work) and `HostError` (a full disk, a closed output); where a C compiler
+  is missing it is a plain `PttError`. `exit_code` is the status with which the command would end.
 - `ptt.commands.main.run(["compare", "run.csv", "--model", "machine.toml"])` runs a verb in the running process and
   hands its exit code back.
 
