@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from torch.testing import assert_close
 
 from ptt.effects import library
-from ptt.effects.bench import sample_view, take
+from ptt.effects.bench import sample_view
 from ptt.effects.case import make_case, usual_theta
 from ptt.effects.geometry import pull
 from ptt.effects.layout import total_size
-from ptt.effects.memory import gradual_reversal, play
+from ptt.effects.memory import gradual_reversal, leave, play
 from ptt.effects.shapes import (
     FINE,
     KNOTS,
@@ -131,12 +131,11 @@ def test_play_begins_anew_with_each_run(bench):
 def test_state_handed_on_gives_the_whole_run(steps, gap, length, data):
     view = build_view(parse_machine(MACHINE), make_table(None, heights(*(280.0 + np.cumsum(steps)))))
     cut = data.draw(st.integers(1, len(steps) - 1))
-    rows = torch.arange(cut, len(steps))
-    late, before = take(view, rows), view.q[cut - 1]
-    whole = play(view, tensor([gap] * 3))
-    assert_close(play(late, tensor([gap] * 3), before + whole[cut - 1]), whole[cut:], atol=1e-10, rtol=0.0)
-    turned = gradual_reversal(view, tensor(length))
-    assert_close(gradual_reversal(late, tensor(length), turned[cut - 1], before), turned[cut:], atol=1e-10, rtol=0.0)
+    late = view.of_rows(torch.arange(cut, len(steps)))
+    late = replace(late, entries=(leave(view.of_rows(torch.arange(cut)), 0),))
+    gaps, lengths = tensor([gap] * 3), tensor([length] * 3)
+    assert_close(play(late, gaps), play(view, gaps)[cut:], atol=1e-10, rtol=0.0)
+    assert_close(gradual_reversal(late, lengths), gradual_reversal(view, lengths)[cut:], atol=1e-10, rtol=0.0)
 
 
 MACHINE = """

@@ -133,7 +133,7 @@ def standing(q: Tensor, turning: Tensor) -> Tensor:
     return moved.cumsum(dim=0) == 0
 
 
-def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
+def play(view: View, gap: Tensor) -> Tensor:
     """Play operator along the commanded travel.
 
     The slider follows the nut at half the gap behind: y = min(max(y_before, q - gap/2), q + gap/2). Composing such
@@ -143,11 +143,9 @@ def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
     Args:
         view: n rows.
         gap: full gap of each joint, (k,) mm or rad, not negative.
-        entry: where the slider was before the first row, (k,); None: the first row of a run is taken to arrive as
-            the second moves.
 
     Returns:
-        Shift y - q, (n, k), between -gap/2 and gap/2.
+        Shift y - q, (n, k), between -gap/2 and gap/2; the first row of a run is taken to arrive as the second moves.
     """
     way = waypoints(view)
     q = way.q
@@ -156,9 +154,6 @@ def play(view: View, gap: Tensor, entry: Tensor | None = None) -> Tensor:
     first = q - half * way.direction
     reset = way.starts[:, None]
     low, high = torch.where(reset, first, low), torch.where(reset, first, high)
-    if entry is not None:
-        known = torch.minimum(torch.maximum(entry, q[0] - half), q[0] + half)
-        low, high = torch.cat([known[None], low[1:]]), torch.cat([known[None], high[1:]])
     step = 1
     # Where both sides of every clamp have met, nothing earlier is felt any more.
     while step < len(q) and not bool((low.detach() == high.detach()).all()):
@@ -208,7 +203,7 @@ def _clamped(
     return torch.minimum(value, high), torch.where(value > high, rises, slope)
 
 
-def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, place: Tensor | None = None) -> Tensor:
+def gradual_reversal(view: View, length: Tensor) -> Tensor:
     """Normalised friction that turns over gradually after a reversal.
 
     dF/dx = (sign(x) - F) / l along the travel (Dahl, 1968): after a long move against the former one F runs
@@ -217,24 +212,17 @@ def gradual_reversal(view: View, length: Tensor, entry: Tensor | None = None, pl
     Args:
         view: n rows.
         length: travel constant l, () or (k,) mm or rad.
-        entry: F before the first row, (k,); None: fully turned in the direction of arrival.
-        place: joint values at which `entry` held, (k,); None: those of the first waypoint.
 
     Returns:
-        F, (n, k), between -1 and 1.
+        F, (n, k), between -1 and 1; at the first row of a run fully turned in the direction of arrival.
     """
     known = view.kept.get(id(length))
-    if entry is None and known is not None and known[0] is length:
+    if known is not None and known[0] is length:
         return known[1]
     way, move, decay = _decays(view, length)
-    q, gain = way.q, torch.sign(move) * (1.0 - decay)
-    reset = way.starts[:, None]
+    reset, gain = way.starts[:, None], torch.sign(move) * (1.0 - decay)
     first = way.direction.to(gain.dtype)
     decay, gain = torch.where(reset, torch.zeros_like(decay), decay), torch.where(reset, first, gain)
-    if entry is not None:
-        moved = torch.zeros_like(q[0]) if place is None else q[0] - place
-        kept = torch.exp(-moved.abs() / length)
-        gain = torch.cat([(entry * kept + torch.sign(moved) * (1.0 - kept))[None], gain[1:]])
     return _followed(decay, gain)[way.rows]
 
 
