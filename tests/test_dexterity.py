@@ -74,11 +74,13 @@ def test_determinant_formula(base, platform, slack, first, sliders):
     )
     p = rows(10, size=0.3 * (link - spread))
     found = determinant(machine, p)
-    assert found.factors is not None
-    assert found.factors.radius_difference_mm == pytest.approx(base - platform, abs=1e-9)
+    factors = found.factors
+    assert factors is not None
+    assert factors.radius_difference_mm == pytest.approx(base - platform, abs=1e-9)
     by_matrix = torch.linalg.det(machine.inverse_jacobian(p))
     assert_close(found.value, by_matrix, rtol=1e-9, atol=1e-12)
-    assert_close(found.factors.closed_form, by_matrix, rtol=1e-7, atol=1e-10)
+    product = 0.5 * math.sqrt(3.0) * (base - platform) * factors.coplanarity_mm2 / factors.slider_product_mm3
+    assert_close(product, by_matrix, rtol=1e-7, atol=1e-10)
 
 
 def test_determinant_factors_of_the_source():

@@ -19,7 +19,7 @@ SYMMETRY_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class DeterminantFactors:
-    """The factors of det J on upright rails 120 degrees apart that share one radius.
+    """The factors of det J = (sqrt(3)/2) (R - r) S / (w_1 w_2 w_3) on upright rails 120 degrees apart of one radius.
 
     Attributes:
         radius_difference_mm: R - r; 0 is a direct singularity everywhere.
@@ -30,11 +30,6 @@ class DeterminantFactors:
     radius_difference_mm: float
     coplanarity_mm2: Tensor
     slider_product_mm3: Tensor
-
-    @property
-    def closed_form(self) -> Tensor:
-        """Det J = (sqrt(3)/2) (R - r) S / (w_1 w_2 w_3), (n,)."""
-        return SPACING_SINE * self.radius_difference_mm * self.coplanarity_mm2 / self.slider_product_mm3
 
 
 @dataclass(frozen=True, eq=False)
