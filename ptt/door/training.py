@@ -152,14 +152,11 @@ def _text(data: dict[str, Any]) -> str:
     if learned and len(data["rbf"]["heldout_by_inputs_um"]) > 1:
         words += f", over the {'joints' if data['rbf']['inputs'] == 'joints' else 'tool positions'}"
     lines += [f"network: {words}", f"  {'rms um':<34}{'x':>9}{'y':>9}{'z':>9}{'total':>9}"]
-    stages = (("given", "as given"), ("physics", "after physics"), ("rbf", "after the network"))
     for key, title in (("rms_um", "training rows"), ("heldout_rms_um", "held out")):
-        for stage, name in stages:
+        for stage, name in STAGES:
             row = data[key][stage]
-            lines.append(
-                f"  {title + ', ' + name:<34}" + "".join(f"{row[axis]:9.1f}" for axis in ("x", "y", "z", "total"))
-            )
+            lines.append(f"  {title + ', ' + name:<34}" + "".join(f"{row[axis]:9.1f}" for axis in AXES))
     noise = data["noise_um"]
-    lines.append(f"  {'noise floor':<34}" + "".join(f"{noise[axis]:9.1f}" for axis in ("x", "y", "z", "total")))
+    lines.append(f"  {'noise floor':<34}" + "".join(f"{noise[axis]:9.1f}" for axis in AXES))
     lines.append(f"  held out: {data['protocol']}")
     return "\n".join([*lines, f"written to {data['out']}"] if data["out"] else lines)
