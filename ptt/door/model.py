@@ -149,7 +149,7 @@ def load(path: str | Path, *, effects: Sequence[str | Path] = ()) -> Model:
     """
     if not isinstance(path, str | Path):
         raise InputError(
-            f"load takes the path of a file or folder, not {_kind(path)}", fix="as in load('machine.toml')"
+            f"load takes the path of a file or folder, not {kind_of(path)}", fix="as in load('machine.toml')"
         )
     known = library(*((effects,) if isinstance(effects, str | Path) else effects))
     return Model(load_compensator(path, known), known, Path(path))
@@ -163,10 +163,6 @@ def model_of(file: MachineFile, known: Library) -> Model:
         known: effects by name.
     """
     return Model(Compensator(read_model(parse_machine(format_machine(file), file.source), known), None, {}), known)
-
-
-def _kind(thing: object) -> str:
-    return f"a {type(thing).__name__}"
 
 
 def _drawing(file: MachineFile) -> str:
