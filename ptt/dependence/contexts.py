@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.dependence.way import last_moves, ways_of
 from ptt.run.mounts import mount_slopes
-from ptt.run.tails import chi2_sf
+from ptt.run.tails import chi2_sf, median_sigma
 from ptt.run.watched import watched_values
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def taken_part(basis: np.ndarray, error: np.ndarray) -> np.ndarray:
     for _ in range(2):
         left = error - taken
         middle = np.median(left, axis=0)
-        reach = FAR * max(float(np.median(np.abs(left - middle))), 1e-12) / 0.6745
+        reach = FAR * max(float(median_sigma(left - middle)), 1e-12)
         wanted = taken + middle + np.clip(left - middle, -reach, reach)
         taken = (basis @ (basis.T @ wanted.ravel())).reshape(-1, 3)
     return taken

@@ -13,6 +13,7 @@ from ptt.dependence.scores import Score, Variable, build_scores
 from ptt.dependence.strata import FEWEST, Poses, find_poses
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
+from ptt.run.tails import median_sigma
 
 if TYPE_CHECKING:
     from ptt.run.problem import Problem
@@ -142,7 +143,7 @@ def _tidy(contexts: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.nda
 
 def _cut(values: np.ndarray, sigma: float) -> np.ndarray:
     centre = np.median(values)
-    reach = FAR * max(float(np.median(np.abs(values - centre))) / 0.6745, sigma)
+    reach = FAR * max(float(median_sigma(values - centre)), sigma)
     reach = reach if reach > 0 else np.inf
     return np.clip(values, centre - reach, centre + reach) - centre
 

@@ -11,13 +11,13 @@ from ptt.effects.phrases import SHOWN, figure
 from ptt.fleet.trends import ALPHA, Movement, Moves
 from ptt.record import Record
 from ptt.run.dates import day_at
+from ptt.run.tails import median_sigma
 
 Trend = Literal["drift", "jump", "unlike", "new", "changed", "setup", "failed"]
 MONTH = 30.44  # days
 GONE = 0.2  # share of what a value was below which it is as after a repair
 FAR = 10.0  # times the time watched beyond which a straight line says nothing of a machine any more
 SISTERS = 6  # machines of one drawing from which one may be called unlike the others
-TO_SIGMA = 1.4826  # median absolute deviation of a normal variable to its standard deviation
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def unlike(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, 
     own = np.array([value for value, _ in values.values()])
     std = np.array([error for _, error in values.values()])
     middle = float(np.median(own))
-    spread = TO_SIGMA * float(np.median(np.abs(own - middle)))
+    spread = float(median_sigma(own - middle))
     scale = np.hypot(spread, np.nan_to_num(std))
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(scale > 0.0, (own - middle) / scale, 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 from ptt.record import Record
 from ptt.run.holdout import pose_groups, visit_groups
 from ptt.run.same_pose import number_alike, number_rows
-from ptt.run.tails import chi2_isf
+from ptt.run.tails import chi2_isf, median_sigma
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
@@ -251,4 +251,4 @@ def _spread_robustly(deviation: np.ndarray, group: np.ndarray) -> np.ndarray:
     size = np.bincount(group)[group]
     repeated = size > 1
     lift = np.sqrt(size[repeated] / (size[repeated] - 1.0))[:, None]
-    return np.maximum(np.median(np.abs(deviation[repeated]) * lift, axis=0) / 0.6745, 1e-9)
+    return np.maximum(median_sigma(deviation[repeated] * lift, axis=0), 1e-9)

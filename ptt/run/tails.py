@@ -4,6 +4,7 @@ import numpy as np
 from scipy import special
 
 Values = np.ndarray | float
+QUARTILE = 0.6745  # within which half of all normal deviates lie
 
 
 def chi2_sf(x: Values, freedom: Values) -> np.ndarray:
@@ -24,6 +25,19 @@ def chi2_ppf(share: Values, freedom: Values) -> np.ndarray:
 def chi2_median(freedom: float) -> float:
     """Median of chi-squared."""
     return float(chi2_ppf(0.5, freedom))
+
+
+def median_sigma(deviation: np.ndarray, axis: int | None = None) -> np.ndarray:
+    """Standard deviation of normal deviates by the median of their sizes, which gross errors hardly move.
+
+    Args:
+        deviation: from their middle, of any shape.
+        axis: to take the median along; None for all of them.
+
+    Returns:
+        In the unit of the deviates, () or without that axis.
+    """
+    return np.asarray(np.median(np.abs(deviation), axis=axis) / QUARTILE)
 
 
 def f_sf(x: Values, above: Values, below: Values) -> np.ndarray:

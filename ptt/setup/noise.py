@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ptt.run.tails import median_sigma
 from ptt.setup.columns import Result, said
 from ptt.setup.proof import BEYOND_FAULTS
 from ptt.setup.result import Finding
@@ -134,4 +135,4 @@ def _scatter(apart: np.ndarray) -> tuple[float, int] | None:
     """Standard deviation of one reading by differences between two."""
     if len(apart) < 10:
         return None
-    return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(2.0)) + 1e-9, len(apart)
+    return float(median_sigma(apart) / np.sqrt(2.0)) + 1e-9, len(apart)
