@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from demo_pictures import plot_path, plot_reductions
 
 from nets import GaussianRbf
 from ptt.correct.compensate import compensate
@@ -19,7 +20,7 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import Table, make_table
-from ptt.show.plots.compensation import mean_by_pose, plot_error_curves, plot_path, plot_reductions
+from ptt.show.plots.compensation import plot_error_curves
 
 HERE = Path(__file__).parent
 GEOMETRY = (
@@ -196,9 +197,11 @@ def draw(results: Results, first: Measured, out: Path) -> None:
 
 
 def _curve(table: Table, problem: Problem) -> np.ndarray:
+    """Mean error of each pose over its repeats, (m, 3) mm."""
     errors = errors_of(table, problem.file).aligned
     rows = np.isfinite(errors).all(axis=1)
-    return mean_by_pose(errors[rows], pose_groups(table)[rows])
+    _, pose = np.unique(pose_groups(table)[rows], return_inverse=True)
+    return np.column_stack([np.bincount(pose, column) for column in errors[rows].T]) / np.bincount(pose)[:, None]
 
 
 def _percent(figures: dict[str, float]) -> float:
