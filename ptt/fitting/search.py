@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from scipy.linalg import solve_triangular
+from torch import Tensor
 
 from ptt.effects import Effect
 from ptt.effects.layout import flatten
@@ -66,6 +67,35 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
     chosen = _choose(stage, new, trials, problem)
     opened = {term.effect.key: _opened(term, *chosen[term.effect.key], problem) for term in new}
     return [opened.get(term.effect.key, term) for term in terms]
+
+
+def _opened(term: Term, shape: Shape, amplitude: np.ndarray, problem: Problem) -> Term:
+    amounts = torch.as_tensor(amplitude * tried_sizes(term.effect, problem))
+    return replace(term, theta=opened_at(term.effect, shape, amounts, problem))
+
+
+def opened_at(effect: Effect, shape: Shape, amounts: Tensor, problem: Problem) -> Tensor:
+    """Parameters of a new effect from which a fit goes on, inside its bounds.
+
+    Args:
+        effect: the effect.
+        shape: stem -> values of its searched and given parameters.
+        amounts: its linear values, or the first of them, (w,) in their units.
+        problem: the readings.
+
+    Returns:
+        Flat theta; an amplitude that cannot be negative starts off zero, where the shape has no slope to follow.
+    """
+    kind, joints = problem.file.machine.kind, problem.view.joints
+    theta = flatten(effect, shape, joints)
+    theta[: len(amounts)] = amounts
+    place = 0
+    for item in (parameter.on(kind) for parameter in effect.parameters):
+        part = slice(place, place + item.size(joints))
+        place = part.stop
+        least = OPENING * item.usual if item.role == "linear" and item.lower == 0.0 else item.lower
+        theta[part] = theta[part].clamp(least, min(item.upper, item.most))
+    return theta
 
 
 def _choose(stage: _Stage, new: Sequence[Term], trials: Mapping[str, Sequence[Shape]], problem: Problem) -> Choice:
@@ -172,17 +202,3 @@ def _amplitudes(stage: _Stage, blocks: dict[str, np.ndarray]) -> dict[str, np.nd
     solution = directions[:, seen] @ ((directions[:, seen].T @ (flat.T @ stage.values.ravel())) / strength[seen])
     ends = np.cumsum([block.shape[-1] for block in blocks.values()])
     return dict(zip(blocks, np.split(solution, ends[:-1]), strict=True))
-
-
-def _opened(term: Term, shape: Shape, amplitude: np.ndarray, problem: Problem) -> Term:
-    """The term at its linear amplitudes, inside its bounds."""
-    kind, joints = problem.file.machine.kind, problem.view.joints
-    theta = flatten(term.effect, shape, joints)
-    theta[: len(amplitude)] = torch.as_tensor(amplitude * tried_sizes(term.effect, problem))
-    place = 0
-    for item in (parameter.on(kind) for parameter in term.effect.parameters):
-        part = slice(place, place + item.size(joints))
-        place = part.stop
-        least = OPENING * item.usual if item.role == "linear" and item.lower == 0.0 else item.lower
-        theta[part] = theta[part].clamp(least, min(item.upper, item.most))
-    return replace(term, theta=theta)

@@ -17,16 +17,15 @@ from ptt.diagnosis.search.moves import LEAST
 from ptt.diagnosis.search.shapes import shape_key, with_shapes
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Library
-from ptt.effects.layout import flatten
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult
+from ptt.fitting.search import opened_at
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 UNUSUAL = 5.0  # nats by which what a trial may stand for has to beat the usual, as where an effect is added by name
-OPENING = 0.05  # usual sizes: where an amplitude starts that cannot be negative
 
 
 @dataclass(frozen=True)
@@ -167,29 +166,11 @@ def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) 
             term = next(term for term in found.fitted.model.terms if term.effect.key == atom.name)
         else:
             shape = _finest(found, atom, problem) if refine else atom.shape
-            term = Term(atom.effect, _opened(found, atom, shape, problem))
+            term = Term(atom.effect, opened_at(atom.effect, shape, _amounts(found, atom), problem))
         if base != atom.name:
             term = replace(term, effect=replace(term.effect, label=base.partition("[")[2].removesuffix("]")))
         current = current + term
     return current
-
-
-def _opened(found: Found, atom: Atom, shape: Shape, problem: Problem) -> Tensor:
-    """Parameters of a new effect at the state's amplitudes and in a shape."""
-    assert atom.effect is not None
-    joints, kind = problem.view.joints, problem.file.machine.kind
-    theta = flatten(atom.effect, shape, joints)
-    amounts = _amounts(found, atom)
-    theta[: len(amounts)] = amounts
-    place = 0
-    for parameter in (declared.on(kind) for declared in atom.effect.parameters):
-        size = parameter.size(joints)
-        shut = parameter.lower == 0.0 and parameter.role == "linear"
-        theta[place : place + size] = theta[place : place + size].clamp(
-            OPENING * parameter.usual if shut else parameter.lower, parameter.upper
-        )
-        place += size
-    return theta
 
 
 def _amounts(found: Found, atom: Atom) -> Tensor:
