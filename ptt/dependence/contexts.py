@@ -178,8 +178,8 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
 
     Returns:
         (n,) each: 'b1'.. mm or 'q1'.. rad, 'direction1'.. (+1, -1), 'speed1'.. mm/s or rad/s with its sign,
-        'payload' kg, 'temperature' deg C, 'time' s (the row's number where there is no clock), 'x', 'y', 'z' mm
-        wanted, 'run', and the columns that a person wants watched, by their titles.
+        'payload' kg, 'temperature' deg C, 'time' s (the row's place in the whole table where there is no clock), 'x',
+        'y', 'z' mm wanted, 'run', and the columns that a person wants watched, by their titles.
     """
     view, table, used = problem.view, problem.table, problem.used
     letter = problem.file.machine.letter
@@ -194,7 +194,7 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
         views["payload"] = np.asarray(table.payload_kg, dtype=float)
     if "temperature" in view.varies and table.temp_c is not None:
         views["temperature"] = np.asarray(table.temp_c, dtype=float)
-    views["time"] = view.time.numpy() if "time" in view.varies else np.arange(view.rows, dtype=float)
+    views["time"] = view.clock.numpy()
     views |= dict(zip(COORDINATES, problem.target.T, strict=True))
     views["run"] = np.asarray(table.run, dtype=float)
     views |= watched_values(table)

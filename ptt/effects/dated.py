@@ -91,9 +91,8 @@ def _local(effect: Effect, view: View, place: Place) -> View:
     endless = torch.where(behind, torch.inf, -torch.inf).to(view.q.dtype)
     if effect.of_run:
         endless = torch.zeros_like(endless)  # those rows count for nothing, and nothing may be infinite there
-    number = torch.arange(view.rows, dtype=view.q.dtype) if view.number is None else view.number
     return replace(
         view,
         time=torch.where(own, view.time - place.time, endless),
-        number=torch.where(own, number - place.number, endless),
+        number=torch.where(own, view.places - place.number, endless),
     )

@@ -1,4 +1,4 @@
-"""What happens at once in the middle of a run: the clock it is told by, and the moments that are worth trying."""
+"""What happens at once in the middle of a run, and the moments that are worth trying."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,13 +14,6 @@ EDGE = 5  # readings before and after any moment
 LEAST = 20  # readings from which there may be one
 AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows where there is no clock", role="given")
 ALWAYS = {"after": torch.tensor([-torch.inf], dtype=torch.float64)}  # the shape of what is there all along
-
-
-def run_clock(view: View) -> Tensor:
-    """Seconds where there is a clock, else the number of the row, (n,)."""
-    if "time" in view.varies:
-        return view.time
-    return torch.arange(view.rows, dtype=torch.float64) if view.number is None else view.number
 
 
 @dataclass(frozen=True)
@@ -45,7 +38,7 @@ class Sudden(Effect):
 
     def _ends(self, view: View) -> Tensor:
         """The clock of the last reading of each run, but that of the run that ends last."""
-        clock, run = run_clock(view), view.run
+        clock, run = view.clock, view.run
         if view.read is not None:
             clock, run = clock[view.read], run[view.read]
         last = torch.full((int(run.max()) + 1 if len(run) else 0,), -1).scatter_reduce(
@@ -55,19 +48,19 @@ class Sudden(Effect):
 
     def _told(self, view: View) -> Tensor:
         """The clock of the rows that have a reading."""
-        return run_clock(view) if view.read is None else run_clock(view)[view.read]
+        return view.clock if view.read is None else view.clock[view.read]
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Every row between the trials two before and two after: rows that look gross can blur the first choice."""
         tried = torch.cat([trial["after"] for trial in self.search(view)])
         place = int(torch.argmin((tried - shape["after"]).abs()))
         low, high = tried[max(place - 2, 0)], tried[min(place + 2, len(tried) - 1)]
-        moments = run_clock(view).unique()
+        moments = view.clock.unique()
         return tuple({"after": moment.reshape(1)} for moment in moments[(moments >= low) & (moments <= high)])
 
     def since(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Which rows come after the moment, (n,) as numbers 0 and 1."""
-        return (run_clock(view) > shape["after"]).to(view.q.dtype)
+        return (view.clock > shape["after"]).to(view.q.dtype)
 
     def cause(self, theta: Tensor, view: View) -> str:
         """With the moment, by the table's own clock."""

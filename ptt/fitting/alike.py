@@ -65,9 +65,7 @@ def times_of(problem: Problem, rows: np.ndarray) -> Times:
         Their times.
     """
     view = problem.view
-    number = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
-    time = view.time.numpy() if "time" in view.varies else number
-    return Times(time[rows], view.run.numpy()[rows])
+    return Times(view.clock.numpy()[rows], view.run.numpy()[rows])
 
 
 def alike_in_time(residual: np.ndarray, times: Times) -> Alike | None:

@@ -111,8 +111,7 @@ def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETC
 
 def numbers(problem: Problem) -> np.ndarray:
     """Places of a problem's rows in the whole run, (m,) int."""
-    number = problem.view.number
-    return np.arange(problem.view.rows) if number is None else number.numpy().astype(int)
+    return problem.view.places.numpy().astype(int)
 
 
 def cut(problem: Problem, size: int = CHUNK) -> list[Callable[[], Problem]]:

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from ptt.effects import Effect
 from ptt.effects.layout import linear_size, usual_values
-from ptt.effects.sudden import ALWAYS, Sudden, run_clock
+from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.sums import Sums, accumulate
 from ptt.fitting.whitened import build_system, turned, whiten
@@ -156,7 +156,7 @@ class Place:
         if not isinstance(effect, Sudden) or len(shapes) < 2:
             count = len(tried_sizes(effect, self.problem))
             return [signature(self.chain, effect, shape)[..., :count] for shape in shapes]
-        whole, clock = signature(self.chain, effect, ALWAYS), run_clock(self.problem.view)
+        whole, clock = signature(self.chain, effect, ALWAYS), self.problem.view.clock
         return [whole * (clock > shape["after"]).to(whole.dtype)[:, None, None] for shape in shapes]
 
 

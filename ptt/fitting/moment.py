@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import torch
 
-from ptt.effects.sudden import EDGE, Sudden, run_clock
+from ptt.effects.sudden import EDGE, Sudden
 from ptt.fitting.result import FitResult
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
@@ -32,7 +32,7 @@ def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
             continue
         never, always = (at_rows(put_after(fitted, index, end), problem).residual for end in (np.inf, -np.inf))
         squares = [np.square(np.nan_to_num(left) @ fitted.noise.whitener.T).sum(axis=1) for left in (never, always)]
-        clock, read = run_clock(problem.view).numpy(), rows_read(problem)
+        clock, read = problem.view.clock.numpy(), rows_read(problem)
         moment = last_before(clock[read], np.where(used, squares[0] - squares[1], 0.0)[read])
         if moment != float(term.theta[-1]):
             fitted = put_after(fitted, index, moment)

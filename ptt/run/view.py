@@ -96,6 +96,16 @@ class View:
         """Number of joints k."""
         return self.q.shape[1]
 
+    @property
+    def places(self) -> Tensor:
+        """Place of each row in the whole table, (n,) float."""
+        return torch.arange(self.rows, dtype=torch.float64) if self.number is None else self.number
+
+    @property
+    def clock(self) -> Tensor:
+        """When each row was read, (n,): seconds where there is a clock, else its place in the whole table."""
+        return self.time if "time" in self.varies else self.places
+
     @cached_property
     def covered(self) -> tuple[Tensor, Tensor]:
         """Lowest and highest value of each joint, (k,) each; every part of a long run asks the whole for it."""
@@ -127,8 +137,7 @@ class View:
             A view of m rows; how the joints came to them is not told.
         """
         own = {name: value[rows] for name in PER_ROW if (value := getattr(self, name)) is not None}
-        number = rows.to(torch.float64) if self.number is None else self.number[rows]
-        return replace(self, **own, number=number, entries=())
+        return replace(self, **own, number=self.places[rows], entries=())
 
     def mounted(self, geometry: Tensor) -> Tensor:
         """Add the reflector's mount to shifts of the mechanism's slots.

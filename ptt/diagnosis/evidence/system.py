@@ -186,11 +186,9 @@ def clock_of(problem: Problem, rows: np.ndarray) -> Clock:
         The clock of those rows.
     """
     view = problem.view
-    number = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
-    time = view.time.numpy() if "time" in view.varies else number
     run = view.run.numpy()[rows]
     registered = problem.file.tracker.frame in ("trusted", "measured")
-    return Clock(time[rows], np.diff(run, prepend=run[:1] - 1) != 0, registered)
+    return Clock(view.clock.numpy()[rows], np.diff(run, prepend=run[:1] - 1) != 0, registered)
 
 
 def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = slice(None)) -> np.ndarray:

@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.ansatz import Ansatz, Run, columns_of
 from ptt.diagnosis.unknown.blocks import unknown_blocks
 from ptt.diagnosis.unknown.moment import Along, along, best_row, joined
 from ptt.effects import Effect
-from ptt.effects.sudden import Sudden, run_clock
+from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import map_chunks, numbers
 from ptt.fitting.linear import Linear, Place, Shape
 from ptt.fitting.moment import at_rows, last_before, put_after, rows_read
@@ -61,7 +61,7 @@ def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carri
     parts = list(zip(*map_chunks(work, run.chunks), strict=True))
     found: dict[str, Shape] = {}
     for effect, own in zip(sudden, parts, strict=True):
-        clock, row = run_clock(run.problem.view), best_row(joined(own))
+        clock, row = run.problem.view.clock, best_row(joined(own))
         found[effect.key] = {"after": clock[row : row + 1].clone()}
     return found
 
@@ -85,7 +85,7 @@ def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
         return np.where(run.problem.used[numbers(chunk)], squares[0] - squares[1], 0.0)
 
     read, gained = rows_read(run.problem), np.concatenate(list(map_chunks(work, run.chunks)))
-    return last_before(run_clock(run.problem.view).numpy()[read], gained[read])
+    return last_before(run.problem.view.clock.numpy()[read], gained[read])
 
 
 def _of_blocks(chunk: Problem, linear: Linear, run: Run, at: Ansatz, carried: Carried) -> np.ndarray:

@@ -6,7 +6,6 @@ from itertools import combinations
 import numpy as np
 
 from ptt.dependence.contexts import context_views
-from ptt.effects.sudden import run_clock
 from ptt.run.problem import Problem
 
 HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
@@ -62,7 +61,7 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str,
     Yields:
         'time', the moments, and the rows in between, (n,) or (n, k) bool.
     """
-    clock, read = run_clock(problem.view).numpy(), problem.used
+    clock, read = problem.view.clock.numpy(), problem.used
     for first, last in combinations(moments, 2):
         between = (clock > first) & (clock <= last)
         if (between & read).sum() > BROKEN:

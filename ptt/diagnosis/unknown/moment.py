@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.effects.sudden import ALWAYS, EDGE, Sudden, run_clock
+from ptt.effects.sudden import ALWAYS, EDGE, Sudden
 from ptt.fitting.linear import Place, Shape
 from ptt.fitting.moment import rows_read
 
@@ -45,7 +45,7 @@ def best_moment(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray
     Returns:
         Its shape.
     """
-    clock, row = run_clock(at.problem.view), best_row(along(at, frame, left, used, effect))
+    clock, row = at.problem.view.clock, best_row(along(at, frame, left, used, effect))
     return {"after": clock[row : row + 1].clone()}
 
 

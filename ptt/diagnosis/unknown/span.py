@@ -99,7 +99,8 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         yield _context("temperature", np.column_stack([unit(warm), unit(warm**2)]))
         if "time" in view.varies:
             yield _context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()), play=False)
-    yield _context("time", cosines(_time(problem), SLOW), fields=False)
+    clock = view.clock.numpy()
+    yield _context("time", cosines(scaled(clock, ends_of(clock)), SLOW), fields=False)
     if "speed" in view.varies:
         speed = reined(np.sqrt(np.square(view.velocity.numpy()).sum(axis=1)))
         yield _context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
@@ -144,16 +145,6 @@ def _bowed(values: np.ndarray) -> np.ndarray:
     """What a column says in a straight line and in a bow, (n, 2)."""
     apart = unit(values - values.mean())
     return np.column_stack([apart, unit(apart**2 - np.mean(apart**2))])
-
-
-def _time(problem: Problem) -> np.ndarray:
-    """Of each row, -1 to 1 over the run."""
-    view = problem.view
-    if "time" in view.varies:
-        time = view.time.numpy()
-    else:
-        time = np.arange(view.rows, dtype=float) if view.number is None else view.number.numpy()
-    return scaled(time, ends_of(time))
 
 
 def _memory(warm: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
