@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ptt.run.fading import kept_shares, trailing
+
 REACHES = (0.03, 0.2)  # of the run's extent: stretches over which a hose or a cable forgets the way it was dragged
 
 
@@ -30,7 +32,7 @@ def ways_of(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     on = np.append(came[1:], came[-1:], axis=0)
     on[last - 1] = came[last - 1]
     extent = float(np.linalg.norm(np.ptp(p, axis=0)))
-    reaches = [_remembered(came, far, starts, share * extent) for share in REACHES]
+    reaches = [trailing(came, kept_shares(far, starts, max(share * extent, 1e-9))) for share in REACHES]
     return np.stack([came, *reaches]), on - came
 
 
@@ -50,13 +52,3 @@ def last_moves(p: np.ndarray, time: np.ndarray, starts: np.ndarray) -> tuple[np.
     last = np.maximum.accumulate(np.where(came | starts, np.arange(len(p)), 0))
     known = came[last]
     return np.where(known, far[last], np.nan), np.where(known, time - time[np.maximum(last - 1, 0)], np.nan)
-
-
-def _remembered(came: np.ndarray, far: np.ndarray, starts: np.ndarray, reach: float) -> np.ndarray:
-    """The way forgotten exponentially over a stretch, (n, 3)."""
-    from scipy.linalg import solve_banded  # only a diagnosis needs it
-
-    keep = np.where(starts, 0.0, np.exp(-far / max(reach, 1e-9)))
-    bands = np.ones((2, len(came)))
-    bands[1, :-1] = -keep[1:]
-    return np.asarray(solve_banded((1, 0), bands, (1.0 - keep)[:, None] * came))

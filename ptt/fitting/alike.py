@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.run.fading import kept_shares
 from ptt.run.problem import Problem
 
 LAGS = 16  # rows apart, from neighbours to half the rows, whose products are looked at
@@ -48,14 +49,14 @@ class Times:
     time: np.ndarray
     run: np.ndarray
 
-    def decay(self, constant: float) -> np.ndarray:
-        """What is left of a wander since the row before, (n,); nothing of another run's."""
-        step = np.maximum(np.diff(self.time, prepend=self.time[:1]), 0.0)
-        return np.where(np.diff(self.run, prepend=self.run[:1] - 1) != 0, 0.0, np.exp(-step / constant))
+    @property
+    def starts(self) -> np.ndarray:
+        """First row of each run, (n,) bool."""
+        return np.diff(self.run, prepend=self.run[:1] - 1) != 0
 
 
 def times_of(problem: Problem, rows: np.ndarray) -> Times:
-    """The clock of some rows.
+    """When some rows were read.
 
     Args:
         problem: n rows.
@@ -136,8 +137,8 @@ def excess(
 def _joined(jacobian: np.ndarray, told: Alike, times: Times) -> np.ndarray:
     """X^T K X per axis times its variance, K = exp(-|dt|/T) within runs, by one pass over the rows, (u, u)."""
     scaled = jacobian * np.sqrt(told.variance)[:, None]
-    decay, state, before = times.decay(told.constant), np.zeros(scaled.shape[1:]), np.empty_like(scaled)
-    for row, keep in enumerate(decay.tolist()):
+    step, state, before = np.diff(times.time, prepend=times.time[:1]), np.zeros(scaled.shape[1:]), np.empty_like(scaled)
+    for row, keep in enumerate(kept_shares(step, times.starts, told.constant).tolist()):
         before[row] = state = state * keep
         state = state + scaled[row]
     flat, earlier = scaled.reshape(-1, scaled.shape[2]), before.reshape(-1, scaled.shape[2])

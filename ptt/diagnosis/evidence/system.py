@@ -12,6 +12,7 @@ from ptt.diagnosis.evidence.effect_atoms import straight_sizes
 from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, Sums
 from ptt.diagnosis.noise.wander import Clock, innovations
 from ptt.diagnosis.unknown.blocks import SIZE, Block
+from ptt.fitting.alike import times_of
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
 from ptt.run.noise import Noise
@@ -185,10 +186,8 @@ def clock_of(problem: Problem, rows: np.ndarray) -> Clock:
     Returns:
         The clock of those rows.
     """
-    view = problem.view
-    run = view.run.numpy()[rows]
-    registered = problem.file.tracker.frame in ("trusted", "measured")
-    return Clock(view.clock.numpy()[rows], np.diff(run, prepend=run[:1] - 1) != 0, registered)
+    times, registered = times_of(problem, rows), problem.file.tracker.frame in ("trusted", "measured")
+    return Clock(times.time, times.starts, registered)
 
 
 def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = slice(None)) -> np.ndarray:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ptt.diagnosis.noise.gains import Gains, all_rows, filter_rows, foretell, gains_of
+from ptt.run.fading import kept_shares
 from ptt.run.noise import Noise
 
 SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the white noise
@@ -136,9 +137,8 @@ class Clock:
     def decays(self, constant: float) -> np.ndarray:
         """Share of a wander that each row keeps of the row before it, (n,); none where a run starts."""
         if constant not in self._decays:
-            step = np.maximum(np.diff(self.time, prepend=self.time[:1]), 0.0)
-            self._decays[constant] = np.where(self.starts, 0.0, np.exp(-step / constant))
-            self._decays[constant][:1] = 0.0
+            step = np.diff(self.time, prepend=self.time[:1])
+            self._decays[constant] = kept_shares(step, self.starts, constant)
         return self._decays[constant]
 
     def is_fault(self, wander: Wander | None) -> bool:

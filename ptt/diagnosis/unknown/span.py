@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import linalg
 
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import ways_of
 from ptt.diagnosis.unknown.smooth import COARSE, cosines, ends_of, modulation, product, reined, scaled, unit
+from ptt.run.fading import kept_shares, trailing
 from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
 
@@ -149,13 +149,5 @@ def _bowed(values: np.ndarray) -> np.ndarray:
 
 def _memory(warm: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """How far slow bodies lag behind the temperature that was read, one column a lag."""
-    step = np.maximum(np.diff(time, prepend=time[:1]), 0.0)
-    columns = []
-    for lag in LAGS:
-        keep = np.where(starts, 0.0, np.exp(-step / lag))
-        keep[0] = 0.0
-        bands = np.ones((2, len(warm)))
-        bands[1, :-1] = -keep[1:]  # each level is what is kept of the one before and the rest of the reading
-        body = linalg.solve_banded((1, 0), bands, (1.0 - keep) * warm)
-        columns.append(unit(body - warm))
-    return np.column_stack(columns)
+    step = np.diff(time, prepend=time[:1])
+    return np.column_stack([unit(trailing(warm, kept_shares(step, starts, lag)) - warm) for lag in LAGS])
