@@ -28,7 +28,7 @@ from ptt.machine_schema import BasePoint
 from ptt.model.chain import predict
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
-from ptt.run.frames import rotation
+from ptt.run.frames import rigid_columns, rotation
 from ptt.run.holdout import BLOCKS, blocks, folds, pose_groups
 from ptt.run.noise import DEFAULT_SIGMA, Noise, given_noise, noise_from_repeats, noise_from_std
 from ptt.run.problem import Problem, build_problem
@@ -266,6 +266,18 @@ def test_rotations_and_their_derivatives(vector: tuple[float, float, float]) -> 
         step[0, c] = 1e-6
         numeric = (rotation(v + step)[0] - rotation(v - step)[0]) / 2e-6
         torch.testing.assert_close(by_vector[..., c], numeric, atol=1e-8, rtol=0.0)
+
+
+def test_rigid_columns_are_the_slopes_of_a_rigid_motion() -> None:
+    p = torch.randn(2, 5, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
+    about, length = p[0, 0], 40.0
+
+    def moved(motion: torch.Tensor) -> torch.Tensor:
+        return (p - about) @ rotation(motion[None, 3:] / length)[0][0].mT + about + motion[:3]
+
+    slopes = torch.func.jacfwd(moved)(torch.zeros(6, dtype=torch.float64))
+    torch.testing.assert_close(rigid_columns(p, about, length), slopes, rtol=0.0, atol=1e-14)
+    torch.testing.assert_close(rigid_columns(p - about), rigid_columns(p, about), rtol=0.0, atol=0.0)
 
 
 def two_setups(file: MachineFile) -> Table:

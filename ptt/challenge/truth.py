@@ -12,13 +12,13 @@ import torch
 
 from ptt.challenge.hide import called, clear_faults
 from ptt.effects import Library
-from ptt.effects.metrology import rigid_basis
 from ptt.effects.registry import make_effect, parse_key
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.rig import Rig, simulate
 from ptt.rig.draw import DrawnRig
+from ptt.run.frames import rigid_columns
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table
@@ -201,7 +201,7 @@ def off_frame(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
     Returns:
         (n, 3) mm.
     """
-    rigid = rigid_basis(torch.tensor(place)).numpy().reshape(-1, 6)
+    rigid = rigid_columns(torch.tensor(place)).numpy().reshape(-1, 6)
     return np.asarray(shift - (rigid @ np.linalg.lstsq(rigid, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
 
 

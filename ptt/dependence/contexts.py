@@ -4,8 +4,10 @@ import re
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
 from ptt.dependence.way import last_moves, ways_of
+from ptt.run.frames import rigid_columns
 from ptt.run.mounts import mount_slopes
 from ptt.run.tails import chi2_sf, median_sigma
 from ptt.run.watched import watched_values
@@ -62,7 +64,8 @@ def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = 
     seen = problem.used & np.isfinite(residual).all(axis=1)
     columns = [] if slopes is None else [slopes[seen]]
     if problem.frames and problem.base is None:
-        rigid, member = rigid_slopes(problem.view.p.numpy()[seen]), problem.frame[seen]
+        place, member = problem.view.p[torch.as_tensor(seen)], problem.frame[seen]
+        rigid = rigid_columns(place, place.mean(dim=0)).numpy()
         columns += [rigid * (member == frame)[:, None, None] for frame in np.unique(member)]
     if problem.mounts:
         turned, member = mount_slopes(problem.view)[seen], problem.mount[seen]
@@ -77,13 +80,6 @@ def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = 
     levelled = residual.copy()
     levelled[seen] -= taken
     return levelled
-
-
-def rigid_slopes(place: np.ndarray) -> np.ndarray:
-    """Derivative of positions by a small rigid motion, (n, 3) mm -> (n, 3, 6), translation before rotation."""
-    arm = place - place.mean(axis=0)
-    turn = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
-    return np.concatenate([np.tile(np.eye(3), (len(arm), 1, 1)), turn], axis=2)
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:

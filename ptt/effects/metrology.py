@@ -12,6 +12,7 @@ from ptt.effects.card import Card
 from ptt.effects.constants import finer
 from ptt.effects.phrases import Phrase
 from ptt.effects.sudden import AFTER, Sudden
+from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
 RIGID = "small rigid motion, Rodrigues' formula to first order"
@@ -68,7 +69,7 @@ class TrackerFrame(MetrologyEffect):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Rigid motion, first order."""
-        return rigid_basis(view.p)
+        return rigid_columns(view.p)
 
 
 @dataclass(frozen=True)
@@ -222,18 +223,4 @@ class SetupJump(Sudden, MetrologyEffect):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Rigid motion after the knock."""
-        return self.since(view, shape)[:, None, None] * rigid_basis(view.p)
-
-
-def rigid_basis(p: Tensor) -> Tensor:
-    """First-order rigid motion of points.
-
-    Args:
-        p: (n, 3) mm.
-
-    Returns:
-        (n, 3, 6): unit translations, then w x p for unit rotations.
-    """
-    eye = torch.eye(3, dtype=p.dtype).expand(len(p), 3, 3)
-    turned = torch.linalg.cross(eye, p[:, None, :].expand(-1, 3, -1))  # shape: (n, axis, xyz)
-    return torch.cat([eye, turned.transpose(1, 2)], dim=-1)
+        return self.since(view, shape)[:, None, None] * rigid_columns(view.p)

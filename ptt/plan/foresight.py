@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.effects import Effect, Library
 from ptt.effects.layout import usual_values
-from ptt.effects.metrology import TrackerFrame, rigid_basis
+from ptt.effects.metrology import TrackerFrame
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.result import PRIOR_SHARE
 from ptt.fitting.sums import SEEN
@@ -19,6 +19,7 @@ from ptt.model.chain import signature as signature_of
 from ptt.model.model import Model, parameter_names
 from ptt.progress import Progress
 from ptt.record import Record
+from ptt.run.frames import rigid_columns
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL
 from ptt.run.table import Table
 from ptt.run.view import View
@@ -209,7 +210,7 @@ def _read_beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np
     if kind == "serial" and model.file.tracker.tool != "trusted":
         parts.append(at.by_mount * MOUNT_USUAL)
     if model.file.tracker.frame != "trusted":
-        parts.append(rigid_basis(at.prediction.reading) * FRAME_USUAL)
+        parts.append(rigid_columns(at.prediction.reading) * FRAME_USUAL)
     columns = torch.cat(parts, dim=-1).numpy()[rows] / sigma
     return np.asarray(columns.reshape(-1, columns.shape[-1]))
 
@@ -224,7 +225,7 @@ def _prior_beside(model: Model, width: int) -> np.ndarray:
 
 def _base_rows(file: MachineFile, frame: Tensor, width: int) -> np.ndarray:
     points = file.tracker.base_point
-    rigid = rigid_basis(torch.tensor([point.xyz_mm for point in points], dtype=torch.float64)) * frame
+    rigid = rigid_columns(torch.tensor([point.xyz_mm for point in points], dtype=torch.float64)) * frame
     weight = np.array([1.0 / point.sigma_mm for point in points])
     rows = np.zeros((3 * len(points), width))
     rows[:, -6:] = (rigid.numpy() * weight[:, None, None]).reshape(-1, 6)

@@ -8,12 +8,12 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.metrology import rigid_basis
 from ptt.fitting.linear import held_values, usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import by_own
 from ptt.model.chain import linearise, signature
 from ptt.plan.contest import triangle
+from ptt.run.frames import rigid_columns
 from ptt.run.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.run.view import PER_ROW, View
 
@@ -150,7 +150,7 @@ def paint(palette: Palette, view: View, frame: np.ndarray | None, mount: np.ndar
     if terms:
         machine = at.jacobian[..., torch.as_tensor(layout.columns())].numpy()
         parts.append(machine * np.where(linear[: machine.shape[-1]], 1.0, 1.0 / FAINT))
-    rigid = rigid_basis(chain.reading)
+    rigid = rigid_columns(chain.reading)
     if layout.mounts:
         held = np.zeros(view.rows, dtype=int) if mount is None else mount
         parts += by_own(chain.by_slot[..., -3:].numpy(), held, layout.mounts)
@@ -210,7 +210,7 @@ def _base_rows(palette: Palette) -> np.ndarray:
     base, frames = palette.problem.base, palette.fitted.layout.frames
     if base is None or not frames:
         return np.zeros((0, palette.width))
-    rigid = rigid_basis(torch.as_tensor(base.place))
+    rigid = rigid_columns(torch.as_tensor(base.place))
     own = by_own(rigid.numpy(), base.frame, frames)
     first = len(palette.fitted.layout.scale) - 6 * frames
     old = np.zeros((len(base.place), 3, palette.width))

@@ -3,8 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import torch
 
-from ptt.run.frames import kabsch
+from ptt.run.frames import kabsch, rigid_columns
 
 FAR = 8.0  # standard deviations of one coordinate by which a visit's distances may be off
 WORSE = 5.0  # and times the misfit of the worst of the best three: a wrong drawing puts all visits off alike
@@ -115,9 +116,7 @@ def _beside(
 def _ways(place: np.ndarray) -> np.ndarray:
     """How reflectors at some places, (r, 3) mm, move as one: shifted, turned and stretched, (3 r, 7)."""
     arm = place - place.mean(axis=0)
-    shifts = np.tile(np.eye(3), (len(arm), 1))
-    turns = np.cross(np.eye(3), arm[:, None]).transpose(0, 2, 1).reshape(-1, 3)
-    return np.column_stack([shifts, turns, arm.ravel()])
+    return np.column_stack([rigid_columns(torch.as_tensor(arm)).reshape(-1, 6).numpy(), arm.ravel()])
 
 
 def _hold(place: np.ndarray) -> bool:

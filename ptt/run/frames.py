@@ -58,6 +58,22 @@ def rotation(vector: Tensor) -> tuple[Tensor, Tensor]:
     return turns, by_vector.permute(0, 2, 3, 1)
 
 
+def rigid_columns(p: Tensor, about: Tensor | None = None, length: float = 1.0) -> Tensor:
+    """How points move as one body is shifted and turned a little: Rodrigues' formula to first order.
+
+    Args:
+        p: (..., 3) mm.
+        about: point that turns leave where it is, (3,) mm; None for the origin.
+        length: mm that a turn of one radian counts as, so that shifts and turns move points about as far.
+
+    Returns:
+        (..., 3, 6): shifts along x, y, z, mm per mm; then turns about these axes, mm per rad over `length`.
+    """
+    arm = (p if about is None else p - about) / length
+    turns = torch.einsum("cij,...j->...ic", _GENERATORS.to(p.dtype), arm)  # shape: (..., xyz, axis)
+    return torch.cat([torch.eye(3, dtype=p.dtype).expand(turns.shape), turns], dim=-1)
+
+
 def rotation_vector(turn: np.ndarray) -> np.ndarray:
     """Rotation vector of a rotation matrix, by way of the largest component of its quaternion.
 

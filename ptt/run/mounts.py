@@ -7,7 +7,7 @@ import torch
 
 from ptt.machine import MachineFile
 from ptt.mechanisms.sensitivity import sensitivity
-from ptt.run.frames import align
+from ptt.run.frames import align, rigid_columns
 from ptt.run.table import Table
 from ptt.run.view import View
 
@@ -88,11 +88,8 @@ def _step(
         own = rows & (frame == index)
         turn, shift = align(p[own], reading[own])
         left[own] = (reading[own] - shift) @ turn - p[own]
-        centred = (p - p[own].mean(axis=0)) / TURN_LENGTH
-        rigid = np.concatenate(
-            [np.tile(np.eye(3), (len(p), 1, 1)), np.cross(np.eye(3), centred[:, None]).swapaxes(1, 2)], 2
-        )
-        blocks.append(np.where(own[:, None, None], rigid, 0.0))
+        rigid = rigid_columns(view.p, torch.as_tensor(p[own].mean(axis=0)), TURN_LENGTH)
+        blocks.append(np.where(own[:, None, None], rigid.numpy(), 0.0))
     distance = np.linalg.norm(left, axis=1)
     near = rows & (distance <= TRIM * max(float(np.median(distance[rows])), 1e-9))
     columns = np.concatenate(blocks, axis=2)[near].reshape(3 * int(near.sum()), -1)

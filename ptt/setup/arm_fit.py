@@ -10,6 +10,7 @@ import torch
 
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
+from ptt.run.frames import rigid_columns
 from ptt.setup.faults import left_after_faults
 from ptt.setup.rigid import align_many, middle, rms
 from ptt.setup.setup import Setup
@@ -18,6 +19,7 @@ SETTLED = 1e-3  # mm
 ROUNDS = 8
 USUAL = (0.5, 1e-3, 0.5, 1e-3, 1e-3)  # mm and rad: errors of a, alpha, d, theta and the Hayati angle
 LOOSE = 1e-9
+TURN_LENGTH = 100.0  # mm that a turn of one radian counts as
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +102,8 @@ def _mount(pose: Posed, reading: np.ndarray, free: bool) -> np.ndarray:
         place = pose.place + pose.turn @ mount
         turn, shift, _ = align_many(place[None], reading[None], free)
         left = (reading - shift[0]) @ turn[0] - place
-        turns = np.stack([np.cross(axis, place - place.mean(axis=0)) for axis in np.eye(3)], axis=2)
-        blocks = [pose.turn, np.broadcast_to(np.eye(3), pose.turn.shape), turns / 100.0]
-        matrix = np.concatenate(blocks, axis=2).reshape(3 * len(place), -1)
+        rigid = rigid_columns(torch.as_tensor(place), torch.as_tensor(place.mean(axis=0)), TURN_LENGTH)
+        matrix = np.concatenate([pose.turn, rigid.numpy()], axis=2).reshape(3 * len(place), -1)
         step = np.linalg.lstsq(matrix, left.ravel(), rcond=1e-8)[0][:3]
         mount = mount + step
         if np.abs(step).max() < SETTLED:

@@ -8,6 +8,7 @@ import torch
 
 from ptt.machine import ThreePttSpec
 from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.run.frames import rigid_columns
 from ptt.setup.candidates import BEYOND_HOMING, slider_words, zeros_from_home
 from ptt.setup.rigid import align_many, medians
 from ptt.setup.score import agree_points, build, forward_many
@@ -182,9 +183,7 @@ def _follow(mechanism: ThreePtt, command: np.ndarray, reading: np.ndarray, free:
         turn, shift, _ = align_many(place, reading, free)
         left = (reading - shift[:, None]) @ turn - place
         slope = mechanism.jacobian(q).numpy().reshape(*command.shape, 3)
-        turns = np.stack([np.cross(axis, place) for axis in np.eye(3)], axis=3)
-        frame = np.concatenate([np.broadcast_to(np.eye(3), slope.shape), turns], axis=3)
-        matrix = np.concatenate([slope, frame], axis=3) if free else slope
+        matrix = np.concatenate([slope, rigid_columns(torch.as_tensor(place)).numpy()], axis=3) if free else slope
         scale = SCALE[: matrix.shape[3]]
         matrix, left = (np.where(known[(...,) + (None,) * (part.ndim - 2)], part, 0.0) for part in (matrix, left))
         inverse = np.linalg.pinv((matrix * scale).reshape(len(command), 3 * count, -1), rcond=1e-6)

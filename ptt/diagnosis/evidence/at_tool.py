@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ptt.effects.metrology import rigid_basis
 from ptt.model.chain import predict
 from ptt.model.model import Term
+from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
 
@@ -20,7 +20,7 @@ def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
     Returns:
         (m, 3) mm.
     """
-    left, place = error[problem.used].copy(), rigid_basis(problem.view.p).numpy()[problem.used]
+    left, place = error[problem.used].copy(), rigid_columns(problem.view.p).numpy()[problem.used]
     for own in _set_ups(problem):
         columns = place[own].reshape(-1, 6)
         left[own] -= (columns @ np.linalg.lstsq(columns, left[own].ravel(), rcond=None)[0]).reshape(-1, 3)

@@ -6,11 +6,11 @@ from functools import partial
 
 import numpy as np
 
-from ptt.dependence.contexts import rigid_slopes
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
 from ptt.effects.geometry import across_axes
 from ptt.model.chain import Chain
+from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
 SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
@@ -232,15 +232,17 @@ def _reversal(
 
 def _set_up(problem: Problem, span: Span) -> Place:
     """Scale and turn of the readings; their shift is the tracker's wander."""
-    p = problem.view.p.numpy()
-    return Place("set-up", np.stack([p, *(np.cross(axis, p) for axis in np.eye(3))], axis=2) / span.radius)
+    p = problem.view.p
+    turns = rigid_columns(p, length=span.radius)[..., 3:].numpy()
+    return Place("set-up", np.concatenate([p.numpy()[..., None] / span.radius, turns], axis=-1))
 
 
 def stand_of(problem: Problem) -> Place:
     """Where a tracker stands: shift and turn of the readings, turns at the root mean square of the coordinates."""
-    p = problem.view.p.numpy()
-    radius = max(float(np.sqrt(np.square(p - p.mean(axis=0)).sum(axis=1).mean())), 1e-9)
-    return Place("set-up", rigid_slopes(p) / np.repeat([1.0, radius], 3))
+    p = problem.view.p
+    middle = p.mean(dim=0)
+    radius = max(float((p - middle).square().sum(dim=1).mean().sqrt()), 1e-9)
+    return Place("set-up", rigid_columns(p, middle, radius).numpy())
 
 
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
