@@ -111,10 +111,10 @@ def rows_per_second(rows: int, workers: list[int], size: int) -> None:
                 if count:
                     client.wait_for_workers(count)
                 start = time.perf_counter()
-                passes = Passes(log, client)
+                passes = Passes(log, layout, noise, client)
                 entered = time.perf_counter()
                 for turn in range(3):
-                    passes(layout, noise, layout.start() + 1e-4 * turn, {})
+                    passes(layout.start() + 1e-4 * turn, np.zeros(0, dtype=int))
                 each, held = (time.perf_counter() - entered) / 3, peaks(client)
             told = {"workers": count, "rows": rows, "enter_s": entered - start, "rows_per_s": rows / each}
             print(json.dumps(told | {"peak_gb": held}), flush=True)

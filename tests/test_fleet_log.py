@@ -75,7 +75,7 @@ def test_parts_say_what_the_whole_says_also_of_memory_speed_and_a_slider_that_st
     terms = terms_of("backlash", "windup", "following-error", "screw-growth", "tracker-drift")
     layout, noise = lay_out(Model(machine), log.whole, terms), Noise(np.eye(3) * 0.005**2, "stated")
     unknowns = np.random.default_rng(1).uniform(0.5, 1.0, len(layout.scale))
-    share = Passes(log)(layout, noise, unknowns, {})
+    share = Passes(log, layout, noise)(unknowns, np.zeros(0, int))
     problem = build_problem(machine, made(900))
     read = into_base(problem.table.measured, problem.frame, log.whole.rotation, log.whole.shift)
     whole = build_system(layout, replace(problem, measured=read), noise.whitener, unknowns)

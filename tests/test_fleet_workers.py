@@ -154,15 +154,15 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
 def test_a_log_on_workers_has_the_sums_of_one_process_also_when_one_dies(tmp_path):
     log = open_log(load_machine(MACHINE), write_log(tmp_path / "log.parquet", 1200), 100)
     layout = lay_out(Model(log.machine), log.whole, terms_of("backlash", "homing-offset"))
-    alone, noise, unknowns = Passes(log), Noise(np.eye(3) * 0.005**2, "stated"), np.full(12, 1e-2)
+    noise, unknowns, none, gross = Noise(np.eye(3) * 0.005**2, "stated"), np.full(12, 1e-2), np.zeros(0, int), [107]
+    alone = Passes(log, layout, noise)
     with cluster(None, 2) as client:
-        there = Passes(log, client)
-        first = there(layout, noise, unknowns, {})
+        there = Passes(log, layout, noise, client)
+        first = there(unknowns, none)
         pids = client.run(os.getpid)
         os.kill(next(iter(pids.values())), signal.SIGKILL)
-        again = there(layout, noise, unknowns + 1e-3, {100: np.array([107])})
+        again = there(unknowns + 1e-3, np.array(gross))
     assert (first.rows, again.rows) == (1200, 1199)
-    for share, here in ((first, unknowns), (again, unknowns + 1e-3)):
-        own = alone(layout, noise, here, {} if share is first else {100: np.array([107])})
+    for share, own in ((first, alone(unknowns, none)), (again, alone(unknowns + 1e-3, np.array(gross)))):
         for one, other in zip(share.total, own.total, strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-9 * np.abs(other).max())

@@ -1,7 +1,6 @@
 """How large the unknowns of a fit may be before the rows speak: learned from the rows, one size for each parameter."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -18,14 +17,6 @@ SURE = 3.0  # standard deviations from which rows are no longer taken for indepe
 SEARCHED = 100.0  # prior variance of what is searched: ten usual sizes hold it where the rows see nothing of it
 APART = 1.0  # the same of what is searched for all joints as one: one that shows nothing of its own stays by the others
 WIDTHS = {"searched": SEARCHED, "apart": APART}
-
-
-class Summed(Protocol):
-    """A linearised problem, whole or in chunks."""
-
-    def sums(self, kept: np.ndarray) -> Total:
-        """J^T J, J^T r, r^T r and the number of coordinates of the rows that count."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -117,8 +108,7 @@ def design_effect(sums: np.ndarray, square: float) -> float:
 
 
 def learn_prior(
-    system: Summed,
-    kept: np.ndarray,
+    total: Total,
     layout: Layout,
     unknowns: np.ndarray,
     noise: Noise,
@@ -128,8 +118,7 @@ def learn_prior(
     """Learn how large each group of unknowns is, where a fit stands.
 
     Args:
-        system: linearised there.
-        kept: rows that count, (n,) bool.
+        total: of the rows that count, linearised there.
         layout: the unknowns.
         unknowns: (u,) in usual sizes.
         noise: that whitened the rows.
@@ -141,7 +130,7 @@ def learn_prior(
     """
     if "free" not in layout.kinds:
         return start
-    gram, slope, left, count = system.sums(kept)
+    gram, slope, left, count = total
     side = slope + gram @ unknowns  # of the readings, not of what is left of them
     square = left + float(unknowns @ (slope + side))
     fixed = np.array([kind != "free" for kind in layout.kinds])

@@ -1,23 +1,25 @@
 """Weighted least squares of all effects and the tracker frame together, and what the fit does not know."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ptt.effects.sudden import Sudden
 from ptt.fitting.alike import excess, times_of
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
-from ptt.fitting.gauss_newton import DONE, HOPELESS, Equations, descend
+from ptt.fitting.gauss_newton import DONE
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator, LongSystem
 from ptt.fitting.outliers import inside, linear_residual
-from ptt.fitting.prior import Prior, crowding_of, learn_prior, usual_prior
+from ptt.fitting.prior import Prior, crowding_of, usual_prior
 from ptt.fitting.reach import require_reach
 from ptt.fitting.result import FitResult
+from ptt.fitting.rounds import Settled, settle
 from ptt.fitting.search import open_terms
 from ptt.fitting.stated import Witness, conclude
-from ptt.fitting.whitened import Evaluator, System
+from ptt.fitting.whitened import Evaluator, System, Total
 from ptt.model.chain import read_base
 from ptt.model.model import Model, Term
 from ptt.run.holdout import pose_groups
@@ -25,8 +27,6 @@ from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.problem import Problem
 
 NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
-ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
-ALIKE = 0.1  # change of a log variance below which sizes count as settled
 
 
 def fit(
@@ -57,27 +57,10 @@ def fit(
     noise = noise or problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
     begun = _begin_long if problem.table.rows > LONG else _begin
     evaluate, unknowns, kept, prior = begun(model, problem, noise, robust, coarse)
-    layout, status, settled = evaluate.layout, "nothing to fit", False
-    block, crowding = pose_groups(problem.table), 1.0
-    for attempt in range(1 + ROUNDS):
-        if attempt:  # before a first fit all is smooth
-            crowding = crowding_of(evaluate(unknowns).residual, kept, block)
-        before, prior = prior, learn_prior(evaluate(unknowns), kept, layout, unknowns, noise, prior, crowding)
-        if settled and near(before, prior):
-            prior = before
-            break
-        if len(unknowns):
-            done = NEAR if coarse else DONE
-            equations = _equations(evaluate, kept, prior)
-            ended = descend(equations, unknowns, layout.lower, layout.upper, done, hopeless)
-            unknowns, status = ended.unknowns, ended.status
-            if status == HOPELESS:
-                break
-        sifting = robust and not (lean or coarse)
-        again = inside(evaluate(unknowns).residual, problem.used, problem, noise) if sifting else kept
-        settled = bool((again == kept).all())
-        kept = again if attempt < ROUNDS else kept
-    return _result(model, problem, evaluate, unknowns, prior, kept, status, coarse)
+    rows = partial(_Told, evaluate, pose_groups(problem.table), robust and not (lean or coarse))
+    done = NEAR if coarse else DONE
+    found = settle(rows, evaluate.layout, noise, unknowns, kept, prior, done, hopeless)
+    return _result(model, problem, evaluate, found, coarse)
 
 
 def residual_of(model: Model, problem: Problem, noise: Noise | None = None) -> FitResult:
@@ -122,9 +105,33 @@ def hold(term: Term) -> Term:
     return replace(term, fixed=frozenset(parameter.stem for parameter in term.effect.parameters))
 
 
-def near(one: Prior, other: Prior) -> bool:
-    """Tell sizes so alike that no unknown would move by what matters."""
-    return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
+@dataclass(frozen=True)
+class _Told:
+    """What the rows of a run that count, (n,) bool, say at a point."""
+
+    evaluate: Evaluator | LongEvaluator
+    block: np.ndarray
+    sifting: bool
+    unknowns: np.ndarray
+    kept: np.ndarray
+
+    @property
+    def total(self) -> Total:
+        return self.evaluate(self.unknowns).sums(self.kept)
+
+    @property
+    def crowding(self) -> float:
+        return crowding_of(self.evaluate(self.unknowns).residual, self.kept, self.block)
+
+    @property
+    def sifted(self) -> np.ndarray:
+        return _sound(self.evaluate, self.unknowns) if self.sifting else self.kept
+
+
+def _sound(evaluate: Evaluator | LongEvaluator, unknowns: np.ndarray) -> np.ndarray:
+    """Rows that are no gross errors, (n,) bool."""
+    problem = evaluate.problem
+    return inside(evaluate(unknowns).residual, problem.used, problem, evaluate.noise)
 
 
 def _begin(
@@ -154,18 +161,8 @@ def _begin_long(
     few = fit(model, take(problem, sample_stretches(problem, SAMPLE)), robust=robust, noise=noise, coarse=coarse)
     layout = lay_out(model, problem, few.layout.terms)
     evaluate = LongEvaluator(layout, problem, noise)
-    kept = inside(evaluate(few.unknowns).residual, problem.used, problem, noise) if robust else problem.used.copy()
+    kept = _sound(evaluate, few.unknowns) if robust else problem.used.copy()
     return evaluate, few.unknowns, kept, few.prior
-
-
-def _equations(evaluate: Evaluator | LongEvaluator, kept: np.ndarray, prior: Prior) -> Equations:
-    """Normal equations of the rows that count and of the prior."""
-
-    def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        gram, side, square, _ = evaluate(unknowns).sums(kept)
-        return gram + np.diag(prior.weight), side - prior.pull(unknowns), float(square + prior.cost(unknowns))
-
-    return equations
 
 
 def _without_outliers(system: System, problem: Problem, layout: Layout, noise: Noise) -> np.ndarray:
@@ -184,15 +181,15 @@ def _without_outliers(system: System, problem: Problem, layout: Layout, noise: N
 
 
 def _result(
-    model: Model, problem: Problem, evaluate: Evaluator | LongEvaluator, unknowns: np.ndarray, prior: Prior,
-    kept: np.ndarray, status: str, coarse: bool,
-) -> FitResult:  # fmt: skip
+    model: Model, problem: Problem, evaluate: Evaluator | LongEvaluator, found: Settled, coarse: bool
+) -> FitResult:
+    unknowns, kept = found.unknowns, found.choice
     layout, noise, system = evaluate.layout, evaluate.noise, evaluate(unknowns)
     information, _, chi2, count = system.sums(kept)
     empty = np.zeros((0, 0))
     result = FitResult(
         model, layout, unknowns, empty, empty, system.prediction, system.residual @ np.linalg.inv(noise.whitener).T,
-        problem.used & ~kept, noise, 0.0, 1, 0, empty, prior, evaluate.calls, status,
+        problem.used & ~kept, noise, 0.0, 1, 0, empty, found.prior, evaluate.calls, found.status,
     )  # fmt: skip
     return conclude(result, unknowns, information, chi2, count, None if coarse else _witness(system, problem, kept))
 

@@ -1,6 +1,5 @@
 """A model fitted to a log part by part."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,18 +15,15 @@ from ptt.effects.sudden import Sudden
 from ptt.errors import ModelError
 from ptt.files import sha256
 from ptt.fitting.chunks import CHUNK
-from ptt.fitting.gauss_newton import descend
 from ptt.fitting.kept import keep_covariance
 from ptt.fitting.layout import Layout, lay_out
-from ptt.fitting.outliers import EXCEPTIONS, limit_of
-from ptt.fitting.prior import Prior, design_effect, learn_prior, usual_prior
+from ptt.fitting.prior import usual_prior
 from ptt.fitting.result import FitResult
+from ptt.fitting.rounds import Settled, settle
 from ptt.fitting.search import open_terms
-from ptt.fitting.solve import ROUNDS, near
 from ptt.fitting.stated import conclude
-from ptt.fitting.whitened import Total
 from ptt.fleet.log import Log, enter_part, open_log, read_part, to_parquet
-from ptt.fleet.shares import EDGES, Passes, Share
+from ptt.fleet.shares import Passes, Share
 from ptt.fleet.sound import require_sound
 from ptt.fleet.workers import cluster
 from ptt.machine import MachineFile, load_machine, save_machine
@@ -36,7 +32,6 @@ from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Progress
 from ptt.run.noise import DEFAULT_SIGMA, Noise
-from ptt.run.tails import chi2_ppf
 
 
 @dataclass(frozen=True)
@@ -129,33 +124,13 @@ def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = 
     """
     noise = log.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
     layout = lay_out(model, log.whole, start_of(model, log, noise))
-    passes = Passes(log, client, tell)
-    unknowns, prior, out = np.clip(layout.start(), layout.lower, layout.upper), usual_prior(layout), dict[int, Any]()
-    last: list[Any] = [None, None]
-
-    def at(point: np.ndarray) -> Share:
-        if last[0] is None or not np.array_equal(last[0], point):
-            last[:] = [point.copy(), passes(layout, noise, point, out)]
-        return last[1]
-
-    first, settled, status = _rms(at(unknowns)), False, "nothing to fit"
-    for attempt in range(1 + ROUNDS):
-        share = at(unknowns)
-        crowding = design_effect(share.poses[:, :3], float(share.poses[:, 3].sum())) if attempt else 1.0
-        before, prior = prior, learn_prior(_Summed(share), np.ones(0, bool), layout, unknowns, noise, prior, crowding)
-        if settled and near(before, prior):
-            prior = before
-            break
-        if len(unknowns):
-            ended = descend(_equations(at, prior), unknowns, layout.lower, layout.upper)
-            unknowns, status = ended.unknowns, ended.status
-        again = _gross(at(unknowns)) if attempt < ROUNDS else out
-        settled = _same(again, out)
-        if not settled:
-            out, last[0] = again, None
-    fitted = _result(model, layout, noise, unknowns, prior, at(unknowns), passes.count, status)
-    gross = np.concatenate([np.zeros(0, int), *(rows for _, rows in sorted(out.items()))])
-    return LogFit(fitted, at(unknowns).rows, gross, first, _rms(at(unknowns)), passes.count)
+    passes = Passes(log, layout, noise, client, tell)
+    start, none = np.clip(layout.start(), layout.lower, layout.upper), np.zeros(0, dtype=int)
+    first = _rms(passes(start, none))
+    found = settle(passes, layout, noise, start, none, usual_prior(layout))
+    share = passes(found.unknowns, found.choice)
+    fitted = _result(model, layout, noise, found, share, passes.count)
+    return LogFit(fitted, share.rows, found.choice, first, _rms(share), passes.count)
 
 
 def fit_file(
@@ -199,15 +174,6 @@ def fit_file(
     return found
 
 
-@dataclass(frozen=True)
-class _Summed:
-    share: Share
-
-    def sums(self, kept: np.ndarray) -> Total:
-        """Of the rows that count, whichever those are."""
-        return self.share.total
-
-
 def start_of(model: Model, log: Log, noise: Noise) -> list[Term]:
     """All terms with values; new ones start where the first rows put them, shapes and all.
 
@@ -222,40 +188,16 @@ def start_of(model: Model, log: Log, noise: Noise) -> list[Term]:
     return open_terms(model.terms, enter_part(read_part(log, part), part, None), noise)
 
 
-def _equations(at: Callable[[np.ndarray], Share], prior: Prior) -> Callable[[np.ndarray], Any]:
-    def equations(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        gram, side, square, _ = at(point).total
-        return gram + np.diag(prior.weight), side - prior.pull(point), float(square + prior.cost(point))
-
-    return equations
-
-
-def _gross(share: Share) -> dict[int, np.ndarray]:
-    """Rows of each part beyond the limit that eleven rows in twelve and their median set."""
-    shares = np.cumsum(share.far) / max(share.far.sum(), 1)
-    places = [(part, int(np.searchsorted(shares, part))) for part in (1.0 - EXCEPTIONS, 0.5)]
-    wide = [float(np.exp(EDGES[place])) / float(chi2_ppf(part, 3)) for part, place in places]
-    limit = limit_of(max(1.0, *wide), int(share.far.sum()))
-    return {first: rows[far > limit] for first, (rows, far) in share.gross.items() if (far > limit).any()}
-
-
-def _same(one: Mapping[int, np.ndarray], other: Mapping[int, np.ndarray]) -> bool:
-    return one.keys() == other.keys() and all(set(one[key]) == set(other[key]) for key in one)
-
-
 def _rms(share: Share) -> dict[str, float]:
     each = 1e3 * np.sqrt(np.append(share.square, share.square.sum()) / max(share.rows, 1))
     return dict(zip(("x", "y", "z", "total"), map(float, each), strict=True))
 
 
-def _result(
-    model: Model, layout: Layout, noise: Noise, unknowns: np.ndarray, prior: Prior, share: Share, passes: int,
-    status: str,
-) -> FitResult:  # fmt: skip
+def _result(model: Model, layout: Layout, noise: Noise, found: Settled, share: Share, passes: int) -> FitResult:
     none, blank = torch.zeros(0, 3, dtype=torch.float64), np.zeros((0, 0))
     information, _, chi2, count = share.total
     empty = FitResult(
-        model, layout, unknowns, blank, blank, Prediction(none, none, none, none), np.zeros((0, 3)), np.zeros(0, bool),
-        noise, 0.0, 1, 0, blank, prior, passes, status,
+        model, layout, found.unknowns, blank, blank, Prediction(none, none, none, none), np.zeros((0, 3)),
+        np.zeros(0, bool), noise, 0.0, 1, 0, blank, found.prior, passes, found.status,
     )  # fmt: skip
-    return conclude(empty, unknowns, information, chi2, count)
+    return conclude(empty, found.unknowns, information, chi2, count)

@@ -4,7 +4,7 @@ Nothing that grows with the log is held at once by anybody: a worker has one par
 part is entered, and which of its rows are gross errors.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial, reduce
 from typing import Any
@@ -13,11 +13,13 @@ import numpy as np
 
 from ptt.fitting.layout import Layout
 from ptt.fitting.long import add_totals
-from ptt.fitting.outliers import limit_of
+from ptt.fitting.outliers import EXCEPTIONS, limit_of
+from ptt.fitting.prior import design_effect
 from ptt.fitting.whitened import Total, build_system
 from ptt.fleet.log import Log, Part, State, enter_part, hand_on, read_part
 from ptt.progress import Progress, unwatched
 from ptt.run.noise import Noise
+from ptt.run.tails import chi2_ppf
 
 EDGES = np.linspace(np.log(1e-9), np.log(1e12), 5000)  # of squared distances: a quantile to one in a hundred
 POSES = 4096  # drawers that poses are sorted into: readings of one pose always fall into the same
@@ -35,7 +37,7 @@ class Share:
         poses: (POSES, 4) summed residual of the rows in each drawer in units of noise, and their squares.
         square: (3,) mm^2 summed over the rows that count.
         rows: that count.
-        gross: first row of a part -> its rows that lie far, (m,) and their squared distances.
+        distant: rows that lie far, (m,) int of the whole log, and their squared distances.
     """
 
     total: Total
@@ -43,16 +45,40 @@ class Share:
     poses: np.ndarray
     square: np.ndarray
     rows: int
-    gross: Mapping[int, tuple[np.ndarray, np.ndarray]]
+    distant: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def crowding(self) -> float:
+        """How many rows say the same as one row, as `ptt.fitting.prior.crowding_of` tells."""
+        return design_effect(self.poses[:, :3], float(self.poses[:, 3].sum()))
+
+    @property
+    def sifted(self) -> np.ndarray:
+        """Gross errors, rows beyond the limit that eleven in twelve and their median set, (m,) int in rising order.
+
+        Nobody holds all rows, so neither other visits of a pose nor rows before and after are asked, as they are of a
+        run: `MOST` keeps what many rows of a part have from being left out.
+        """
+        shares = np.cumsum(self.far) / max(self.far.sum(), 1)
+        places = [(part, int(np.searchsorted(shares, part))) for part in (1.0 - EXCEPTIONS, 0.5)]
+        wide = [float(np.exp(EDGES[place])) / float(chi2_ppf(part, 3)) for part, place in places]
+        rows, squared = self.distant
+        return np.sort(rows[squared > limit_of(max(1.0, *wide), int(self.far.sum()))])
 
 
 class Passes:
-    """Passes over a log: in this process, or by the workers of a dask cluster."""
+    """Passes over a log: in this process, or by the workers of a dask cluster; the last one is remembered.
 
-    def __init__(self, log: Log, client: Any = None, tell: Progress | None = None) -> None:
-        self.log, self.client, self.count = log, client, 0
+    A choice of its rows is (m,) int in rising order, rows that are left out.
+    """
+
+    def __init__(
+        self, log: Log, layout: Layout, noise: Noise, client: Any = None, tell: Progress | None = None
+    ) -> None:
+        self.log, self.layout, self.noise, self.client, self.count = log, layout, noise, client, 0
         self._tell = tell or unwatched
         self.states = self._states()
+        self._last: tuple[np.ndarray, np.ndarray, Share] | None = None
 
     def _states(self) -> list[Any]:
         """How each part is entered: read all at once, handed on one after the other."""
@@ -66,11 +92,17 @@ class Passes:
                 states.append(self.client.submit(hand_on, there, part, states[-1], pure=False))
         return states if self.client is None else [None, *self.client.gather(states[1:])]
 
-    def __call__(self, layout: Layout, noise: Noise, unknowns: np.ndarray, out: Mapping[int, np.ndarray]) -> Share:
+    def __call__(self, unknowns: np.ndarray, out: np.ndarray) -> Share:
         """All parts at one point, the rows that are given left out."""
+        if self._last is None or not all(map(np.array_equal, self._last[:2], (unknowns, out))):
+            self._last = unknowns.copy(), out.copy(), self._pass_over(unknowns, out)
+        return self._last[2]
+
+    def _pass_over(self, unknowns: np.ndarray, out: np.ndarray) -> Share:
         self.count += 1
-        each = [(part, state, out.get(part[0])) for part, state in zip(self.log.parts, self.states, strict=True)]
-        work = partial(share_of, self.log, layout, noise.whitener, unknowns)
+        gross = np.split(out, np.searchsorted(out, [first for first, _ in self.log.parts[1:]]))
+        each = list(zip(self.log.parts, self.states, gross, strict=True))
+        work = partial(share_of, self.log, self.layout, self.noise.whitener, unknowns)
         if self.client is None:
             return reduce(add_shares, (self._counted(number, work(*own)) for number, own in enumerate(each)))
         return self._on_workers(work, each)
@@ -97,7 +129,7 @@ class Passes:
 
 def share_of(
     log: Log, layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, part: Part, state: State | None,
-    out: np.ndarray | None,
+    out: np.ndarray,
 ) -> Share:  # fmt: skip
     """What one part says at a point.
 
@@ -118,7 +150,7 @@ def share_of(
     squared = np.einsum("nc,nc->n", system.residual, system.residual)
     used = problem.used & np.isfinite(squared)
     kept = used.copy()
-    kept[(out if out is not None else np.zeros(0, int)) - part[0]] = False
+    kept[out - part[0]] = False
     far, _ = np.histogram(np.log(np.maximum(squared[used], 1e-8)), EDGES)
     left = system.residual[kept]
     drawer = _drawers(problem.target)[kept]
@@ -126,8 +158,8 @@ def share_of(
     most = np.flatnonzero(used)[np.argsort(squared[used])[::-1][: int(MOST * len(kept)) + 1]]
     most = most[squared[most] > limit_of(1.0, log.rows)]
     square = np.square(left @ np.linalg.inv(whitener).T).sum(axis=0)
-    gross = {part[0]: (most + part[0], squared[most])}
-    return Share(system.sums(kept), np.append(far, 0), poses, square, int(kept.sum()), gross)
+    distant = most + part[0], squared[most]
+    return Share(system.sums(kept), np.append(far, 0), poses, square, int(kept.sum()), distant)
 
 
 def _drawers(place: np.ndarray) -> np.ndarray:
@@ -139,7 +171,8 @@ def _drawers(place: np.ndarray) -> np.ndarray:
 
 def add_shares(one: Share, other: Share) -> Share:
     """What two say together."""
+    distant = np.append(one.distant[0], other.distant[0]), np.append(one.distant[1], other.distant[1])
     return Share(
         add_totals(one.total, other.total), one.far + other.far, one.poses + other.poses, one.square + other.square,
-        one.rows + other.rows, {**one.gross, **other.gross},
+        one.rows + other.rows, distant,
     )  # fmt: skip

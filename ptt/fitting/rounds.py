@@ -1,0 +1,108 @@
+"""Rounds of a fit: learn sizes, fit, leave out gross errors, until nothing of it changes any more."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from ptt.fitting.gauss_newton import DONE, HOPELESS, descend
+from ptt.fitting.layout import Layout
+from ptt.fitting.prior import Prior, learn_prior
+from ptt.fitting.whitened import Total
+from ptt.run.noise import Noise
+
+ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
+ALIKE = 0.1  # change of a log variance below which sizes count as settled
+
+
+class Told(Protocol):
+    """What rows say at a point, held at once or read part by part, those aside that a choice leaves out."""
+
+    @property
+    def total(self) -> Total:
+        """J^T J, J^T r, r^T r and the number of coordinates of the rows that count."""
+        ...
+
+    @property
+    def crowding(self) -> float:
+        """How many of them say the same as one."""
+        ...
+
+    @property
+    def sifted(self) -> np.ndarray:
+        """The choice without gross errors, all rows asked anew."""
+        ...
+
+
+Rows = Callable[[np.ndarray, np.ndarray], Told]  # unknowns and a choice of rows, which the rows alone know how to read
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Where the rounds ended.
+
+    Attributes:
+        unknowns: (u,) in usual sizes.
+        prior: under which they were fitted.
+        choice: rows that counted.
+        status: 'converged', what kept the last fit from it, or that there was nothing to fit.
+    """
+
+    unknowns: np.ndarray
+    prior: Prior
+    choice: np.ndarray
+    status: str
+
+
+def settle(
+    rows: Rows, layout: Layout, noise: Noise, start: np.ndarray, choice: np.ndarray, prior: Prior,
+    done: float = DONE, hopeless: float = np.inf,
+) -> Settled:  # fmt: skip
+    """Fit to some rows, how large unknowns may be and which rows are gross errors being found on the way.
+
+    Args:
+        rows: the rows.
+        layout: the unknowns.
+        noise: that whitened the rows.
+        start: (u,) in usual sizes.
+        choice: rows that count at first.
+        prior: to start from.
+        done: decrease of chi-squared still to be had at which a fit ends.
+        hopeless: chi-squared, prior and all, above which all ends where it is.
+
+    Returns:
+        Where it ended.
+    """
+    unknowns, status, settled, crowding = start, "nothing to fit", False, 1.0
+    for attempt in range(1 + ROUNDS):
+        if attempt:  # before a first fit all is smooth
+            crowding = rows(unknowns, choice).crowding
+        before, prior = prior, learn_prior(rows(unknowns, choice).total, layout, unknowns, noise, prior, crowding)
+        if settled and _near(before, prior):
+            prior = before
+            break
+        if len(unknowns):
+            equations = partial(_equations, rows, choice, prior)
+            ended = descend(equations, unknowns, layout.lower, layout.upper, done, hopeless)
+            unknowns, status = ended.unknowns, ended.status
+            if status == HOPELESS:
+                break
+        if attempt < ROUNDS:
+            counted, choice = choice, rows(unknowns, choice).sifted
+            settled = np.array_equal(counted, choice)
+    return Settled(unknowns, prior, choice, status)
+
+
+def _near(one: Prior, other: Prior) -> bool:
+    """Tell sizes so alike that no unknown would move by what matters."""
+    return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
+
+
+def _equations(
+    rows: Rows, choice: np.ndarray, prior: Prior, unknowns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Normal equations of the rows that count and of the prior."""
+    gram, side, square, _ = rows(unknowns, choice).total
+    return gram + np.diag(prior.weight), side - prior.pull(unknowns), float(square + prior.cost(unknowns))
