@@ -16,7 +16,7 @@ from ptt.fitting.whitened import build_system
 from ptt.fleet import log as logs
 from ptt.fleet.fit_log import fit_file, fit_log
 from ptt.fleet.log import open_log, to_parquet
-from ptt.fleet.shares import Passes
+from ptt.fleet.shares import Passes, drawers_of
 from ptt.fleet.sound import require_sound
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
@@ -81,6 +81,14 @@ def test_parts_say_what_the_whole_says_also_of_memory_speed_and_a_slider_that_st
     whole = build_system(layout, replace(problem, measured=read), noise.whitener, unknowns)
     for one, other in zip(share.total, whole.sums(problem.used), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+
+
+def test_readings_of_a_pose_fall_into_one_drawer_where_its_target_is_written_to_the_micron():
+    random = np.random.default_rng(4)
+    place = np.round(random.uniform(-80.0, 80.0, (2000, 3)), 3)
+    drawer = drawers_of(place)
+    assert (drawers_of(place + random.uniform(-4e-4, 4e-4, place.shape)) == drawer).all()
+    assert len(np.unique(drawer)) > 1500  # by chance 1582 of 4096
 
 
 def test_what_the_machine_was_given_comes_back_and_rows_far_off_are_left_out(tmp_path):

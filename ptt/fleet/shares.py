@@ -19,11 +19,13 @@ from ptt.fitting.whitened import Total, build_system
 from ptt.fleet.log import Log, Part, State, enter_part, hand_on, read_part
 from ptt.progress import Progress, unwatched
 from ptt.run.noise import Noise
+from ptt.run.same_pose import SAME_POSE
 from ptt.run.tails import chi2_ppf
 
 EDGES = np.linspace(np.log(1e-9), np.log(1e12), 5000)  # of squared distances: a quantile to one in a hundred
-POSES = 4096  # drawers that poses are sorted into: readings of one pose always fall into the same
-PLACE = 0.01  # mm: targets that differ by less are one pose
+POSES = 4096  # drawers that poses are sorted into, by cells: no part knows which rows of another are of the same pose
+CELL = 10.0 * SAME_POSE  # mm: poses as wide as may be are cut by so few edges that their rows crowd by a tenth less
+EDGE = 0.345  # of a cell, where it begins: no target that is written to the micron or a tenth of it is cut by rounding
 MOST = 0.02  # share of a part's rows that may be gross errors; a share beyond is the machine or the model
 
 
@@ -153,7 +155,7 @@ def share_of(
     kept[out - part[0]] = False
     far, _ = np.histogram(np.log(np.maximum(squared[used], 1e-8)), EDGES)
     left = system.residual[kept]
-    drawer = _drawers(problem.target)[kept]
+    drawer = drawers_of(problem.target[kept])
     poses = np.stack([np.bincount(drawer, column, POSES) for column in (*left.T, squared[kept])], axis=1)
     most = np.flatnonzero(used)[np.argsort(squared[used])[::-1][: int(MOST * len(kept)) + 1]]
     most = most[squared[most] > limit_of(1.0, log.rows)]
@@ -162,9 +164,16 @@ def share_of(
     return Share(system.sums(kept), np.append(far, 0), poses, square, int(kept.sum()), distant)
 
 
-def _drawers(place: np.ndarray) -> np.ndarray:
-    """A drawer for each place, (n,): by chance, so that the sums of several poses in one are as of independent ones."""
-    whole = np.round(place / PLACE).astype(np.int64).astype(np.uint64)
+def drawers_of(place: np.ndarray) -> np.ndarray:
+    """Sort places into drawers: by chance, so that the sums of several poses in one are as of independent ones.
+
+    Args:
+        place: (n, 3) mm.
+
+    Returns:
+        (n,) int, less than `POSES`.
+    """
+    whole = np.floor(place / CELL - EDGE).astype(np.int64).astype(np.uint64)
     mixed = whole @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
     return (mixed >> np.uint64(52)).astype(int)
 
